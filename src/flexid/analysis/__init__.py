@@ -1,0 +1,1 @@
+"""What a run or a recording can tell: excitation and Lyapunov monitors."""

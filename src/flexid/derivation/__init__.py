@@ -1,0 +1,1 @@
+"""The only importer of SymPy: declarations become observers, closed loops and source."""

@@ -1,0 +1,89 @@
+"""SymPy expressions as scalar, CSE-reduced Python source for numba."""
+
+from collections.abc import Sequence
+
+import sympy as sp
+from sympy.printing.pycode import PythonCodePrinter
+
+
+class _ScalarPrinter(PythonCodePrinter):
+    """Plain `math` calls and products: what numba turns into straight machine code."""
+
+    def _print_Integer(self, expr: sp.Integer) -> str:
+        return repr(float(expr))
+
+    def _print_Rational(self, expr: sp.Rational) -> str:
+        return repr(float(expr))
+
+    def _print_Function(self, expr: sp.Function) -> str:
+        arguments = ", ".join(self._print(argument) for argument in expr.args)
+        return f"{type(expr).__name__.lower()}({arguments})"
+
+    _print_sin = _print_cos = _print_tan = _print_tanh = _print_cosh = _print_Function
+    _print_exp = _print_log = _print_Abs = _print_erf = _print_Function
+
+    def _print_sign(self, e: sp.Function) -> str:
+        argument = self._print(e.args[0])
+        return f"(0.0 if {argument} == 0.0 else copysign(1.0, {argument}))"
+
+    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
+        base, exponent = expr.args
+        if exponent.is_Integer and abs(int(exponent)) <= 4:  # type: ignore[arg-type]
+            product = "*".join([f"({self._print(base)})"] * abs(int(exponent)))  # type: ignore[arg-type]
+            return f"({product})" if exponent.is_positive else f"(1.0/({product}))"
+        if exponent == sp.S.Half:
+            return f"sqrt({self._print(base)})"
+        return f"({self._print(base)})**({self._print(exponent)})"
+
+
+_printer = _ScalarPrinter({"fully_qualified_modules": False})
+
+IMPORTS = "from math import copysign, cos, cosh, erf, exp, log, sin, sqrt, tan, tanh"
+"""The import line of every generated module."""
+
+
+def print_scalar(expression: sp.Expr) -> str:
+    """One expression as Python source."""
+    return str(_printer.doprint(expression))
+
+
+def assignments(
+    targets: Sequence[str], expressions: Sequence[sp.Expr], indent: str = "    "
+) -> str:
+    """Lines that assign expressions to targets, with common subexpressions computed once.
+
+    Parameters
+    ----------
+    targets : sequence of str
+        Left-hand sides, for example ``"dx[0]"``.
+    expressions : sequence of sympy.Expr
+        Right-hand sides.
+    indent : str, optional
+        Put before every line.
+
+    Returns
+    -------
+    str
+        Source, one assignment per line; a lone ``pass`` if there is nothing to assign.
+    """
+    # A leading underscore marks the generator's own names; declarations cannot have one.
+    names = sp.numbered_symbols("_e", real=True)
+    temporaries, reduced = sp.cse(list(expressions), symbols=names, optimizations="basic")
+    lines = [f"{name} = {print_scalar(value)}" for name, value in temporaries]
+    lines += [
+        f"{target} = {print_scalar(sp.sympify(value))}"
+        for target, value in zip(targets, reduced, strict=True)
+    ]
+    return "\n".join(indent + line for line in lines or ["pass"])
+
+
+def unpack(array: str, symbols: Sequence[sp.Symbol], indent: str = "    ") -> str:
+    """Lines that read symbols from consecutive places of an array."""
+    return "\n".join(f"{indent}{name} = {array}[{place}]" for place, name in enumerate(symbols))
+
+
+def function(signature: str, docstring: str, *body: str) -> str:
+    """A compiled function from its signature, its docstring and blocks of indented lines."""
+    blocks = "\n".join(block for block in body if block)
+    head = f'@njit(cache=True, error_model="numpy")\ndef {signature}:\n    """{docstring}"""'
+    return f"{head}\n{blocks}\n"

@@ -1,0 +1,145 @@
+"""Declarations as SymPy objects: the one door from text expressions to symbols."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import sympy as sp
+
+from flexid.models.expression import fold
+from flexid.models.parametric_system import ParametricSystem
+
+_FUNCTIONS = {
+    "sin": sp.sin,
+    "cos": sp.cos,
+    "tan": sp.tan,
+    "tanh": sp.tanh,
+    "exp": sp.exp,
+    "sqrt": sp.sqrt,
+    "sign": sp.sign,
+    "abs": sp.Abs,
+}
+
+
+def symbol(name: str) -> sp.Symbol:
+    """Real symbol of a declared name; equal names give equal symbols everywhere."""
+    return sp.Symbol(name, real=True)
+
+
+def to_sympy(expression: str, names: Collection[str], place: str = "expression") -> sp.Expr:
+    """Read a text expression into SymPy without evaluating any text.
+
+    Parameters
+    ----------
+    expression : str
+        The text.
+    names : collection of str
+        Names that may occur; each becomes a real symbol.
+    place : str, optional
+        Where the text stands, for the error message.
+
+    Returns
+    -------
+    sympy.Expr
+
+    Raises
+    ------
+    ExpressionError
+        If the text leaves the whitelist.
+    """
+    return fold(expression, names, _SymPyAlgebra(), place)
+
+
+class _SymPyAlgebra:
+    def number(self, text: str) -> sp.Expr:
+        return sp.Rational(text)  # exact, so that terms that should cancel do
+
+    def name(self, name: str) -> sp.Expr:
+        return sp.pi if name == "pi" else symbol(name)
+
+    def operate(self, operator: str, left: sp.Expr, right: sp.Expr) -> sp.Expr:
+        if operator == "+":
+            return left + right
+        if operator == "-":
+            return left - right
+        if operator == "*":
+            return left * right
+        if operator == "/":
+            return left / right
+        return left**right
+
+    def negate(self, operand: sp.Expr) -> sp.Expr:
+        return -operand
+
+    def call(self, function: str, argument: sp.Expr) -> sp.Expr:
+        return _FUNCTIONS[function](argument)
+
+
+@dataclass(frozen=True)
+class SymbolicRow:
+    """A row ``v' = rᵀ p + k`` in symbols."""
+
+    name: str
+    coordinate: sp.Symbol
+    velocity: sp.Symbol
+    coefficients: tuple[sp.Symbol, ...]
+    regressor: tuple[sp.Expr, ...]
+    known: sp.Expr
+
+    @property
+    def acceleration(self) -> sp.Expr:
+        """The right-hand side rᵀ p + k."""
+        products = (p * r for p, r in zip(self.coefficients, self.regressor, strict=True))
+        return sp.Add(*products) + self.known
+
+
+@dataclass(frozen=True)
+class SymbolicSystem:
+    """A `ParametricSystem` in symbols."""
+
+    system: ParametricSystem
+    rows: tuple[SymbolicRow, ...]
+
+    @property
+    def states(self) -> tuple[sp.Symbol, ...]:
+        """State symbols, in order."""
+        return tuple(symbol(name) for name in self.system.states)
+
+    @property
+    def inputs(self) -> tuple[sp.Symbol, ...]:
+        """Input symbols, in order."""
+        return tuple(symbol(name) for name in self.system.inputs)
+
+    @property
+    def constants(self) -> tuple[sp.Symbol, ...]:
+        """Symbols of the known constants, in order."""
+        return tuple(symbol(name) for name in self.system.constants)
+
+    @property
+    def coefficients(self) -> tuple[sp.Symbol, ...]:
+        """Symbols of the unknown coefficients, row by row."""
+        return tuple(p for row in self.rows for p in row.coefficients)
+
+    @property
+    def right_hand_side(self) -> tuple[sp.Expr, ...]:
+        """x' for the states in order."""
+        return tuple(e for row in self.rows for e in (row.velocity, row.acceleration))
+
+
+def symbolic_system(system: ParametricSystem) -> SymbolicSystem:
+    """Turn a declaration into symbols."""
+    names = system.variables
+    rows = tuple(
+        SymbolicRow(
+            row.name,
+            symbol(row.coordinate),
+            symbol(row.velocity),
+            tuple(symbol(c) for c in row.coefficients),
+            tuple(
+                to_sympy(text, names, f"{system.name}: {row.name}.{c}")
+                for c, text in row.regressors.items()
+            ),
+            to_sympy(row.known, names, f"{system.name}: {row.name}.known"),
+        )
+        for row in system.rows
+    )
+    return SymbolicSystem(system, rows)

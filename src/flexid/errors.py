@@ -1,0 +1,125 @@
+"""Every exception flexid raises on purpose.
+
+One root, `FlexidError`; each subclass carries its data as fields, and its text is one sentence
+that names the place and the remedy, fit to be shown to a user as it stands.
+"""
+
+
+class FlexidError(Exception):
+    """Root of all exceptions that flexid raises on purpose."""
+
+
+class ExpressionError(FlexidError):
+    """A text expression uses something outside the whitelist.
+
+    Parameters
+    ----------
+    expression : str
+        The offending text.
+    reason : str
+        What is wrong with it and what may stand there instead.
+    place : str
+        Where the text stands: a file, a row, a coefficient.
+    """
+
+    def __init__(self, expression: str, reason: str, place: str = "expression") -> None:
+        self.expression = expression
+        self.reason = reason
+        self.place = place
+        shown = expression if len(expression) <= 60 else expression[:57] + "..."
+        super().__init__(f"{place}: {shown!r}: {reason}")
+
+
+class ModelError(FlexidError):
+    """A model, controller or reference is declared inconsistently.
+
+    Parameters
+    ----------
+    model : str
+        Name or file of the declaration.
+    reason : str
+        What is wrong and what to do about it.
+    """
+
+    def __init__(self, model: str, reason: str) -> None:
+        self.model = model
+        self.reason = reason
+        super().__init__(f"{model}: {reason}")
+
+
+class AccelerationError(FlexidError):
+    """The parametric observer of a model would need an acceleration.
+
+    Parameters
+    ----------
+    model, row, coefficient : str
+        Where the offending regressor stands.
+    velocity : str
+        The velocity of another row on which the regressor depends.
+    """
+
+    def __init__(self, model: str, row: str, coefficient: str, velocity: str) -> None:
+        self.model = model
+        self.row = row
+        self.coefficient = coefficient
+        self.velocity = velocity
+        super().__init__(
+            f"{model}: row {row!r}: the regressor of {coefficient!r} depends on {velocity!r}, the "
+            f"velocity of another row, so its cancelling term needs the acceleration "
+            f"d{velocity}/dt: drop the term, or estimate this row by least squares on filtered "
+            f"regressors, which needs no cancelling term"
+        )
+
+
+class RecordingError(FlexidError):
+    """A recording cannot be used as it stands.
+
+    Parameters
+    ----------
+    file : str
+        The file or source of the recording.
+    place : str
+        Row, column or key.
+    reason : str
+        What is wrong there and the remedy.
+    """
+
+    def __init__(self, file: str, place: str, reason: str) -> None:
+        self.file = file
+        self.place = place
+        self.reason = reason
+        super().__init__(f"{file}: {place}: {reason}" if place else f"{file}: {reason}")
+
+
+class SimulationError(FlexidError):
+    """A simulation could not meet its tolerance.
+
+    Parameters
+    ----------
+    reason : str
+        What failed and what to change.
+    time : float
+        Simulated time at which it failed, in seconds.
+    """
+
+    def __init__(self, reason: str, time: float) -> None:
+        self.reason = reason
+        self.time = time
+        super().__init__(f"simulation stopped at t = {time:.6g} s: {reason}")
+
+
+class SettingError(FlexidError):
+    """An option or setting has a value that cannot be used.
+
+    Parameters
+    ----------
+    setting : str
+        Name of the option or setting.
+    reason : str
+        What is wrong with the value and what is accepted.
+    """
+
+    def __init__(self, setting: str, reason: str) -> None:
+        self.setting = setting
+        self.reason = reason
+        super().__init__(f"{setting}: {reason}")

@@ -1,0 +1,1 @@
+"""Estimators: the paper's parametric observer and batch least squares."""

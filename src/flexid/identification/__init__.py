@@ -1,0 +1,1 @@
+"""The main job: recordings and a model become an estimate."""

@@ -1,0 +1,1 @@
+"""Generated, compiled modules: assembled from templates and kept on disk."""

@@ -1,0 +1,109 @@
+"""Generated modules on disk: built once, found again by a hash of all that went into them.
+
+A kernel is ONE self-contained Python file of generated functions followed by templates. numba's
+disk cache does not notice a change in a function called from another file, so nothing is imported
+from elsewhere and the file's name covers everything in it.
+"""
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from types import ModuleType
+
+import platformdirs
+
+CACHE_VARIABLE = "FLEXID_CACHE_DIR"
+"""Environment variable that moves the cache of kernels."""
+
+
+def load_kernel(task: str, declarations: Sequence[str], build: Callable[[], str]) -> ModuleType:
+    """Import a kernel, building its source first if it is not on disk yet.
+
+    Parameters
+    ----------
+    task : str
+        What the kernel does; the first part of its file name.
+    declarations : sequence of str
+        Digests of the declarations that the kernel is generated from.
+    build : callable
+        Returns the whole source of the module. Called only when the file is missing, so that
+        symbolic algebra costs nothing in later processes.
+
+    Returns
+    -------
+    module
+        With compiled functions, cached on disk by numba.
+    """
+    name = f"flexid_{task}_{_digest(task, *declarations)}"
+    if name in sys.modules:
+        return sys.modules[name]
+    path = cache_directory() / f"{name}.py"
+    if not path.exists():
+        _write_atomically(path, build())
+    return _import(name, path)
+
+
+def template(name: str) -> str:
+    """Source text of a template: code that calls generated functions by name."""
+    return resources.files("flexid.kernels.templates").joinpath(f"{name}.py").read_text("utf-8")
+
+
+@cache
+def cache_directory() -> Path:
+    """Directory of the kernels: ``$FLEXID_CACHE_DIR``, the user's cache, or a temporary one."""
+    wanted = os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_dir("flexid")
+    for directory in (Path(wanted), Path(tempfile.gettempdir()) / f"flexid-{os.getpid()}"):
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=directory):
+                return directory
+        except OSError:  # a read-only home directory: next candidate
+            continue
+    raise OSError("no writable directory for compiled kernels")
+
+
+def _digest(*parts: str) -> str:
+    content = hashlib.sha256(_generator_digest().encode())
+    for part in parts:
+        content.update(part.encode() + b"\0")
+    return content.hexdigest()[:16]
+
+
+@cache
+def _generator_digest() -> str:
+    """Hash of the code that generates: a changed derivation or template makes new kernels."""
+    content = hashlib.sha256()
+    for package in ("flexid.derivation", "flexid.kernels", "flexid.kernels.templates"):
+        files = [f for f in resources.files(package).iterdir() if f.name.endswith(".py")]
+        for file in sorted(files, key=lambda file: file.name):
+            content.update(file.read_bytes())
+    return content.hexdigest()
+
+
+def _write_atomically(path: Path, source: str) -> None:
+    # Two processes may build the same kernel at once; each then replaces the file by its equal.
+    with tempfile.NamedTemporaryFile(
+        "w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8"
+    ) as file:
+        file.write(source)
+    Path(file.name).replace(path)
+
+
+def _import(name: str, path: Path) -> ModuleType:
+    specification = importlib.util.spec_from_file_location(name, path)
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module
+    try:
+        specification.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module

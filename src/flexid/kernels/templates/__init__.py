@@ -1,0 +1,1 @@
+"""Templates: readable source that is appended to generated functions and compiled with them."""

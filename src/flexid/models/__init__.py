@@ -1,0 +1,1 @@
+"""The paper's class of systems and its member, the flexible joint."""

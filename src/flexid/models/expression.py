@@ -1,0 +1,196 @@
+"""Text expressions, read by walking Python's syntax tree over a whitelist.
+
+Nothing is ever evaluated: the text is parsed to a tree, every node is checked against the few
+kinds allowed here, and the tree is folded over an *algebra*, which says what a number, a name, an
+operator and a function mean. The derivation folds over SymPy; a check folds over nothing at all.
+"""
+
+import ast
+import math
+from collections.abc import Collection
+from typing import Protocol, TypeVar
+
+from flexid.errors import ExpressionError
+
+FUNCTIONS = ("sin", "cos", "tan", "tanh", "exp", "sqrt", "sign", "abs")
+"""Names of the functions an expression may call, each with one argument."""
+
+CONSTANTS = ("pi",)
+
+_ALIASES = {"Abs": "abs"}  # how SymPy prints it
+_MAX_LENGTH = 4000
+_MAX_DEPTH = 60
+_MAX_EXPONENT = 12
+
+T = TypeVar("T")
+
+
+class Algebra(Protocol[T]):
+    """What the parts of an expression mean."""
+
+    def number(self, text: str) -> T:
+        """Meaning of a number, given as decimal text."""
+        ...
+
+    def name(self, name: str) -> T:
+        """Meaning of a declared name or of the constant ``pi``."""
+        ...
+
+    def operate(self, operator: str, left: T, right: T) -> T:
+        """Meaning of ``+ - * / **`` between two operands."""
+        ...
+
+    def negate(self, operand: T) -> T:
+        """Meaning of the unary minus."""
+        ...
+
+    def call(self, function: str, argument: T) -> T:
+        """Meaning of one of `FUNCTIONS`."""
+        ...
+
+
+_OPERATORS: dict[type[ast.operator], str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Pow: "**",
+}
+
+
+def fold(expression: str, names: Collection[str], algebra: Algebra[T], place: str) -> T:
+    """Read an expression and give it the meaning of an algebra.
+
+    Parameters
+    ----------
+    expression : str
+        For example ``"-sin(x1) + 2*x2**2"``.
+    names : collection of str
+        The names that may occur.
+    algebra : Algebra
+        Meaning of the parts.
+    place : str
+        Where the text stands, for the error message.
+
+    Returns
+    -------
+    T
+        The folded value.
+
+    Raises
+    ------
+    ExpressionError
+        If the text is no expression or leaves the whitelist.
+    """
+    if len(expression) > _MAX_LENGTH:
+        raise ExpressionError(expression, f"is longer than {_MAX_LENGTH} characters", place)
+    try:
+        tree = ast.parse(expression.strip(), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ExpressionError(
+            expression, "is not a formula: write one expression such as -sin(x1) + x2**2", place
+        ) from None
+    return _Folder(expression, names, algebra, place).visit(tree.body, 0)
+
+
+def check_expression(expression: str, names: Collection[str], place: str) -> None:
+    """Raise `ExpressionError` unless the expression stays within the whitelist and the names."""
+    fold(expression, names, _Nothing(), place)
+
+
+class _Folder:
+    def __init__(
+        self, expression: str, names: Collection[str], algebra: Algebra, place: str
+    ) -> None:
+        self._expression = expression
+        self._names = names
+        self._algebra = algebra
+        self._place = place
+
+    def refuse(self, reason: str) -> ExpressionError:
+        return ExpressionError(self._expression, reason, self._place)
+
+    def visit(self, node: ast.expr, depth: int):
+        if depth > _MAX_DEPTH:
+            raise self.refuse(f"is nested deeper than {_MAX_DEPTH} levels")
+        if isinstance(node, ast.Constant):
+            return self._algebra.number(self.decimal(node))
+        if isinstance(node, ast.Name):
+            return self._algebra.name(self.known(node.id))
+        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+            return self.binary(node, depth)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            operand = self.visit(node.operand, depth + 1)
+            return operand if isinstance(node.op, ast.UAdd) else self._algebra.negate(operand)
+        if isinstance(node, ast.Call):
+            return self.call(node, depth)
+        raise self.refuse(
+            f"{ast.unparse(node)[:40]!r} is not allowed: only numbers, declared names, + - * / ** "
+            f"and {', '.join(FUNCTIONS)}"
+        )
+
+    def decimal(self, node: ast.Constant) -> str:
+        value = node.value
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.refuse(f"{str(value)[:20]!r} is not a number")
+        if isinstance(value, int) and value.bit_length() > 60:
+            raise self.refuse("has an integer of more than 18 digits: write it as 1e20")
+        if not math.isfinite(value):
+            raise self.refuse("has a number that overflows")
+        return repr(value)
+
+    def known(self, name: str) -> str:
+        if name not in self._names and name not in CONSTANTS:
+            raise self.refuse(f"{name!r} is not declared here; declared are {_listed(self._names)}")
+        return name
+
+    def binary(self, node: ast.BinOp, depth: int):
+        operator = _OPERATORS[type(node.op)]
+        if operator == "**":
+            self.check_exponent(node.right)
+        left = self.visit(node.left, depth + 1)
+        return self._algebra.operate(operator, left, self.visit(node.right, depth + 1))
+
+    def check_exponent(self, node: ast.expr) -> None:
+        # Only literal exponents: a power tower would keep the computer algebra busy for ever.
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            node = node.operand
+        if (
+            isinstance(node, ast.BinOp)
+            and isinstance(node.op, ast.Div)
+            and isinstance(node.left, ast.Constant)
+            and isinstance(node.right, ast.Constant)
+        ):
+            node = node.left
+        value = node.value if isinstance(node, ast.Constant) else None
+        if not isinstance(value, int | float) or abs(value) > _MAX_EXPONENT:
+            raise self.refuse(f"an exponent must be a number between ±{_MAX_EXPONENT}")
+
+    def call(self, node: ast.Call, depth: int):
+        name = node.func.id if isinstance(node.func, ast.Name) else ast.unparse(node.func)
+        function = _ALIASES.get(name, name)
+        if function not in FUNCTIONS:
+            raise self.refuse(
+                f"the function {name[:40]!r} is not allowed; allowed are {', '.join(FUNCTIONS)}"
+            )
+        if len(node.args) != 1 or node.keywords:
+            raise self.refuse(f"{function} takes one argument")
+        return self._algebra.call(function, self.visit(node.args[0], depth + 1))
+
+
+class _Nothing:
+    """The algebra of the mere check: every part means nothing."""
+
+    def number(self, text: str) -> None: ...
+
+    def name(self, name: str) -> None: ...
+
+    def operate(self, operator: str, left: None, right: None) -> None: ...
+
+    def negate(self, operand: None) -> None: ...
+
+    def call(self, function: str, argument: None) -> None: ...
+
+
+def _listed(names: Collection[str]) -> str:
+    return ", ".join(sorted(names)) if names else "none"

@@ -1,0 +1,125 @@
+"""The single-link flexible joint of Huang (2003), eq. (4), with terms that can be switched on.
+
+    x1' = x2
+    x2' = -theta1 sin x1 - theta2 (x1 - x3)
+    x3' = x4
+    x4' = alpha1 (x1 - x3) - alpha2 x4 + beta1 u
+
+x1, x2 are position and velocity of the link, x3, x4 those of the motor at the link side of the
+gear, u is the motor torque (or the voltage or current that causes it).
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from flexid.errors import SettingError
+from flexid.models.parametric_system import ParametricSystem, Row
+
+COULOMB_VELOCITY = 0.1
+"""Velocity in rad/s over which the smoothed Coulomb friction, a tanh, changes sign."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of the model: the coefficients it adds to each row, with their regressors."""
+
+    description: str
+    link: Mapping[str, str]
+    motor: Mapping[str, str]
+
+
+_COMPLIANCE = Term("joint spring", {"theta2": "-(x1 - x3)"}, {"alpha1": "x1 - x3"})
+
+TERMS: dict[str, Term] = {
+    "gravity": Term("gravity on the link", {"theta1": "-sin(x1)"}, {}),
+    "motor_viscous": Term("viscous friction of the motor", {}, {"alpha2": "-x4"}),
+    "link_viscous": Term("viscous friction of the link", {"theta_viscous": "-x2"}, {}),
+    "joint_damping": Term(
+        "damping of the joint spring",
+        {"theta_damping": "-(x2 - x4)"},
+        {"alpha_damping": "x2 - x4"},
+    ),
+    "motor_coulomb": Term(
+        "Coulomb friction of the motor, smoothed",
+        {},
+        {"alpha_coulomb": f"-tanh(x4/{COULOMB_VELOCITY})"},
+    ),
+    "link_coulomb": Term(
+        "Coulomb friction of the link, smoothed",
+        {"theta_coulomb": f"-tanh(x2/{COULOMB_VELOCITY})"},
+        {},
+    ),
+    "cubic_stiffness": Term(
+        "cubic hardening of the joint spring",
+        {"theta_cubic": "-(x1 - x3)**3"},
+        {"alpha_cubic": "(x1 - x3)**3"},
+    ),
+    "link_offset": Term("constant torque or sensor offset, link", {"theta_offset": "1"}, {}),
+    "motor_offset": Term("constant torque or sensor offset, motor", {}, {"alpha_offset": "1"}),
+}
+"""Terms that can be switched on beside the joint spring, which is always there."""
+
+PAPER_TERMS = ("gravity", "motor_viscous")
+"""The terms of Huang (2003), eq. (4)."""
+
+
+def flexible_joint(
+    terms: Collection[str] = PAPER_TERMS, known: Mapping[str, float] | None = None
+) -> ParametricSystem:
+    """Declare a flexible joint.
+
+    Parameters
+    ----------
+    terms : collection of str, optional
+        Names out of `TERMS`; their order does not matter.
+    known : mapping of str to float, optional
+        Coefficients whose value is known, for example ``{"beta1": 1 / 0.3}``; they move from the
+        unknown coefficients to the known part.
+
+    Returns
+    -------
+    ParametricSystem
+        Rows ``link`` and ``motor``, states x1 to x4, input u. The model of the paper is
+        ``flexible_joint(known={"beta1": 1 / motor_inertia})``.
+
+    Raises
+    ------
+    SettingError
+        If a term or a known coefficient does not exist.
+    """
+    known = dict(known or {})
+    for term in terms:
+        if term not in TERMS:
+            raise SettingError("terms", f"{term!r} is unknown; known are {', '.join(TERMS)}")
+    # Huang (2003) numbers theta1 before theta2, so gravity comes before the spring.
+    chosen = [TERMS["gravity"]] * ("gravity" in terms) + [_COMPLIANCE]
+    chosen += [term for name, term in TERMS.items() if name in terms and name != "gravity"]
+    link = {c: r for term in chosen for c, r in term.link.items()}
+    motor = {c: r for term in chosen for c, r in term.motor.items()} | {"beta1": "u"}
+    for coefficient in known:
+        if coefficient not in link | motor:
+            raise SettingError(
+                "known",
+                f"{coefficient!r} is no coefficient of this model; it has "
+                f"{', '.join([*link, *motor])}",
+            )
+    return ParametricSystem(
+        "flexible joint",
+        (
+            _row("link", "x1", "x2", link, known),
+            _row("motor", "x3", "x4", motor, known),
+        ),
+        constants=known,
+    )
+
+
+def _row(
+    name: str,
+    coordinate: str,
+    velocity: str,
+    regressors: Mapping[str, str],
+    known: Mapping[str, float],
+) -> Row:
+    unknown = {c: r for c, r in regressors.items() if c not in known}
+    known_part = " + ".join(f"{c}*({r})" for c, r in regressors.items() if c in known)
+    return Row(name, coordinate, velocity, unknown, known_part or "0")

@@ -1,0 +1,164 @@
+"""The paper's class of systems, in general form.
+
+Each row is a second-order equation that is linear in its unknown coefficients p,
+
+    q' = v,    v' = r(x, u)ᵀ p + k(x, u),
+
+with regressor r and known part k. Huang (2003), eq. (1) is the case of two rows whose known parts
+are 0 and βᵀψ(x) u.
+"""
+
+import hashlib
+import json
+import keyword
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from flexid.errors import ModelError
+from flexid.models.expression import CONSTANTS, FUNCTIONS, check_expression
+
+RESERVED = frozenset(
+    {*FUNCTIONS, *CONSTANTS, "t", "Abs", "copysign", "cosh", "erf", "log", "np", "njit", "prange"}
+)
+"""Names that mean something in expressions or in generated code."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One second-order equation.
+
+    Parameters
+    ----------
+    name : str
+        What the row describes, for example ``"link"``.
+    coordinate, velocity : str
+        Names of q and v.
+    regressors : mapping of str to expression
+        Coefficient name to the basis function that multiplies it. Expressions are text or SymPy.
+    known : expression, optional
+        The known part k, which may use the system's constants.
+    """
+
+    name: str
+    coordinate: str
+    velocity: str
+    regressors: Mapping[str, str]
+    known: str = "0"
+
+    def __post_init__(self) -> None:
+        # A SymPy expression prints as text of the same grammar, so text is the one stored form.
+        object.__setattr__(self, "regressors", {c: str(r) for c, r in self.regressors.items()})
+        object.__setattr__(self, "known", str(self.known))
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the unknown coefficients, in order."""
+        return tuple(self.regressors)
+
+
+@dataclass(frozen=True)
+class ParametricSystem:
+    """A system of rows ``v' = r(x, u)ᵀ p + k(x, u)`` with measured state x and input u.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    rows : tuple of Row
+        At least one.
+    inputs : tuple of str, optional
+        Names of the inputs.
+    constants : mapping of str to float, optional
+        Known numbers that expressions may use, with their default values; values can be replaced
+        at run time without deriving anything anew.
+
+    Raises
+    ------
+    ModelError
+        If names clash or are no names.
+    ExpressionError
+        If an expression leaves the whitelist or uses an undeclared name.
+
+    Examples
+    --------
+    >>> pendulum = ParametricSystem(
+    ...     "pendulum",
+    ...     (Row("arm", "q", "v", {"gravity": "-sin(q)", "friction": "-v"}, known="u"),),
+    ... )
+    >>> pendulum.coefficients
+    ('gravity', 'friction')
+    """
+
+    name: str
+    rows: tuple[Row, ...]
+    inputs: tuple[str, ...] = ("u",)
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rows", tuple(self.rows))
+        object.__setattr__(self, "inputs", tuple(self.inputs))
+        object.__setattr__(self, "constants", {c: float(v) for c, v in self.constants.items()})
+        if not self.rows:
+            raise ModelError(self.name, "has no rows: declare at least one")
+        self._check_names()
+        self._check_expressions()
+
+    def _check_names(self) -> None:
+        names = [*self.states, *self.inputs, *self.constants, *self.coefficients]
+        for name in names:
+            if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+                raise ModelError(self.name, f"{name!r} is no name: use letters, digits and _")
+            if name in RESERVED:
+                raise ModelError(self.name, f"{name!r} is reserved: choose another name")
+            if names.count(name) > 1:
+                raise ModelError(self.name, f"{name!r} is declared twice: rename one")
+        row_names = [row.name for row in self.rows]
+        if len(set(row_names)) != len(row_names):
+            raise ModelError(self.name, "two rows have the same name: rename one")
+        for row in self.rows:
+            if not row.regressors:
+                raise ModelError(self.name, f"row {row.name!r} has no unknown coefficient: add one")
+
+    def _check_expressions(self) -> None:
+        names = self.variables
+        for row in self.rows:
+            for coefficient, regressor in row.regressors.items():
+                check_expression(regressor, names, f"{self.name}: {row.name}.{coefficient}")
+            check_expression(row.known, names, f"{self.name}: {row.name}.known")
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """State names in order: coordinate and velocity of each row in turn."""
+        return tuple(name for row in self.rows for name in (row.coordinate, row.velocity))
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of all unknown coefficients, row by row."""
+        return tuple(name for row in self.rows for name in row.coefficients)
+
+    @property
+    def variables(self) -> frozenset[str]:
+        """The names an expression of this system may use."""
+        return frozenset({*self.states, *self.inputs, *self.constants})
+
+    @property
+    def digest(self) -> str:
+        """Hash of everything that a derivation depends on (not of the constants' values)."""
+        content = {
+            "name": self.name,
+            "rows": [
+                [row.name, row.coordinate, row.velocity, list(row.regressors.items()), row.known]
+                for row in self.rows
+            ],
+            "inputs": self.inputs,
+            "constants": list(self.constants),
+        }
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+    def row_slices(self) -> Iterator[tuple[Row, slice]]:
+        """Each row with the place of its coefficients in `coefficients`."""
+        start = 0
+        for row in self.rows:
+            stop = start + len(row.regressors)
+            yield row, slice(start, stop)
+            start = stop

@@ -1,0 +1,1 @@
+"""Published studies reproduced: their runs and their claims."""
