@@ -42,7 +42,7 @@ IMPORTS = "from math import copysign, cos, cosh, erf, exp, log, sin, sqrt, tan, 
 """The import line of every generated module."""
 
 
-def print_scalar(expression: sp.Expr) -> str:
+def print_scalar(expression: sp.Basic) -> str:
     """One expression as Python source."""
     return str(_printer.doprint(expression))
 
