@@ -13,6 +13,9 @@ held from then until the next row.
 Run `python examples/make_flexible_joint_log.py` to write the log and its truth beside this file.
 """
 
+# MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
+# pyright: reportAttributeAccessIssue=false
+
 from pathlib import Path
 
 import mujoco
@@ -123,7 +126,7 @@ def read_encoders(angles: FloatArray) -> FloatArray:
     """Return what the two encoders read: the angles with noise, rounded to whole counts."""
     noise = np.random.default_rng(SEED).normal(scale=ENCODER_NOISE, size=angles.shape)
     count = 2 * np.pi / ENCODER_COUNTS
-    return np.round((angles + noise) / count) * count + 0.0  # + 0.0 turns -0.0 into 0.0
+    return np.rint((angles + noise) / count) * count + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
 def log() -> FloatArray:
