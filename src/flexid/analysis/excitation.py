@@ -1,0 +1,120 @@
+"""Assumption (A4) of Huang (2003), measured instead of ticked off.
+
+(A4) asks that the basis functions be linearly independent along the motion. Independence is a
+matter of degree: the normalised Gram matrix of the regressors has a condition number, and its
+smallest singular value says how nearly some combination of them vanishes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+WEAK_CONDITION = 1e3
+"""Condition number of the normalised Gram matrix above which a warning is due."""
+
+LOST_CONDITION = 1e5
+"""Condition number above which the confounded coefficients cannot be told apart."""
+
+_SHARE = 0.1  # of the worst direction, from which on a coefficient counts as part of it
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """How well the coefficients of one row can be told apart.
+
+    Parameters
+    ----------
+    row : str
+        Name of the row.
+    coefficients : tuple of str
+        Names of the row's coefficients, n of them.
+    singular_values : (n,) ndarray
+        Of the normalised Gram matrix (unit diagonal), largest first; dimensionless.
+    level : float
+        Smallest eigenvalue of the mean of r rᵀ, in the regressors' own units: the level of
+        persistent excitation.
+    confounded : tuple of str
+        Coefficients that make up the worst direction; empty when there is only one coefficient.
+    correlation : float
+        Largest correlation, in absolute value, between the estimates of two coefficients.
+    correlated : tuple of str
+        The two coefficients of that correlation; empty when there is only one.
+    """
+
+    row: str
+    coefficients: tuple[str, ...]
+    singular_values: NDArray[np.float64]
+    level: float
+    confounded: tuple[str, ...]
+    correlation: float
+    correlated: tuple[str, ...]
+
+    @property
+    def condition_number(self) -> float:
+        """Ratio of the largest to the smallest singular value; infinite if one vanishes."""
+        smallest = self.singular_values[-1]
+        return float(self.singular_values[0] / smallest) if smallest > 0 else float("inf")
+
+
+def excitation(row: str, coefficients: Sequence[str], regressors: ArrayLike) -> Excitation:
+    """Measure the excitation of a row from its regressors along a motion.
+
+    Parameters
+    ----------
+    row : str
+        Name of the row.
+    coefficients : sequence of str
+        Names of the n coefficients.
+    regressors : (m, n) array_like
+        Regressors at m evenly spaced instants.
+
+    Returns
+    -------
+    Excitation
+    """
+    r = np.asarray(regressors, dtype=float)
+    return excitation_of_gram(row, coefficients, r.T @ r / len(r))
+
+
+def excitation_of_gram(row: str, coefficients: Sequence[str], gram: ArrayLike) -> Excitation:
+    """Measure the excitation of a row from the mean of r rᵀ, shape (n, n)."""
+    gram = np.asarray(gram, dtype=float)
+    scale = np.sqrt(np.diag(gram))
+    scale[scale == 0] = 1.0
+    normalised = gram / np.outer(scale, scale)
+    eigenvalues, vectors = np.linalg.eigh(normalised)
+    # A vanishing eigenvalue may come out as a negative number of rounding size
+    singular_values = np.clip(eigenvalues[::-1], 0.0, None)
+    worst = vectors[:, 0]
+    several = len(coefficients) > 1
+    confounded = tuple(
+        name
+        for name, share in zip(coefficients, worst**2, strict=True)
+        if several and share >= _SHARE
+    )
+    correlation, correlated = _largest_correlation(coefficients, eigenvalues, vectors)
+    return Excitation(
+        row,
+        tuple(coefficients),
+        singular_values,
+        float(max(np.linalg.eigvalsh(gram)[0], 0.0)),
+        confounded,
+        correlation,
+        correlated,
+    )
+
+
+def _largest_correlation(
+    coefficients: Sequence[str], eigenvalues: NDArray[np.float64], vectors: NDArray[np.float64]
+) -> tuple[float, tuple[str, ...]]:
+    if len(coefficients) < 2:
+        return 0.0, ()
+    floor = np.finfo(float).eps * eigenvalues[-1]
+    covariance = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = np.abs(covariance / np.outer(deviation, deviation))
+    np.fill_diagonal(correlation, 0.0)
+    i, j = sorted(np.unravel_index(np.argmax(correlation), correlation.shape))
+    return float(correlation[i, j]), (coefficients[i], coefficients[j])
