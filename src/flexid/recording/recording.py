@@ -1,0 +1,139 @@
+"""What a log holds once it is read: uniformly sampled pieces in SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.errors import RecordingError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+CHANNELS = ("link_position", "motor_position", "input", "link_velocity", "motor_velocity")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One contiguous, uniformly sampled piece of a log, in SI units.
+
+    Parameters
+    ----------
+    sample_time : float
+        Time between samples in s.
+    start_time : float
+        Time of the first sample on the file's own clock in s.
+    link_position : FloatArray, shape (n,)
+        Link angle in rad.
+    motor_position : FloatArray, shape (n,)
+        Motor angle in rad, at the link side of the gear.
+    input : FloatArray, shape (n,)
+        What drives the motor, in `input_unit`.
+    input_unit : str
+        ``"N m"``, ``"V"`` or ``"A"``.
+    link_velocity, motor_velocity : FloatArray, shape (n,), or None
+        Velocities in rad/s; None where they were not measured.
+    source : str
+        Name of the file.
+
+    Raises
+    ------
+    RecordingError
+        If the channels differ in length.
+    """
+
+    sample_time: float
+    start_time: float
+    link_position: FloatArray
+    motor_position: FloatArray
+    input: FloatArray
+    input_unit: str
+    link_velocity: FloatArray | None = None
+    motor_velocity: FloatArray | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for name in CHANNELS:
+            values = getattr(self, name)
+            if values is not None and values.shape != (len(self),):
+                raise RecordingError(
+                    self.source or "recording",
+                    name,
+                    f"the channel has shape {values.shape} where the link position has "
+                    f"{self.link_position.shape}: give every channel one value per sample",
+                )
+
+    def __len__(self) -> int:
+        return int(self.link_position.shape[0])
+
+    @property
+    def time(self) -> FloatArray:
+        """Time of every sample on the file's clock, shape (n,), in s."""
+        return self.start_time + self.sample_time * np.arange(len(self), dtype=np.float64)
+
+    @property
+    def deflection(self) -> FloatArray:
+        """Link position minus motor position, shape (n,), in rad."""
+        return self.link_position - self.motor_position
+
+    def window(self, start_index: int, stop_index: int) -> Recording:
+        """Return the samples from `start_index` up to, not including, `stop_index`.
+
+        Parameters
+        ----------
+        start_index, stop_index : int
+            With 0 <= start_index < stop_index <= n.
+
+        Returns
+        -------
+        Recording
+            Its channels are views, not copies.
+
+        Raises
+        ------
+        RecordingError
+            If the window is empty or reaches beyond the recording.
+        """
+        if not 0 <= start_index < stop_index <= len(self):
+            raise RecordingError(
+                self.source or "recording",
+                "",
+                f"the window from sample {start_index} to {stop_index} does not lie within the "
+                f"{len(self)} samples: choose 0 <= start < stop <= {len(self)}",
+            )
+        part = slice(start_index, stop_index)
+        return Recording(
+            sample_time=self.sample_time,
+            start_time=self.start_time + start_index * self.sample_time,
+            link_position=self.link_position[part],
+            motor_position=self.motor_position[part],
+            input=self.input[part],
+            input_unit=self.input_unit,
+            link_velocity=None if self.link_velocity is None else self.link_velocity[part],
+            motor_velocity=None if self.motor_velocity is None else self.motor_velocity[part],
+            source=self.source,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What one file held.
+
+    Parameters
+    ----------
+    pieces : tuple of Recording
+        One, or several where the file had gaps; all with the same sample time.
+    warnings : tuple of str
+        One sentence each, with the place and the remedy.
+    source : str
+        Name of the file.
+    sha256 : str
+        Digest of the file's bytes.
+    """
+
+    pieces: tuple[Recording, ...]
+    warnings: tuple[str, ...]
+    source: str
+    sha256: str

@@ -1,0 +1,93 @@
+"""Units of columns: the one place where Pint converts to SI."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pint
+
+# The SI unit of every quantity a column may hold, with what a user may write instead.
+EXAMPLES = {
+    "s": ("s", "ms", "us"),
+    "rad": ("rad", "deg", "turn"),
+    "rad/s": ("rad/s", "deg/s", "rpm"),
+    "N m": ("N m", "mN m"),
+    "V": ("V", "mV"),
+    "A": ("A", "mA"),
+}
+LONGEST_UNIT = 24
+
+
+class UnitError(Exception):
+    """A unit cannot be read, or measures something else; the text says what to write instead."""
+
+
+def examples(si_unit: str) -> str:
+    """Return units that may be written where `si_unit` is expected, as text."""
+    return ", ".join(f"[{unit}]" for unit in EXAMPLES[si_unit])
+
+
+def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
+    """Return the factor that converts a unit to SI, and the SI unit it belongs to.
+
+    Parameters
+    ----------
+    text : str
+        The unit as written in a file, such as ``"deg/s"``.
+    si_units : tuple of str
+        The SI units that are accepted, keys of `EXAMPLES`.
+
+    Returns
+    -------
+    factor : float
+    si_unit : str
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown or measures another quantity.
+    """
+    factor, root = _root_unit(text, si_units)
+    for si_unit in si_units:
+        si_factor, si_root = _root_unit(si_unit, si_units)
+        if root == si_root:
+            return factor / si_factor, si_unit
+    raise UnitError(
+        f"the unit [{text}] does not measure what the column holds: write {_accepted(si_units)}"
+    )
+
+
+def _accepted(si_units: tuple[str, ...]) -> str:
+    return " or ".join(examples(si_unit) for si_unit in si_units)
+
+
+def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
+    """Return a unit's factor and its root units as text.
+
+    Root units are compared rather than dimensions, because a radian has none: a count, a percentage
+    or a hertz would pass for an angle or an angular velocity.
+    """
+    registry = _registry()
+    unknown = UnitError(f"the unit [{text}] is not known: write {_accepted(si_units)}")
+    # Exponents and numbers are limited, so that no unit text can ask for a power tower.
+    bare = re.sub(r"\^-?[12](?![\d^])|^\s*1\s*(?=/)", "", text)
+    legible = all(character.isalpha() or character in " */·°" for character in bare)
+    if not legible or "**" in bare or len(text) > LONGEST_UNIT:
+        raise unknown
+    # Pint reads Nm as a measure of yarn.
+    spaced = re.sub(r"\b([mk]?N)(c?m)\b", r"\1*\2", text)
+    try:
+        quantity = registry.Quantity(1.0, registry.parse_units(spaced)).to_root_units()
+    except Exception as error:  # Pint has no common root for what malformed text raises
+        raise unknown from error
+    return float(quantity.magnitude), f"{quantity.units:D}"
+
+
+@cache
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    return pint.UnitRegistry()
