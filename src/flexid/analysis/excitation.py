@@ -116,5 +116,5 @@ def _largest_correlation(
     deviation = np.sqrt(np.diag(covariance))
     correlation = np.abs(covariance / np.outer(deviation, deviation))
     np.fill_diagonal(correlation, 0.0)
-    i, j = sorted(np.unravel_index(np.argmax(correlation), correlation.shape))
+    i, j = sorted(divmod(int(np.argmax(correlation)), len(coefficients)))
     return float(correlation[i, j]), (coefficients[i], coefficients[j])

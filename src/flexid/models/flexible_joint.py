@@ -59,6 +59,24 @@ TERMS: dict[str, Term] = {
 }
 """Terms that can be switched on beside the joint spring, which is always there."""
 
+COEFFICIENT_UNITS: dict[str, str] = {
+    "theta1": "1/s^2",
+    "theta2": "1/s^2",
+    "theta_viscous": "1/s",
+    "theta_damping": "1/s",
+    "theta_coulomb": "rad/s^2",
+    "theta_cubic": "1/(rad^2 s^2)",
+    "theta_offset": "rad/s^2",
+    "alpha1": "1/s^2",
+    "alpha2": "1/s",
+    "alpha_damping": "1/s",
+    "alpha_coulomb": "rad/s^2",
+    "alpha_cubic": "1/(rad^2 s^2)",
+    "alpha_offset": "rad/s^2",
+    "beta1": "rad/s^2/{input}",
+}
+"""Unit of every coefficient; ``{input}`` stands for the unit of the input."""
+
 PAPER_TERMS = ("gravity", "motor_viscous")
 """The terms of Huang (2003), eq. (4)."""
 

@@ -43,13 +43,14 @@ class PhysicalParameter:
         self, coefficients: Mapping[str, float], names: Collection[str]
     ) -> NDArray[np.float64]:
         """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
-        value = self.value(coefficients)
-        return np.array(
-            [
-                value * self.exponents.get(n, 0) / coefficients[n] if n in self.exponents else 0.0
-                for n in names
-            ]
-        )
+        return np.array([self._derivative(name, coefficients) for name in names])
+
+    def _derivative(self, name: str, coefficients: Mapping[str, float]) -> float:
+        power = self.exponents.get(name, 0)
+        if power == 0:
+            return 0.0
+        lowered = PhysicalParameter(self.name, self.unit, {**self.exponents, name: power - 1})
+        return power * lowered.value(coefficients)
 
 
 _JOINT_STIFFNESS = {"alpha1": 1, "beta1": -1}
