@@ -126,13 +126,14 @@ def read_encoders(angles: FloatArray) -> FloatArray:
     """Return what the two encoders read: the angles with noise, rounded to whole counts."""
     noise = np.random.default_rng(SEED).normal(scale=ENCODER_NOISE, size=angles.shape)
     count = 2 * np.pi / ENCODER_COUNTS
-    return np.rint((angles + noise) / count) * count + 0.0  # + 0.0 turns -0.0 into 0.0
+    counts = np.rint((angles + noise) / count).astype(np.int64)
+    return counts * np.float64(count)
 
 
 def log() -> FloatArray:
     """Return the log, one row per sample, in the order of `HEADER`."""
     torque = held_torque()
-    time = SAMPLE_TIME * np.arange(len(torque))
+    time = SAMPLE_TIME * np.arange(len(torque), dtype=np.float64)
     return np.column_stack((time, read_encoders(simulate(torque)), torque))
 
 
