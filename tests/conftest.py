@@ -14,3 +14,9 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the real logs are not here: no folder {folder.name} beside the repository")
     return folder
+
+
+@pytest.fixture(scope="session")
+def examples() -> Path:
+    """Return the folder of the example logs and column maps."""
+    return Path(__file__).parents[1] / "examples"

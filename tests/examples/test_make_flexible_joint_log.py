@@ -1,0 +1,132 @@
+"""The example log is what its script says, and MuJoCo's joint is the joint of eq. (4)."""
+
+import csv
+import importlib.util
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+
+@pytest.fixture(scope="module")
+def script(examples: Path) -> ModuleType:
+    """Return the script as a module."""
+    file = examples / "make_flexible_joint_log.py"
+    specification = importlib.util.spec_from_file_location(file.stem, file)
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def committed(examples: Path) -> NDArray[np.float64]:
+    """Return the committed log."""
+    return np.loadtxt(examples / "flexible_joint.csv", delimiter=",", skiprows=1)
+
+
+def equation_4(time: float, state: NDArray[np.float64], torque: float) -> list[float]:
+    """Return the rates of Huang (2003), eq. (4), with the values of Table I written out."""
+    link, link_rate, motor, motor_rate = state
+    spring = 100.0 * (link - motor)
+    return [
+        link_rate,
+        (-5.0 * np.sin(link) - spring) / 1.0,
+        motor_rate,
+        (spring - 0.1 * motor_rate + torque) / 0.3,
+    ]
+
+
+def test_committed_log_is_what_the_script_makes(
+    script: ModuleType, committed: NDArray[np.float64]
+) -> None:
+    """Assert that the log is remade: same times and torques, angles within two counts."""
+    remade = script.log()
+    assert remade.shape == committed.shape
+    np.testing.assert_allclose(remade[:, [0, 3]], committed[:, [0, 3]], rtol=0, atol=1e-9)
+    two_counts = 2 * 2 * np.pi / 65536
+    np.testing.assert_allclose(remade[:, 1:3], committed[:, 1:3], rtol=0, atol=two_counts)
+
+
+def test_log_header_names_channels_and_units(examples: Path) -> None:
+    """Assert that the log opens with flexid's canonical names and their units."""
+    with (examples / "flexible_joint.csv").open(encoding="utf-8", newline="") as file:
+        header = next(csv.reader(file))
+    assert header == [
+        "time [s]",
+        "link_position [rad]",
+        "motor_position [rad]",
+        "motor_torque [N m]",
+    ]
+
+
+def test_truth_is_table_1(script: ModuleType, examples: Path) -> None:
+    """Assert that the committed truth is the script's, and Table I with its coefficients."""
+    text = (examples / "flexible_joint_truth.toml").read_text(encoding="utf-8")
+    assert text == script.truth()
+    truth = tomllib.loads(text)
+    values = {name: entry["value"] for table in truth.values() for name, entry in table.items()}
+    assert values == pytest.approx(
+        {
+            "gravity_torque": 5.0,
+            "link_inertia": 1.0,
+            "joint_stiffness": 100.0,
+            "motor_inertia": 0.3,
+            "motor_viscous_friction": 0.1,
+            "theta1": 5.0,
+            "theta2": 100.0,
+            "alpha1": 1000 / 3,
+            "alpha2": 1 / 3,
+            "beta1": 10 / 3,
+        },
+        rel=1e-15,
+    )
+
+
+def test_engine_follows_equation_4_under_a_constant_torque(script: ModuleType) -> None:
+    """Assert that 30 s of MuJoCo agree with SciPy's eq. (4): no hidden damping, limit, contact."""
+    torque = 4.0
+    angles = script.simulate(np.full(30_000, torque))
+    reference = solve_ivp(
+        equation_4,
+        (0.0, 30.0),
+        np.zeros(4),
+        args=(torque,),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+        t_eval=1e-3 * np.arange(30_000),
+    )
+    assert np.ptp(angles[:, 0]) > 1.5
+    np.testing.assert_allclose(angles, reference.y[[0, 2]].T, rtol=0, atol=1e-9)
+
+
+def test_logged_torque_acts_from_its_row_to_the_next(committed: NDArray[np.float64]) -> None:
+    """Assert that eq. (4), fed each logged torque for one row, gives the logged angles."""
+    state = np.zeros(4)
+    angles = np.empty((2000, 2))
+    for row, torque in enumerate(committed[: len(angles), 3]):
+        angles[row] = state[[0, 2]]
+        held = solve_ivp(
+            equation_4, (0.0, 1e-3), state, args=(torque,), method="DOP853", rtol=1e-9, atol=1e-12
+        )
+        state = held.y[:, -1]
+    error = committed[: len(angles), 1:3] - angles
+    # Noise of 1e-4 rad and rounding to counts of 2 pi / 65536, both known, and nothing else.
+    expected = np.hypot(1e-4, 2 * np.pi / 65536 / np.sqrt(12))
+    assert np.abs(error).max() < 5 * expected
+    np.testing.assert_allclose(error.std(axis=0), expected, rtol=0.06)
+    np.testing.assert_allclose(error.mean(axis=0), 0.0, atol=4 * expected / np.sqrt(len(angles)))
+
+
+def test_link_swings_widely_but_not_over_the_top(committed: NDArray[np.float64]) -> None:
+    """Assert that the link passes the horizontal on both sides and never the upright."""
+    link = committed[:, 1]
+    assert link.min() < -np.pi / 2
+    assert link.max() > np.pi / 2
+    assert np.abs(link).max() < 2.5
