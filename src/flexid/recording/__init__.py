@@ -2,5 +2,6 @@
 
 from flexid.recording.read import read_log
 from flexid.recording.recording import FloatArray, Log, Recording
+from flexid.recording.velocities import position_noise, with_velocities
 
-__all__ = ["FloatArray", "Log", "Recording", "read_log"]
+__all__ = ["FloatArray", "Log", "Recording", "position_noise", "read_log", "with_velocities"]

@@ -8,6 +8,8 @@ import tomllib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flexid.errors import RecordingError
 from flexid.recording.table import Table, read_bytes
 from flexid.recording.units import UnitError, scale_to_si
@@ -236,10 +238,9 @@ def _mapped(table: Table, name: str, entry: Entry, map_file: str) -> Channel:
         )
     unit = entry.unit if entry.unit is not None else units.pop()
     factor, si_unit = _scale(map_file, f"key '{name}'", unit, name)
-    total = sum(
-        term.scale * table.numbers(header)
-        for term, header in zip(entry.terms, headers, strict=True)
-    )
+    total = np.zeros(table.frame.height)
+    for term, header in zip(entry.terms, headers, strict=True):
+        total += term.scale * table.numbers(header)
     values = factor * (entry.scale * total + entry.offset)
     return Channel(values, si_unit, " + ".join(headers), unit is not None)
 

@@ -1,0 +1,148 @@
+"""Velocities from positions: a zero-phase smoothing differentiator that chooses its own window."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import comb, sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from flexid.recording.recording import FloatArray, Recording
+
+DEGREE = 5  # of the local polynomials
+ORDER = 8  # of the differences that tell noise from motion
+BLOCK = 64  # samples per local estimate of the noise
+WINDOW_RATIO = 1.25  # between one candidate half-window and the next
+
+
+def position_noise(position: FloatArray) -> float:
+    """Return the standard deviation of the measurement noise of a position.
+
+    The noise is what is left of the signal in differences of order eight, taken block by block; the
+    median over the blocks does not heed a jump or a few outliers. An encoder's steps count as the
+    uniform noise they resemble while the joint moves, LSB / sqrt(12), also where it stands still.
+
+    Parameters
+    ----------
+    position : FloatArray, shape (n,)
+        In any unit; sampled much faster than the motion.
+
+    Returns
+    -------
+    float
+        In the unit of `position`; zero for fewer samples than the differences need.
+
+    Notes
+    -----
+    White noise is assumed. Noise that a filter in the drive has smoothed is underestimated.
+    """
+    if len(position) <= ORDER:
+        return 0.0
+    squares = np.diff(position, ORDER) ** 2 / comb(2 * ORDER, ORDER)
+    blocks = [block.mean() for block in np.array_split(squares, max(1, len(squares) // BLOCK))]
+    return max(sqrt(float(np.median(blocks))), encoder_step(position) / sqrt(12.0))
+
+
+def encoder_step(position: FloatArray) -> float:
+    """Return the step of the encoder, or zero if the position is not quantised.
+
+    Parameters
+    ----------
+    position : FloatArray, shape (n,)
+
+    Returns
+    -------
+    float
+        The smallest change from sample to sample, if every change is a multiple of it.
+    """
+    changes = np.abs(np.diff(position))
+    changes = changes[changes > 1e-9 * float(np.ptp(position))]
+    if len(changes) == 0:
+        return 0.0
+    step = float(changes.min())
+    multiples = changes / step
+    # Values printed with few digits are off the grid by a rounding error.
+    is_grid = float(np.abs(multiples - np.rint(multiples)).max()) < 0.05
+    repeats = len(np.unique(np.rint(multiples))) < 0.5 * len(changes)
+    return step if is_grid and repeats else 0.0
+
+
+def with_velocities(recording: Recording) -> Recording:
+    """Return the recording with velocities: measured ones kept, missing ones derived.
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    Recording
+        With `link_velocity` and `motor_velocity` in rad/s.
+    """
+    dt = recording.sample_time
+    link, motor = recording.link_velocity, recording.motor_velocity
+    return replace(
+        recording,
+        link_velocity=velocity(recording.link_position, dt) if link is None else link,
+        motor_velocity=velocity(recording.motor_position, dt) if motor is None else motor,
+    )
+
+
+def velocity(position: FloatArray, sample_time: float) -> FloatArray:
+    """Return the derivative of a noisy position, without phase shift.
+
+    Polynomials are fitted to a window centred on each sample (Savitzky and Golay, Analytical
+    Chemistry 36, 1964). Of a geometric series of windows the one with the least expected error is
+    taken: the variance follows from the noise of the position, the squared bias from what a window
+    of half the width gives otherwise, less the part that noise explains. One step narrower than that
+    is used, because the error grows slowly towards narrow windows and fast towards wide ones, above
+    all at the two ends, where no window is centred.
+
+    Parameters
+    ----------
+    position : FloatArray, shape (n,)
+    sample_time : float
+        In s.
+
+    Returns
+    -------
+    FloatArray, shape (n,)
+        In the unit of `position` per second.
+    """
+    from scipy.signal import savgol_filter
+
+    width = 2 * best_half_window(position) + 1
+    degree = min(DEGREE, width - 1)
+    return savgol_filter(position, width, degree, deriv=1, delta=sample_time)
+
+
+def best_half_window(position: FloatArray) -> int:
+    """Return half the width of the window in samples, as `velocity` explains."""
+    from scipy.signal import savgol_coeffs
+
+    variance = position_noise(position) ** 2
+    narrowest, widest = DEGREE // 2 + 1, max(1, (len(position) - 1) // 4)
+    if narrowest >= widest:
+        return max(1, min(narrowest, (len(position) - 1) // 2))
+    count = int(np.log(widest / narrowest) / np.log(WINDOW_RATIO)) + 1
+    halves = np.unique(np.rint(narrowest * WINDOW_RATIO ** np.arange(count)).astype(int))
+    best, least = narrowest, np.inf
+    for half in halves:
+        coefficients = savgol_coeffs(2 * half + 1, DEGREE, deriv=1)
+        risk = variance * float(coefficients @ coefficients)
+        reference = max(narrowest, half // 2)
+        if reference < half:
+            finer = np.zeros_like(coefficients)
+            finer[half - reference : half + reference + 1] = savgol_coeffs(
+                2 * reference + 1, DEGREE, deriv=1
+            )
+            change = finer - coefficients
+            excess = np.mean(np.convolve(position, change, mode="valid") ** 2)
+            risk += max(0.0, float(excess - variance * (change @ change)))
+        if risk < least:
+            best, least = int(half), risk
+        elif risk > 20.0 * least:
+            break  # much wider windows lose the motion, and then differ little from each other
+    return max(narrowest, round(best / WINDOW_RATIO))
