@@ -37,7 +37,7 @@ def regressor_function(symbolic: SymbolicSystem) -> str:
     return function(
         "regressors(_x, _u, _c, _r, _k)",
         "Regressors _r and known parts _k of every row; _c holds the constants.",
-        _unpack_variables(symbolic),
+        unpack_variables(symbolic),
         assignments(targets, [*regressors, *(row.known for row in symbolic.rows)]),
     )
 
@@ -47,7 +47,7 @@ def right_hand_side_function(symbolic: SymbolicSystem) -> str:
     return function(
         "right_hand_side(_x, _u, _p, _c, _dx)",
         "_dx = x' for coefficients _p and constants _c.  # Huang (2003), eq. (1)",
-        _unpack_variables(symbolic),
+        unpack_variables(symbolic),
         unpack("_p", symbolic.coefficients),
         assignments([f"_dx[{i}]" for i in range(len(symbolic.states))], symbolic.right_hand_side),
     )
@@ -65,7 +65,8 @@ def model_functions(system: ParametricSystem, purpose: str) -> str:
     )
 
 
-def _unpack_variables(symbolic: SymbolicSystem) -> str:
+def unpack_variables(symbolic: SymbolicSystem) -> str:
+    """Lines that read states _x, inputs _u and constants _c into their names."""
     blocks = (
         unpack("_x", symbolic.states),
         unpack("_u", symbolic.inputs),

@@ -1,0 +1,90 @@
+"""Covariance of least squares whose residuals are correlated over time.
+
+Filtered residuals are far from white, so the textbook covariance is wrong. The scores, regressor
+times residual, are summed over blocks long enough to be independent of one another, and the spread
+of these sums gives the covariance (cluster sandwich; Cameron and Miller, J. Human Resources 50,
+2015). Student's t with blocks less coefficients degrees of freedom makes up for few blocks.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+BLOCK_DURATION = 1.0
+"""Length of a block in s, if the record has room for `WANTED_BLOCKS` of them."""
+
+WANTED_BLOCKS = 20
+
+_INDEPENDENCE = 10.0  # time constants of the filter that a block spans at least
+
+
+def block_lengths(
+    lengths: Sequence[int],
+    sample_times: Sequence[float],
+    filter_rate: float,
+    n_coefficients: int,
+) -> list[int]:
+    """Divide contiguous pieces into blocks.
+
+    Parameters
+    ----------
+    lengths : sequence of int
+        Equations in each piece.
+    sample_times : sequence of float
+        Sample time of each piece in s.
+    filter_rate : float
+        λ of the filter in 1/s: residuals are correlated over a few 1/λ.
+    n_coefficients : int
+        Coefficients of the row: a covariance wants more blocks than these.
+
+    Returns
+    -------
+    list of int
+        Equations in each block, in the pieces' order; no block crosses from piece to piece.
+    """
+    total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
+    duration = max(min(BLOCK_DURATION, total / WANTED_BLOCKS), _INDEPENDENCE / filter_rate)
+    # A short record gets shorter blocks than wanted rather than no interval at all.
+    duration = min(duration, total / (n_coefficients + 3))
+    blocks = []
+    for n, sample_time in zip(lengths, sample_times, strict=True):
+        count = max(1, round(n * sample_time / duration)) if duration > 0.0 else 1
+        edges = np.linspace(0, n, min(count, n) + 1).round().astype(int)
+        blocks += np.diff(edges).tolist()
+    return blocks
+
+
+def sandwich_covariance(
+    regressor: FloatArray, residual: FloatArray, inverse: FloatArray, blocks: Sequence[int]
+) -> tuple[FloatArray, int]:
+    """Covariance of least squares from block sums of the scores.
+
+    Parameters
+    ----------
+    regressor : array, shape (k, n)
+        Regressors, one per row.
+    residual : array, shape (n,)
+        Residuals.
+    inverse : array, shape (k, k)
+        Inverse of the Gram matrix of the regressors.
+    blocks : sequence of int
+        Lengths of the blocks; they sum to n.
+
+    Returns
+    -------
+    covariance : array, shape (k, k)
+        Infinite on its diagonal if there are no more blocks than coefficients.
+    degrees_of_freedom : int
+        Blocks less coefficients, at least 0.
+    """
+    k, count = regressor.shape[0], len(blocks)
+    if count <= k:
+        return np.diag(np.full(k, np.inf)), 0
+    starts = np.concatenate(([0], np.cumsum(blocks)[:-1]))
+    scores = np.add.reduceat(regressor * residual, starts, axis=1)
+    # An unbiased spread wants one degree of freedom taken off per fitted coefficient.
+    spread = scores @ scores.T * (count / (count - k))
+    return inverse @ spread @ inverse, count - k

@@ -1,0 +1,77 @@
+"""The noisy flexible joint on which estimators are measured, made with SciPy."""
+
+from functools import cache
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from flexid.estimators.samples import Samples
+
+TRUTH = {
+    "theta1": 5.0,
+    "theta2": 100.0,
+    "alpha1": 1000 / 3,
+    "alpha2": 1 / 3,
+    "beta1": 10 / 3,
+}
+"""Coefficients of Huang (2003), Table I, and 1/Jr."""
+
+VALUES = np.array(list(TRUTH.values()))
+SAMPLE_TIME = 1e-3
+POSITION_NOISE = 1e-4
+VELOCITY_NOISE = 1e-2
+
+
+def torque(time):
+    """Two sines, in N m."""
+    return 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
+
+
+@cache
+def clean_motion(duration: float = 30.0) -> tuple[np.ndarray, np.ndarray]:
+    """Time, shape (n,), and states x1 to x4, shape (n, 4), from rest."""
+    theta1, theta2, alpha1, alpha2, beta1 = VALUES
+
+    def right_hand_side(t, x):
+        twist = x[0] - x[2]
+        return [
+            x[1],
+            -theta1 * np.sin(x[0]) - theta2 * twist,
+            x[3],
+            alpha1 * twist - alpha2 * x[3] + beta1 * torque(t),
+        ]
+
+    time = np.arange(round(duration / SAMPLE_TIME) + 1) * SAMPLE_TIME
+    solution = solve_ivp(
+        right_hand_side,
+        (0.0, time[-1]),
+        np.zeros(4),
+        method="DOP853",
+        t_eval=time,
+        rtol=1e-11,
+        atol=1e-12,
+    )
+    return time, solution.y.T
+
+
+def joint_samples(seed: int | None = None, first: int = 0) -> Samples:
+    """The record from sample `first` on, clean or with white noise of the given seed."""
+    time, states = clean_motion()
+    states = states.copy()
+    if seed is not None:
+        generator = np.random.default_rng(seed)
+        n = len(time)
+        states[:, [0, 2]] += POSITION_NOISE * generator.standard_normal((n, 2))
+        states[:, [1, 3]] += VELOCITY_NOISE * generator.standard_normal((n, 2))
+    return Samples(
+        states[first:, [0, 2]],
+        states[first:, [1, 3]],
+        torque(time[first:])[:, None],
+        SAMPLE_TIME,
+        time[first],
+    )
+
+
+def worst_error(values) -> float:
+    """Largest relative error of the coefficients, in percent."""
+    return 100.0 * float(np.max(np.abs(np.asarray(values) / VALUES - 1.0)))
