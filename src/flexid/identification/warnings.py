@@ -1,0 +1,31 @@
+"""What the user should know before trusting the numbers."""
+
+from collections.abc import Iterator, Mapping
+
+from flexid.identification.result import CoefficientEstimate
+
+POOR_FIT = 50.0
+"""Free-run fit in per cent below which a channel earns a warning."""
+
+_SIGN_ADVICE = {
+    "theta2": "the sign of the deflection is probably wrong",
+    "alpha1": "the sign of the deflection is probably wrong",
+    "beta1": "the sign of the input is probably wrong",
+}
+
+
+def sign_warnings(coefficients: Mapping[str, CoefficientEstimate]) -> Iterator[str]:
+    """Warn of coefficients that physics wants positive and the data want negative."""
+    for name, advice in _SIGN_ADVICE.items():
+        if name in coefficients and coefficients[name].interval[1] < 0:
+            yield f"{name} came out negative, which no spring or inertia can be: {advice}"
+
+
+def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
+    """Warn of channels that the free run does not repeat."""
+    for channel, fit in fit_percent.items():
+        if fit < POOR_FIT:
+            yield (
+                f"the free run repeats {max(fit, 0):.0f} % of the held-out {channel}: the model "
+                f"lacks something the drive has (try further terms), or the coefficients are off"
+            )

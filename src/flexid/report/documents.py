@@ -1,0 +1,100 @@
+"""Result objects as plain documents for JSON, and files that appear whole or not at all."""
+
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from flexid.analysis.excitation import Excitation
+from flexid.errors import SettingError
+from flexid.identification.result import Identification
+
+
+def identification_document(result: Identification) -> dict[str, Any]:
+    """Everything of an identification but its time series, ready for JSON."""
+    return {
+        "coefficients": {
+            name: {
+                "value": c.value,
+                "std": c.std,
+                "interval": list(c.interval),
+                "unit": c.unit,
+                "status": c.status,
+                "reason": c.reason,
+            }
+            for name, c in result.coefficients.items()
+        },
+        "parameters": {
+            name: {
+                "value": p.value,
+                "unit": p.unit,
+                "std": p.std,
+                "interval": list(p.interval),
+                "status": p.status,
+            }
+            for name, p in result.parameters.items()
+        },
+        "excitation": {row: _excitation_document(e) for row, e in result.excitation.items()},
+        "validation": {"fit_percent": dict(result.validation.fit_percent)},
+        "observer": {
+            "final": dict(
+                zip(result.observer.names, map(float, result.observer.estimates[-1]), strict=True)
+            ),
+            "gains": dict(result.observer.gains),
+        },
+        "hold": result.hold,
+        "filter_rate": result.filter_rate,
+        "warnings": list(result.warnings),
+        "provenance": dict(result.provenance),
+    }
+
+
+def _excitation_document(excitation: Excitation) -> dict[str, Any]:
+    return {
+        "condition_number": excitation.condition_number,
+        "singular_values": excitation.singular_values.tolist(),
+        "level": excitation.level,
+        "confounded": list(excitation.confounded),
+        "correlated": list(excitation.correlated),
+        "correlation": excitation.correlation,
+    }
+
+
+def to_json(document: Mapping[str, Any]) -> str:
+    """Text of a document; numbers that JSON does not have become null."""
+    return json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@contextmanager
+def output_directory(out: Path) -> Iterator[Path]:
+    """Directory to write into, whose files move to `out` only when all are written.
+
+    Raises
+    ------
+    SettingError
+        If `out` is a file or cannot be written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        staging = Path(tempfile.mkdtemp(prefix=".flexid-", dir=out))
+    except OSError as error:
+        raise SettingError("--out", f"{out} cannot be written ({error.strerror})") from None
+    try:
+        yield staging
+        for file in staging.iterdir():
+            os.replace(file, out / file.name)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)

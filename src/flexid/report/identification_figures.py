@@ -1,0 +1,94 @@
+"""Three figures of an identification: the fit, the estimates over time, the excitation."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
+from flexid.identification.result import CoefficientEstimate, Identification
+from flexid.identification.validation import CHANNELS
+from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, new_figure, save
+
+_COLOURS = {"determined": GREEN, "weak": ORANGE, "undetermined": RED}
+
+
+def save_identification_figures(result: Identification, directory: Path) -> None:
+    """Write fit.png, estimates.png and excitation.png."""
+    with mpl.rc_context(STYLE):
+        save(fit_figure(result), directory, "fit")
+        save(estimates_figure(result), directory, "estimates")
+        save(excitation_figure(result), directory, "excitation")
+
+
+def fit_figure(result: Identification) -> Figure:
+    """Free run of the model over the held-out data, channel by channel."""
+    figure = new_figure(height=6.0)
+    axes = figure.subplots(3, 1, sharex=True)
+    for channel, name in enumerate(CHANNELS):
+        ax: Axes = axes[channel]
+        for run in result.validation.runs:
+            measured, simulated = run.measured[:, channel], run.simulated[:, channel]
+            ax.plot(run.time, measured, color=GREY, linewidth=2.4, label="measured")
+            ax.plot(run.time, simulated, color=BLUE, linewidth=1.0, label="free run of the model")
+        spread = np.concatenate([run.measured[:, channel] for run in result.validation.runs])
+        margin = 0.15 * np.ptp(spread)
+        ax.set_ylim(spread.min() - margin, spread.max() + margin)
+        label = name.replace("_", " ")
+        ax.set_ylabel(f"{label} (rad)")
+        ax.set_title(f"{label}: fit {result.validation.fit_percent[name]:.1f} %")
+    handles, labels = axes[0].get_legend_handles_labels()
+    axes[0].legend(handles[:2], labels[:2], loc="upper right", ncols=2)
+    axes[-1].set_xlabel("time (s), data kept out of the fit")
+    return figure
+
+
+def estimates_figure(result: Identification) -> Figure:
+    """The paper's observer over time beside the least-squares estimate and its interval."""
+    names = list(result.coefficients)
+    columns = 2
+    lines = -(-len(names) // columns)
+    figure = new_figure(height=1.7 * lines + 0.5)
+    axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
+    for ax, name in zip(axes.flat, names, strict=False):
+        _draw_estimate(ax, result, result.coefficients[name])
+    for ax in axes.flat[len(names) :]:
+        ax.set_visible(False)
+    for ax in axes.flat[max(0, len(names) - columns) : len(names)]:
+        ax.set_xlabel("time (s)")
+        ax.tick_params(labelbottom=True)
+    axes[0, 0].legend(loc="best")
+    return figure
+
+
+def _draw_estimate(ax: Axes, result: Identification, c: CoefficientEstimate) -> None:
+    history = result.observer.estimates[:, result.observer.names.index(c.name)]
+    ax.plot(result.observer.time, history, color=ORANGE, label="paper's observer, constant gain")
+    ax.axhline(c.value, color=INK, linewidth=1.0, label="least squares")
+    if np.all(np.isfinite(c.interval)):
+        ax.axhspan(*c.interval, color=BLUE, alpha=0.25, linewidth=0, label="95 % interval")
+    ax.set_title(f"{c.name}: {c.status}", color=_COLOURS[c.status])
+    ax.set_ylabel(c.unit)
+
+
+def excitation_figure(result: Identification) -> Figure:
+    """Singular values of each row's normalised Gram matrix, and its condition number."""
+    figure = new_figure(height=3.2)
+    axes = figure.subplots(1, len(result.excitation), sharey=True, squeeze=False)[0]
+    for ax, (row, excitation) in zip(axes, result.excitation.items(), strict=True):
+        values = excitation.singular_values
+        ax.bar(np.arange(1, len(values) + 1), np.maximum(values, 1e-16), color=BLUE, width=0.6)
+        largest = values[0]
+        ax.axhline(largest / WEAK_CONDITION, color=ORANGE, linestyle="--", label="weak below")
+        ax.axhline(largest / LOST_CONDITION, color=RED, linestyle="--", label="lost below")
+        ax.set_yscale("log")
+        ax.set_ylim(1e-7, 10)
+        ax.set_xticks(np.arange(1, len(values) + 1))
+        ax.set_xlabel("singular value of the normalised Gram matrix")
+        pair = " and ".join(excitation.correlated)
+        ax.set_title(f"{row} row: condition number {excitation.condition_number:.3g}\n{pair}")
+    axes[0].set_ylabel("size (–)")
+    axes[0].legend(loc="lower left")
+    return figure

@@ -1,0 +1,76 @@
+"""The printed answer of an identification, at most 100 columns wide."""
+
+from collections.abc import Iterable, Iterator
+from math import floor, isfinite, log10
+
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from flexid.identification.result import (
+    CoefficientEstimate,
+    Identification,
+    ParameterEstimate,
+    Status,
+)
+
+WIDTH = 100
+
+_COLOURS: dict[Status, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
+
+
+def print_identification(result: Identification, console: Console) -> None:
+    """Print parameters, coefficients, excitation and validation."""
+    console.print(Group(*_parts(result)), width=min(console.width, WIDTH))
+
+
+def _parts(result: Identification) -> Iterator[RenderableType]:
+    yield _estimates("Physical parameters", result.parameters.values())
+    yield _estimates("Coefficients", result.coefficients.values())
+    for name, c in result.coefficients.items():
+        if c.reason:
+            yield Text(f"  {name}: {c.reason}", style=_COLOURS[c.status])
+    yield Text()
+    for row, excitation in result.excitation.items():
+        pair = " and ".join(excitation.correlated)
+        detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
+        yield Text(
+            f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
+        )
+    fits = ", ".join(f"{c} {fit:.1f} %" for c, fit in result.validation.fit_percent.items())
+    yield Text(f"Free run over held-out data: {fits}")
+    yield Text(
+        f"Input hold: {result.hold}; filter rate: {result.filter_rate:.3g} 1/s; 95 % intervals"
+    )
+
+
+def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEstimate]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("name", no_wrap=True)
+    for heading in ("value", "95 % interval"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for e in estimates:
+        value, lower, upper = format_with_interval(e.value, *e.interval)
+        table.add_row(
+            e.name, value, f"[{lower}, {upper}]", e.unit, Text(e.status, _COLOURS[e.status])
+        )
+    return table
+
+
+def format_with_interval(value: float, lower: float, upper: float) -> tuple[str, str, str]:
+    """Numbers as text, with as many digits as the width of the interval justifies.
+
+    Examples
+    --------
+    >>> format_with_interval(99.98731, 99.93, 100.04)
+    ('99.987', '99.930', '100.040')
+    >>> format_with_interval(4.1e6, 3.9e6, 4.3e6)
+    ('4100000', '3900000', '4300000')
+    """
+    width = upper - lower
+    if not isfinite(width) or width <= 0:
+        return f"{value:.5g}", f"{lower:.5g}", f"{upper:.5g}"
+    decimals = min(12, max(0, 2 - floor(log10(width))))
+    return tuple(f"{number:.{decimals}f}" for number in (value, lower, upper))  # type: ignore[return-value]

@@ -1,0 +1,51 @@
+"""One look for all figures, and the way they are saved."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+INK, BLUE, ORANGE, GREEN, RED, GREY = (
+    "#1b1f24",
+    "#1f6fb4",
+    "#d9730d",
+    "#2e8b57",
+    "#c0392b",
+    "#8a939c",
+)
+
+STYLE: dict[str, object] = {
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": INK,
+    "axes.grid": True,
+    "grid.color": "#e3e6e9",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.3,
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "figure.constrained_layout.use": True,
+    "pdf.fonttype": 42,
+}
+
+
+def new_figure(width: float = 7.2, height: float = 4.5) -> Figure:
+    """Figure in inches with the common look; needs no display."""
+    with mpl.rc_context(STYLE):
+        return Figure(figsize=(width, height))
+
+
+def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("png",)) -> None:
+    """Write the figure as ``directory/name.format`` for each format."""
+    with mpl.rc_context(STYLE):
+        for extension in formats:
+            # Without a date the same result gives the same file
+            metadata = {"CreationDate": None} if extension == "pdf" else None
+            figure.savefig(directory / f"{name}.{extension}", metadata=metadata)
