@@ -134,24 +134,18 @@ def filtered_least_squares(
     """
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
         raise SettingError("filter rate", f"{filter_rate} is no rate: give a positive number, 1/s")
-    kernel = _kernel(system)
     usable = [piece for piece in pieces if len(piece) > 4]
-    filtered = [
-        filtered_signals(kernel, piece, constant_values(system, constants), filter_rate, hold)
-        for piece in usable
-    ]
+    signals = filtered_signals(usable, system, constants, filter_rate, hold)
     time = np.concatenate([np.zeros(0), *(piece.time[1:-1] for piece in usable)])
+    lengths = [len(piece) - 2 for piece in usable]
+    sample_times = [piece.sample_time for piece in usable]
     n_coefficients = len(system.coefficients)
-    empty = np.zeros((n_coefficients + len(system.rows), 0))
-    signals = np.concatenate([empty, *filtered], axis=1)
-    lengths = [part.shape[1] for part in filtered]
-    durations = [piece.sample_time for piece in usable]
     values = np.zeros(n_coefficients)
     covariance = np.zeros((n_coefficients, n_coefficients))
     rows = []
     for place, (row, part) in enumerate(system.row_slices()):
         k = part.stop - part.start
-        blocks = block_lengths(lengths, durations, filter_rate, k)
+        blocks = block_lengths(lengths, sample_times, filter_rate, k)
         fit, values[part], covariance[part, part] = _fit_row(
             row.name, row.coefficients, signals[part], signals[n_coefficients + place], blocks, time
         )
@@ -162,40 +156,60 @@ def filtered_least_squares(
 
 
 def filtered_signals(
-    kernel: ModuleType, piece: Samples, constants: FloatArray, filter_rate: float, hold: Hold
+    pieces: Sequence[Samples],
+    system: ParametricSystem,
+    constants: Mapping[str, float] | None,
+    filter_rate: float,
+    hold: Hold,
 ) -> FloatArray:
-    """Filter one piece and project out the filter's initial condition.
+    """Filtered regressors and left-hand sides, the filter's initial conditions projected out.
+
+    Parameters are those of `filtered_least_squares`; every piece has at least three samples.
 
     Returns
     -------
-    array, shape (n_coefficients + n_rows, n - 2)
-        Regressors of all coefficients, then left-hand sides of all rows.
+    array, shape (n_coefficients + n_rows, n_equations)
+        Regressors of all coefficients, then left-hand sides of all rows; a piece of n samples
+        gives n - 2 equations.
     """
-    if piece.velocities is None and kernel.VELOCITY_NEEDED:
-        raise SettingError(
-            "velocities",
-            f"the regressor of {kernel.VELOCITY_NEEDED[0]!r} is nonlinear in a velocity but the "
-            f"piece has none: derive velocities first, or drop the term",
+    kernel = _kernel(system)
+    values = constant_values(system, constants)
+    total = sum(len(piece) - 2 for piece in pieces)
+    filtered = np.empty((kernel.N_SIGNALS, total))
+    first = 0
+    for piece in pieces:
+        if piece.velocities is None and kernel.VELOCITY_NEEDED:
+            raise SettingError(
+                "velocities",
+                f"the regressor of {kernel.VELOCITY_NEEDED[0]!r} is nonlinear in a velocity but "
+                f"there are none: derive velocities first, or drop the term",
+            )
+        positions = np.ascontiguousarray(piece.positions, dtype=np.float64)
+        velocities = np.zeros_like(positions) if piece.velocities is None else piece.velocities
+        pole = np.exp(-filter_rate * piece.sample_time)
+        kernel.filter_piece(
+            positions,
+            np.ascontiguousarray(velocities, dtype=np.float64),
+            np.ascontiguousarray(piece.inputs, dtype=np.float64),
+            values,
+            float(piece.sample_time),
+            pole,
+            hold == "zero",
+            filtered,
+            first,
         )
-    positions = np.ascontiguousarray(piece.positions, dtype=np.float64)
-    velocities = np.zeros_like(positions) if piece.velocities is None else piece.velocities
-    pole = np.exp(-filter_rate * piece.sample_time)
-    filtered = np.empty((kernel.N_COEFFICIENTS + kernel.N_ROWS, len(piece) - 2))
-    kernel.filter_piece(
-        positions,
-        np.ascontiguousarray(velocities, dtype=np.float64),
-        np.ascontiguousarray(piece.inputs, dtype=np.float64),
-        constants,
-        float(piece.sample_time),
-        pole,
-        hold == "zero",
-        filtered,
-    )
-    memory = int(min(filtered.shape[1], np.ceil(_MEMORY / (filter_rate * piece.sample_time)) + 2))
-    i = np.arange(memory)
-    past, _ = np.linalg.qr(np.column_stack((pole**i, i * pole**i)))
-    filtered[:, :memory] -= (filtered[:, :memory] @ past) @ past.T
+        stop = first + len(piece) - 2
+        memory = int(np.ceil(_MEMORY / (filter_rate * piece.sample_time))) + 2
+        _project_out_past(filtered[:, first : min(stop, first + memory)], pole)
+        first = stop
     return filtered
+
+
+def _project_out_past(signals: FloatArray, pole: float) -> None:
+    """Remove from each signal, in place, what the filter may remember: z^i and i z^i."""
+    i = np.arange(signals.shape[1])
+    past, _ = np.linalg.qr(np.column_stack((pole**i, i * pole**i)))
+    signals -= (signals @ past) @ past.T
 
 
 def _kernel(system: ParametricSystem) -> ModuleType:
@@ -238,8 +252,8 @@ def _fit_row(
         coefficients,
         gram,
         degrees_of_freedom,
-        float(residual @ residual),
-        float(left_hand_side @ left_hand_side),
+        float(np.sum(residual**2)),
+        float(np.sum(left_hand_side**2)),
         tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
         time,
         left_hand_side,
