@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.analysis.excitation import Excitation
-from flexid.simulation.free_run import Hold
+from flexid.recording.recording import Hold
 
 Status = Literal["determined", "weak", "undetermined"]
 

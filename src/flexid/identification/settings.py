@@ -7,7 +7,7 @@ from typing import Literal
 
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, PAPER_TERMS, TERMS
-from flexid.simulation.free_run import Hold
+from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
 

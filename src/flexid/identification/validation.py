@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 from flexid.errors import SimulationError
 from flexid.identification.result import FreeRun, Validation
 from flexid.models.parametric_system import ParametricSystem
-from flexid.recording.recording import Recording
-from flexid.simulation.free_run import Hold, free_run
+from flexid.recording.recording import Hold, Recording
+from flexid.simulation.free_run import free_run
 
 CHANNELS = ("link_position", "motor_position", "deflection")
 

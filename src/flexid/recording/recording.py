@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from flexid.errors import RecordingError
 
 FloatArray: TypeAlias = NDArray[np.float64]
+
+Hold: TypeAlias = Literal["zero", "linear"]
+"""How an input behaves between samples: constant from its sample on, or on a straight line."""
 
 CHANNELS = ("link_position", "motor_position", "input", "link_velocity", "motor_velocity")
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from types import ModuleType
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel, template
 from flexid.models.parametric_system import ParametricSystem
-
-Hold = Literal["zero", "linear"]
-"""How the input behaves between samples: constant, or on a straight line."""
+from flexid.recording.recording import Hold
 
 _RATE_LIMIT = 20.0  # 1/h at which RK4 is accurate to 1e-5 per period is about 20 times the pole
 
