@@ -87,6 +87,7 @@ def output_directory(out: Path) -> Iterator[Path]:
     SettingError
         If `out` is a file or cannot be written.
     """
+    existed = out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(prefix=".flexid-", dir=out))
@@ -96,5 +97,7 @@ def output_directory(out: Path) -> Iterator[Path]:
         yield staging
         for file in staging.iterdir():
             os.replace(file, out / file.name)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
+    except BaseException:
+        shutil.rmtree(staging if existed else out, ignore_errors=True)
+        raise
+    staging.rmdir()

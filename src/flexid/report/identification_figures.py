@@ -47,7 +47,7 @@ def fit_figure(result: Identification) -> Figure:
 
 def estimates_figure(result: Identification) -> Figure:
     """The paper's observer over time beside the least-squares estimate and its interval."""
-    names = list(result.coefficients)
+    names = result.observer.names
     columns = 2
     lines = -(-len(names) // columns)
     figure = new_figure(height=1.7 * lines + 0.5)

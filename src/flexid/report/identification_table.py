@@ -28,7 +28,7 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
     yield _estimates("Physical parameters", result.parameters.values())
     yield _estimates("Coefficients", result.coefficients.values())
     for name, c in result.coefficients.items():
-        if c.reason:
+        if c.status != "determined":
             yield Text(f"  {name}: {c.reason}", style=_COLOURS[c.status])
     yield Text()
     for row, excitation in result.excitation.items():

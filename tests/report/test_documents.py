@@ -1,0 +1,62 @@
+"""Documents for JSON, and output that appears whole or not at all."""
+
+import json
+
+import pytest
+
+from flexid.errors import SettingError
+from flexid.report.documents import output_directory, to_json
+
+
+def test_json_has_no_infinities():
+    """Assert that infinities and NaN become null, deep inside, so that any reader can parse."""
+    text = to_json({"a": [float("inf"), {"b": float("nan")}], "c": (1.5, "x")})
+    assert json.loads(text) == {"a": [None, {"b": None}], "c": [1.5, "x"]}
+
+
+def test_output_appears_whole(tmp_path):
+    """Assert that files written in the staging directory end up in the named one."""
+    out = tmp_path / "deep" / "out"
+    with output_directory(out) as directory:
+        (directory / "a.txt").write_text("1")
+        assert not (out / "a.txt").exists()
+    assert [file.name for file in out.iterdir()] == ["a.txt"]
+
+
+def test_failure_leaves_nothing_behind(tmp_path):
+    """Assert that a failure while writing leaves earlier results and no new ones."""
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "a.txt").write_text("old")
+
+    def write_and_fail():
+        with output_directory(out) as directory:
+            (directory / "a.txt").write_text("new")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_and_fail()
+    assert [(file.name, file.read_text()) for file in out.iterdir()] == [("a.txt", "old")]
+
+
+def test_failure_removes_the_directory_it_made(tmp_path):
+    """Assert that no empty directory is left of a result that never came."""
+    out = tmp_path / "out"
+
+    def fail():
+        with output_directory(out):
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert not out.exists()
+
+
+def test_output_onto_a_file_is_refused(tmp_path):
+    """Assert that an existing file in the way is one sentence, not a traceback."""
+    (tmp_path / "out").write_text("")
+    with (
+        pytest.raises(SettingError, match="cannot be written"),
+        output_directory(tmp_path / "out"),
+    ):
+        pass
