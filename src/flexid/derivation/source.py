@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
 
+from flexid.derivation.special import LogCosh
 
-class _ScalarPrinter(PythonCodePrinter):
+
+class ScalarPrinter(PythonCodePrinter):
     """Plain `math` calls and products: what numba turns into straight machine code."""
 
     def _print_Integer(self, expr: sp.Integer) -> str:
@@ -21,6 +23,15 @@ class _ScalarPrinter(PythonCodePrinter):
 
     _print_sin = _print_cos = _print_tan = _print_tanh = _print_cosh = _print_Function
     _print_exp = _print_log = _print_Abs = _print_erf = _print_Function
+    _print_atan = _print_asinh = _print_Function
+
+    def _print_LogCosh(self, expr: LogCosh) -> str:
+        return f"({self._print(expr.stable())})"
+
+    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:
+        return repr(float(expr))
+
+    _print_Pi = _print_Exp1 = _print_NumberSymbol
 
     def _print_sign(self, e: sp.Function) -> str:
         argument = self._print(e.args[0])
@@ -36,9 +47,9 @@ class _ScalarPrinter(PythonCodePrinter):
         return f"({self._print(base)})**({self._print(exponent)})"
 
 
-_printer = _ScalarPrinter({"fully_qualified_modules": False})
+_printer = ScalarPrinter({"fully_qualified_modules": False})
 
-IMPORTS = "from math import copysign, cos, cosh, erf, exp, log, sin, sqrt, tan, tanh"
+IMPORTS = "from math import asinh, atan, copysign, cos, cosh, erf, exp, log, sin, sqrt, tan, tanh"
 """The import line of every generated module."""
 
 

@@ -18,7 +18,8 @@ from flexid.errors import ModelError
 from flexid.models.expression import CONSTANTS, FUNCTIONS, check_expression
 
 RESERVED = frozenset(
-    {*FUNCTIONS, *CONSTANTS, "t", "Abs", "copysign", "cosh", "erf", "log", "np", "njit", "prange"}
+    {*FUNCTIONS, *CONSTANTS, "t", "Abs", "asinh", "atan", "copysign", "cosh", "erf", "log"}
+    | {"np", "njit", "prange"}
 )
 """Names that mean something in expressions or in generated code."""
 

@@ -1,0 +1,251 @@
+"""The parametric observer of Huang (2003), eqs. (2)-(3), derived for every row of a model.
+
+For a row v' = rᵀp + k with gain c,
+
+    p̂ = y + c b,                        b = ∫₀^v r dξ        (2)
+    y' = -c [ r (rᵀp̂ + k) + C ],        C = Σ xᵢ' ∂b/∂xᵢ  over all xᵢ but v, and the inputs  (3)
+
+so that p̂' = y' + c (r v' + C) = -c r (rᵀp̂ + k - v') = -c r rᵀ(p̂ - p), which is eq. (7).
+"""
+
+from dataclasses import dataclass
+
+import sympy as sp
+
+from flexid.derivation.immersion import Kind, immersion
+from flexid.derivation.symbolic import SymbolicRow, SymbolicSystem, symbol, symbolic_system
+from flexid.errors import AccelerationError, ModelError
+from flexid.models.parametric_system import ParametricSystem
+
+
+@dataclass(frozen=True)
+class ObserverRow:
+    """The observer of one row; every tuple has one entry per coefficient of the row.
+
+    Parameters
+    ----------
+    row : SymbolicRow
+        The row it belongs to.
+    gain : sympy.Symbol
+        c, a positive number.
+    immersion : tuple of sympy.Expr
+        b, where necessary an unevaluated integral.
+    kinds : tuple of str
+        ``"closed form"`` or ``"quadrature"``: how each b is evaluated.
+    cancelling : tuple of sympy.Expr
+        C.
+    intermediate : tuple of sympy.Symbol
+        The observer's states y.
+    estimates, errors : tuple of sympy.Symbol
+        p̂ and p̃ = p̂ - p.
+    """
+
+    row: SymbolicRow
+    gain: sp.Symbol
+    immersion: tuple[sp.Expr, ...]
+    kinds: tuple[Kind, ...]
+    cancelling: tuple[sp.Expr, ...]
+    intermediate: tuple[sp.Symbol, ...]
+    estimates: tuple[sp.Symbol, ...]
+    errors: tuple[sp.Symbol, ...]
+
+    @property
+    def prediction(self) -> sp.Expr:
+        """rᵀp̂ + k: the acceleration that the estimates predict."""
+        products = (p * r for p, r in zip(self.estimates, self.row.regressor, strict=True))
+        return sp.Add(*products) + self.row.known
+
+    @property
+    def outputs(self) -> tuple[sp.Expr, ...]:
+        """p̂ as functions of y and x: Huang (2003), eq. (2)."""
+        pairs = zip(self.intermediate, self.immersion, strict=True)
+        return tuple(y + self.gain * b for y, b in pairs)
+
+    @property
+    def updates(self) -> tuple[sp.Expr, ...]:
+        """y' as functions of p̂, x and u: Huang (2003), eq. (3)."""
+        pairs = zip(self.row.regressor, self.cancelling, strict=True)
+        return tuple(-self.gain * (r * self.prediction + C) for r, C in pairs)
+
+
+@dataclass(frozen=True)
+class SymbolicObserver:
+    """The parametric observer of a model.
+
+    Parameters
+    ----------
+    symbolic : SymbolicSystem
+        The model.
+    rows : tuple of ObserverRow
+        One per row of the model.
+    rates : tuple of sympy.Symbol
+        Symbols of the inputs' rates of change, one per input, whether needed or not.
+    """
+
+    symbolic: SymbolicSystem
+    rows: tuple[ObserverRow, ...]
+    rates: tuple[sp.Symbol, ...]
+
+    @property
+    def input_rates(self) -> tuple[sp.Symbol, ...]:
+        """The rates that the observer really needs: u' where a regressor depends on u."""
+        used = {s for row in self.rows for C in row.cancelling for s in C.free_symbols}
+        return tuple(rate for rate in self.rates if rate in used)
+
+    @property
+    def quadratures(self) -> tuple[str, ...]:
+        """Names of the coefficients whose immersion is evaluated by quadrature."""
+        return tuple(
+            str(p)
+            for row in self.rows
+            for p, kind in zip(row.row.coefficients, row.kinds, strict=True)
+            if kind == "quadrature"
+        )
+
+    @property
+    def gains(self) -> tuple[sp.Symbol, ...]:
+        """The gain of each row."""
+        return tuple(row.gain for row in self.rows)
+
+
+def derive_observer(system: ParametricSystem) -> SymbolicObserver:
+    """Derive the observer of Huang (2003), eqs. (2)-(3), for a model.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model.
+
+    Returns
+    -------
+    SymbolicObserver
+        Gains are named c1, c2, … and states y1, y2, … for the first row, z1, … for the second,
+        w1, … for the third; an underscore is appended where the model uses such a name itself.
+
+    Raises
+    ------
+    AccelerationError
+        If a regressor depends on the velocity of another row.
+    ModelError
+        If a regressor jumps with a coordinate or an input.
+    """
+    symbolic = symbolic_system(system)
+    names = _FreshNames(system)
+    rates = tuple(names.take(f"{name}_rate") for name in system.inputs)
+    rows = tuple(
+        _derive_row(symbolic, row, number, rates, names)
+        for number, row in enumerate(symbolic.rows, start=1)
+    )
+    return SymbolicObserver(symbolic, rows, rates)
+
+
+def error_dynamics(observer: SymbolicObserver) -> tuple[tuple[sp.Expr, ...], ...]:
+    """Differentiate the estimates along the model, eq. (1), and insert the update laws.
+
+    Nothing of the design is presupposed: b is differentiated anew, by every state and input.
+
+    Parameters
+    ----------
+    observer : SymbolicObserver
+        The observer.
+
+    Returns
+    -------
+    tuple of tuple of sympy.Expr
+        p̃' per row and coefficient, in x, u, the true coefficients and the `errors`; by
+        Huang (2003), eq. (7) it equals -c r rᵀp̃.
+    """
+    symbolic = observer.symbolic
+    moving = [*symbolic.states, *symbolic.inputs]
+    rates = [*symbolic.right_hand_side, *observer.rates]
+    result = []
+    for row in observer.rows:
+        true = (p + e for p, e in zip(row.row.coefficients, row.errors, strict=True))
+        insert = dict(zip(row.estimates, true, strict=True))
+        result.append(
+            tuple(
+                sp.expand(
+                    update.subs(insert)
+                    + sum(rate * output.diff(x) for x, rate in zip(moving, rates, strict=True))
+                )
+                for update, output in zip(row.updates, row.outputs, strict=True)
+            )
+        )
+    return tuple(result)
+
+
+def _derive_row(
+    symbolic: SymbolicSystem,
+    row: SymbolicRow,
+    number: int,
+    rates: tuple[sp.Symbol, ...],
+    names: "_FreshNames",
+) -> ObserverRow:
+    immersions, kinds, cancelling = [], [], []
+    for coefficient, regressor in zip(row.coefficients, row.regressor, strict=True):
+        regressor = _without_other_velocities(symbolic, row, str(coefficient), regressor)
+        b, kind = immersion(regressor, row.velocity, symbolic.constants)
+        immersions.append(b)
+        kinds.append(kind)
+        cancelling.append(_cancelling(symbolic, row, str(coefficient), b, rates))
+    letter = "yzw"[number - 1] if number <= 3 else f"w{number}_"
+    return ObserverRow(
+        row,
+        names.take(f"c{number}"),
+        tuple(immersions),
+        tuple(kinds),
+        tuple(cancelling),
+        tuple(names.take(f"{letter}{j}") for j in range(1, len(immersions) + 1)),
+        tuple(names.take(f"{p}_hat") for p in row.coefficients),
+        tuple(names.take(f"{p}_error") for p in row.coefficients),
+    )
+
+
+def _without_other_velocities(
+    symbolic: SymbolicSystem, row: SymbolicRow, coefficient: str, regressor: sp.Expr
+) -> sp.Expr:
+    """The regressor, after making sure that its cancelling term needs no acceleration."""
+    others = [other.velocity for other in symbolic.rows if other.velocity != row.velocity]
+    if any(regressor.has(velocity) for velocity in others):
+        regressor = sp.simplify(regressor)  # sin(v)**2 + cos(v)**2 does not depend on v
+    for velocity in others:
+        if regressor.has(velocity):
+            raise AccelerationError(symbolic.system.name, row.name, coefficient, str(velocity))
+    return regressor
+
+
+def _cancelling(
+    symbolic: SymbolicSystem,
+    row: SymbolicRow,
+    coefficient: str,
+    b: sp.Expr,
+    rates: tuple[sp.Symbol, ...],
+) -> sp.Expr:
+    """C = Σ xᵢ' ∂b/∂xᵢ over the coordinates and the inputs."""
+    moving = [(other.coordinate, other.velocity) for other in symbolic.rows]
+    moving += zip(symbolic.inputs, rates, strict=True)
+    total = sp.S.Zero
+    for variable, rate in moving:
+        slope = b.diff(variable)
+        if slope.has(sp.DiracDelta, sp.Derivative):
+            raise ModelError(
+                symbolic.system.name,
+                f"row {row.name!r}: the regressor of {coefficient!r} jumps with {str(variable)!r}, "
+                f"so it has no cancelling term: smooth it, for example tanh({variable}/0.01) "
+                f"instead of sign({variable})",
+            )
+        total += rate * slope
+    return sp.factor_terms(total)
+
+
+class _FreshNames:
+    """Symbols whose names the model does not use."""
+
+    def __init__(self, system: ParametricSystem) -> None:
+        self._taken = {*system.variables, *system.coefficients}
+
+    def take(self, name: str) -> sp.Symbol:
+        while name in self._taken:
+            name += "_"
+        self._taken.add(name)
+        return symbol(name)

@@ -1,0 +1,112 @@
+"""The observer derived for the whole class: Huang (2003), eqs. (2), (3) and (7)."""
+
+import pytest
+import sympy as sp
+from systems import ALL, NO_CLOSED_FORM, PAPER, THREE_ROWS, UNKNOWN_GAIN, expected_error_dynamics
+
+from flexid.derivation.observer import derive_observer, error_dynamics
+from flexid.errors import AccelerationError, ModelError
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_error_dynamics_are_equation_7(name: str):
+    """Assert that inserting (1) into p̂' leaves -c r rᵀ p̃ for symbolic gains."""
+    observer = derive_observer(ALL[name])
+    for row, derived in zip(observer.rows, error_dynamics(observer), strict=True):
+        for found, wanted in zip(derived, expected_error_dynamics(row), strict=True):
+            assert sp.simplify(sp.expand(found - wanted)) == 0
+
+
+def test_error_dynamics_notice_a_wrong_sign():
+    """Assert that the check above fails for the printed minus sign before the sum in (3)."""
+    from dataclasses import replace
+
+    observer = derive_observer(PAPER)
+    row = observer.rows[0]
+    wrong_row = replace(row, cancelling=tuple(-C for C in row.cancelling))
+    wrong = replace(observer, rows=(wrong_row, observer.rows[1]))
+    found = error_dynamics(wrong)[0][0] - expected_error_dynamics(row)[0]
+    assert sp.simplify(found) != 0
+
+
+def test_flexible_joint_has_closed_forms():
+    """Assert that every immersion of the paper's system is a closed form without input rates."""
+    observer = derive_observer(PAPER)
+    assert observer.quadratures == ()
+    assert observer.input_rates == ()
+
+
+def test_quadrature_is_chosen_and_reported():
+    """Assert that the one regressor without an antiderivative, and no other, is integrated."""
+    observer = derive_observer(NO_CLOSED_FORM)
+    assert observer.quadratures == ("stribeck",)
+    assert observer.rows[0].kinds == ("closed form", "quadrature", "closed form")
+
+
+def test_unknown_input_gain_needs_the_input_rate():
+    """Assert that an unknown beta1 is accepted and its need of u' reported."""
+    assert [str(rate) for rate in derive_observer(UNKNOWN_GAIN).input_rates] == ["u_rate"]
+
+
+def test_only_rates_that_are_needed_are_reported():
+    """Assert that of two inputs only the one inside a regressor is asked for its rate."""
+    assert [str(rate) for rate in derive_observer(THREE_ROWS).input_rates] == ["u2_rate"]
+
+
+def test_names_of_gains_and_states():
+    """Assert that gains count the rows and states have one letter per row."""
+    observer = derive_observer(THREE_ROWS)
+    assert [str(c) for c in observer.gains] == ["c1", "c2", "c3"]
+    names = [[str(y) for y in row.intermediate] for row in observer.rows]
+    assert names == [["y1", "y2"], ["z1", "z2", "z3"], ["w1", "w2", "w3"]]
+
+
+def test_names_of_the_model_are_left_to_it():
+    """Assert that a model may call its own quantities y1, c1 or u_rate."""
+    system = ParametricSystem(
+        "clash", (Row("arm", "y1", "c1", {"a": "-y1*u", "a_hat": "u_rate"}),), ("u", "u_rate")
+    )
+    row = derive_observer(system).rows[0]
+    assert (str(row.gain), str(row.intermediate[0])) == ("c1_", "y1_")
+    assert [str(p) for p in row.estimates] == ["a_hat_", "a_hat_hat"]
+    assert str(derive_observer(system).rates[0]) == "u_rate_"
+
+
+def test_acceleration_is_refused_by_name():
+    """Assert that joint damping is refused with row, coefficient, velocity and the way out."""
+    with pytest.raises(AccelerationError) as caught:
+        derive_observer(flexible_joint(("joint_damping",)))
+    error = caught.value
+    assert (error.row, error.coefficient, error.velocity) == ("link", "theta_damping", "x4")
+    assert "least squares" in str(error)
+
+
+def test_acceleration_in_known_part_is_accepted():
+    """Assert that a known damping of the joint is no obstacle: nothing is integrated there."""
+    observer = derive_observer(
+        flexible_joint(
+            ("gravity", "joint_damping"), known={"theta_damping": 0.1, "alpha_damping": 0.2}
+        )
+    )
+    assert len(observer.rows[0].intermediate) == 2
+
+
+def test_velocity_that_cancels_is_no_dependence():
+    """Assert that sin² + cos² of another row's velocity is seen to be constant."""
+    system = ParametricSystem(
+        "identity",
+        (
+            Row("one", "q", "v", {"a": "q*(sin(w)**2 + cos(w)**2)"}),
+            Row("two", "p", "w", {"b": "p"}),
+        ),
+    )
+    assert str(derive_observer(system).rows[0].immersion[0]) == "q*v"
+
+
+@pytest.mark.parametrize("jump", ["sign(q)*v", "sign(u)"])
+def test_jump_is_refused(jump: str):
+    """Assert that a regressor that jumps with a coordinate or an input is refused."""
+    with pytest.raises(ModelError, match=r"jumps with .* smooth it"):
+        derive_observer(ParametricSystem("jump", (Row("arm", "q", "v", {"a": jump}),)))
