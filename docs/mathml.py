@@ -14,7 +14,7 @@ INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL)
 DISPLAY = re.compile(r'<div class="arithmatex">\s*\\\[(.+?)\\\]\s*</div>', re.DOTALL)
 
 
-def on_page_content(page: str, **_: Any) -> str:
-    """Return the page's HTML with its equations as MathML."""
-    page = INLINE.sub(lambda found: convert(html.unescape(found[1])), page)
-    return DISPLAY.sub(lambda found: convert(html.unescape(found[1]), display="block"), page)
+def on_page_content(content: str, **_: Any) -> str:
+    """Return a page's HTML with its equations as MathML."""
+    content = INLINE.sub(lambda found: convert(html.unescape(found[1])), content)
+    return DISPLAY.sub(lambda found: convert(html.unescape(found[1]), display="block"), content)

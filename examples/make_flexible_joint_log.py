@@ -153,7 +153,7 @@ theta1 = {{ value = {GRAVITY_TORQUE / LINK_INERTIA!r}, unit = "1/s^2" }}
 theta2 = {{ value = {JOINT_STIFFNESS / LINK_INERTIA!r}, unit = "1/s^2" }}
 alpha1 = {{ value = {JOINT_STIFFNESS / MOTOR_INERTIA!r}, unit = "1/s^2" }}
 alpha2 = {{ value = {MOTOR_VISCOUS_FRICTION / MOTOR_INERTIA!r}, unit = "1/s" }}
-beta1 = {{ value = {1 / MOTOR_INERTIA!r}, unit = "1/(kg m^2)" }}
+beta1 = {{ value = {1 / MOTOR_INERTIA!r}, unit = "rad/s^2/(N m)" }}
 """
 
 
