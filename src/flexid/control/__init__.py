@@ -1,1 +1,1 @@
-"""References and controllers, as declarations."""
+"""References and controllers, declared as text expressions with named parameters."""

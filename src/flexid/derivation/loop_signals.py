@@ -1,0 +1,89 @@
+"""Signals of a closed loop that depend on time alone: the reference and what is made of it."""
+
+from collections.abc import Collection
+
+import sympy as sp
+
+from flexid.control.controller import REFERENCE_NAMES
+from flexid.control.references import Reference
+from flexid.derivation.source import assignments
+from flexid.derivation.symbolic import symbol, to_sympy
+
+
+class Signals:
+    """The reference, its derivatives, and named functions of them, each kept as one symbol.
+
+    As symbols they cancel against each other before anything large is computed; for that, the
+    derivative of one signal is recognised where it is another (w2N = w1N' in the paper).
+
+    Parameters
+    ----------
+    reference : Reference
+    """
+
+    def __init__(self, reference: Reference) -> None:
+        names = {"t", *reference.parameters}
+        self._reference = to_sympy(reference.expression, names, "reference")
+        self._values: dict[sp.Symbol, sp.Expr] = {}
+        self._rates: dict[sp.Symbol, sp.Expr] = {}
+
+    @staticmethod
+    def reference(order: int) -> sp.Symbol:
+        """The symbol of a derivative of the reference."""
+        # Orders beyond those a controller may name still occur in the time derivatives.
+        return symbol(REFERENCE_NAMES[order] if order < len(REFERENCE_NAMES) else f"_qd_{order}")
+
+    def add(self, name: sp.Symbol, value: sp.Expr) -> None:
+        """Name a function of the reference, its derivatives, parameters and earlier signals."""
+        self._values[name] = value.xreplace(self._values)
+
+    def derivative(self, expression: sp.Expr) -> sp.Expr:
+        """Time derivative; whatever is no signal is constant."""
+        return sp.Add(*(sp.diff(expression, s) * self._rate(s) for s in self._in(expression)))
+
+    def assignments(self, used: Collection[sp.Basic]) -> tuple[str, set[sp.Basic]]:
+        """Lines that compute those signals that occur among the given symbols.
+
+        Returns
+        -------
+        str
+            Source, the reference first.
+        set of Symbol
+            All symbols that the lines and their users need.
+        """
+        values = {s: v for s, v in self._values.items() if s in used}
+        needed = set(used).union(*(v.free_symbols for v in values.values()))
+        orders = [order for order in range(20) if self.reference(order) in needed]
+        time = symbol("t")
+        references = [sp.diff(self._reference, time, order) for order in orders]
+        needed |= set().union(*(r.free_symbols for r in references))
+        blocks = [
+            assignments([str(self.reference(order)) for order in orders], references),
+            assignments([str(s) for s in values], list(values.values())),
+        ]
+        return "\n".join(
+            b for b, some in zip(blocks, (orders, values), strict=True) if some
+        ), needed
+
+    def _in(self, expression: sp.Expr) -> list[sp.Symbol]:
+        found = [s for s in expression.free_symbols if s in self._values or self._order(s) >= 0]
+        return sorted(found, key=str)
+
+    def _order(self, name: sp.Basic) -> int:
+        orders = (order for order in range(20) if name == self.reference(order))
+        return next(orders, -1)
+
+    def _rate(self, signal: sp.Symbol) -> sp.Expr:
+        if signal not in self._values:
+            return self.reference(self._order(signal) + 1)
+        if signal not in self._rates:
+            value = self.derivative(self._values[signal])
+            self._rates[signal] = self._known(value) if value else sp.S.Zero
+            if self._rates[signal] is None:
+                name = symbol(f"_d_{signal}")
+                self.add(name, value)
+                self._rates[signal] = name
+        return self._rates[signal]
+
+    def _known(self, value: sp.Expr) -> sp.Symbol | None:
+        return next((s for s, v in self._values.items() if sp.expand(v - value) == 0), None)

@@ -1,0 +1,214 @@
+
+# Rodas5P: Rosenbrock method of order 5 for stiff problems with a dense output of order 4.
+# G. Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within
+# the Julia Differential Equations package", BIT Numerical Mathematics 63 (2023) 27.
+# Calls rates(t, z, p, dz) and rates_and_jacobian(t, z, p, dz, jacobian, slope); needs SIZE.
+
+FINISHED = 0
+TOO_MANY_STEPS = 1
+STEP_TOO_SMALL = 2
+NOT_FINITE = 3
+DIVERGED = 4
+
+RODAS_GAMMA = 0.21193756319429014
+# Row i: the state of stage i as z + sum of A[i, j] times stage j. The last two rows add the stage
+# before them, and the sum of all stages is the new state, its last term the error estimate.
+RODAS_A = np.array([
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [2.849394379747939, 0.45842242204463923, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [-6.954028509809101, 2.489845061869568, -10.358996098473584, 0.0, 0.0, 0.0, 0.0],
+    [2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641, 0.0, 0.0, 0.0],
+    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 0.0, 0.0],
+    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 1.0, 0.0],
+    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 1.0, 1.0],
+])
+RODAS_C = np.array([
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [-14.155112264123755, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [-17.97296035885952, -2.859693295451294, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [147.12150275711716, -1.41221402718213, 71.68940251302358, 0.0, 0.0, 0.0, 0.0],
+    [165.43517024871676, -0.4592823456491126, 42.90938336958603, -5.961986721573306, 0.0, 0.0, 0.0],
+    [24.854864614690072, -3.0009227002832186, 47.4931110020768, 5.5814197821558125, -0.6610691825249471, 0.0, 0.0],
+    [30.91273214028599, -3.1208243349937974, 77.79954646070892, 34.28646028294783, -19.097331116725623, -28.087943162872662, 0.0],
+    [37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047, -40.06618937091002, -54.66780262877968, -9.48861652309627],
+])
+# Times of the stages, and weights of the time derivative of the right-hand side.
+RODAS_TIME = np.array([0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1.0, 1.0, 1.0])
+RODAS_SLOPE = np.array([0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734, 2.325825639765069, 0.0, 0.0, 0.0])
+# Dense output: three rows of weights of the stages.
+RODAS_DENSE = np.array([
+    [25.948786856663858, -2.5579724845846235, 10.433815404888879, -2.3679251022685204, 0.524948541321073, 1.1241088310450404, 0.4272876194431874, -0.17202221070155493],
+    [-9.91568850695171, -0.9689944594115154, 3.0438037242978453, -24.495224566215796, 20.176138334709044, 15.98066361424651, -6.789040303419874, -6.710236069923372],
+    [11.419903575922262, 2.8879645146136994, 72.92137995996029, 80.12511834622643, -52.072871366152654, -59.78993625266729, -0.15582684282751913, 4.883087185713722],
+])
+
+
+@njit(cache=True, error_model="numpy")
+def factorise(matrix, pivots):
+    """Overwrite a matrix by its LU factors, rows swapped so that pivots are largest.
+
+    The diagonal holds the reciprocals of the pivots, which the solutions need many times.
+    """
+    for column in range(SIZE):
+        largest = column
+        for row in range(column + 1, SIZE):
+            if abs(matrix[row, column]) > abs(matrix[largest, column]):
+                largest = row
+        pivots[column] = largest
+        if largest != column:
+            for j in range(SIZE):
+                matrix[column, j], matrix[largest, j] = matrix[largest, j], matrix[column, j]
+        matrix[column, column] = 1.0 / matrix[column, column]
+        for row in range(column + 1, SIZE):
+            if matrix[row, column] != 0.0:
+                factor = matrix[row, column] * matrix[column, column]
+                matrix[row, column] = factor
+                for j in range(column + 1, SIZE):
+                    matrix[row, j] -= factor * matrix[column, j]
+
+
+@njit(cache=True, error_model="numpy")
+def solve(matrix, pivots, b):
+    """Overwrite b by the solution; the matrix has been factorised."""
+    for row in range(SIZE):
+        other = pivots[row]
+        if other != row:
+            b[row], b[other] = b[other], b[row]
+    for row in range(1, SIZE):
+        total = b[row]
+        for j in range(row):
+            total -= matrix[row, j] * b[j]
+        b[row] = total
+    for row in range(SIZE - 1, -1, -1):
+        total = b[row]
+        for j in range(row + 1, SIZE):
+            total -= matrix[row, j] * b[j]
+        b[row] = total * matrix[row, row]
+
+
+@njit(cache=True, error_model="numpy")
+def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
+    """One step from z to new; stages are kept for the dense output, the last is the error."""
+    for i in range(SIZE):
+        stages[0, i] = dz[i] + h * RODAS_SLOPE[0] * slope[i]
+    solve(matrix, pivots, stages[0])
+    for stage in range(1, 8):
+        for i in range(SIZE):
+            value = z[i]
+            for j in range(stage):
+                value += RODAS_A[stage, j] * stages[j, i]
+            trial[i] = value
+        rates(t + RODAS_TIME[stage] * h, trial, p, new)
+        for i in range(SIZE):
+            value = 0.0
+            for j in range(stage):
+                value += RODAS_C[stage, j] * stages[j, i]
+            stages[stage, i] = new[i] + h * RODAS_SLOPE[stage] * slope[i] + value / h
+        solve(matrix, pivots, stages[stage])
+    for i in range(SIZE):
+        new[i] = trial[i] + stages[7, i]
+
+
+@njit(cache=True, error_model="numpy")
+def interpolate(t, h, z, new, stages, start, sample_time, samples, filled):
+    """Fill the samples that lie in the step from t to t + h; return how many are filled in all."""
+    dense = np.empty((3, SIZE))
+    ready = False
+    while filled < samples.shape[0]:
+        # The last sample of a run falls on its last step's end, up to rounding.
+        place = (start + filled * sample_time - t) / h
+        if place > 1.0 + 1e-9:
+            break
+        if not ready:
+            for row in range(3):
+                for i in range(SIZE):
+                    value = 0.0
+                    for stage in range(8):
+                        value += RODAS_DENSE[row, stage] * stages[stage, i]
+                    dense[row, i] = value
+            ready = True
+        rest = 1.0 - place
+        for i in range(SIZE):
+            inner = dense[0, i] + place * (dense[1, i] + place * dense[2, i])
+            samples[filled, i] = rest * z[i] + place * (new[i] + rest * inner)
+        filled += 1
+    return filled
+
+
+@njit(cache=True, error_model="numpy")
+def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, counts):
+    """Integrate z' = rates(t, z, p) from start to stop; z is overwritten by the final state.
+
+    relative, absolute   tolerance of every component: absolute[i] + relative |z[i]|
+    limit                magnitude of a component beyond which the run counts as diverged
+    samples              filled with z at start, start + sample_time, ...; may have no rows
+    counts               accepted steps, rejected steps, filled samples
+    Returns a status and the time reached.
+    """
+    dz = np.empty(SIZE)
+    slope = np.empty(SIZE)
+    trial = np.empty(SIZE)
+    new = np.empty(SIZE)
+    jacobian = np.zeros((SIZE, SIZE))
+    matrix = np.empty((SIZE, SIZE))
+    pivots = np.empty(SIZE, np.int64)
+    stages = np.empty((8, SIZE))
+    t = start
+    h = first_step
+    filled = 0
+    accepted = 0
+    rejected = 0
+    after_rejection = False
+    status = FINISHED
+    if samples.shape[0] > 0:
+        samples[0, :] = z
+        filled = 1
+    rates_and_jacobian(t, z, p, dz, jacobian, slope)
+    while t < stop:
+        if accepted + rejected >= most_steps:
+            status = TOO_MANY_STEPS
+            break
+        h = min(h, longest_step)
+        last = t + h >= stop
+        if last:
+            h = stop - t
+        for i in range(SIZE):
+            for j in range(SIZE):
+                matrix[i, j] = -jacobian[i, j]
+            matrix[i, i] += 1.0 / (h * RODAS_GAMMA)
+        factorise(matrix, pivots)
+        rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new)
+        error = 0.0
+        for i in range(SIZE):
+            scale = absolute[i] + relative * max(abs(z[i]), abs(new[i]))
+            part = abs(stages[7, i]) / scale
+            if not part <= error:  # also lets NaN through
+                error = part
+        if error <= 1.0:
+            filled = interpolate(t, h, z, new, stages, start, sample_time, samples, filled)
+            t = stop if last else t + h
+            accepted += 1
+            largest = 0.0
+            for i in range(SIZE):
+                z[i] = new[i]
+                largest = max(largest, abs(new[i]))
+            if largest > limit:
+                status = DIVERGED
+                break
+            rates_and_jacobian(t, z, p, dz, jacobian, slope)
+            growth = min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** (-0.2)))
+            h *= min(growth, 1.0) if after_rejection else growth
+            after_rejection = False
+        else:
+            rejected += 1
+            after_rejection = True
+            finite = error < np.inf
+            h *= max(0.1, 0.9 * error ** (-0.2)) if finite else 0.1
+            if t + h * 0.01 <= t:
+                status = STEP_TOO_SMALL if finite else NOT_FINITE
+                break
+    counts[0] = accepted
+    counts[1] = rejected
+    counts[2] = filled
+    return status, t

@@ -1,0 +1,101 @@
+"""A closed loop with all its values: what a simulation starts from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.control.controller import Controller
+from flexid.control.loop import LoopDeclaration
+from flexid.control.references import Reference
+from flexid.errors import SettingError
+from flexid.models.parametric_system import ParametricSystem
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """System, controller, reference and parametric observer, with values.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model of plant and observer; its constants have the values declared in it.
+    coefficients : mapping of str to float
+        The true coefficients.
+    controller : Controller
+    reference : Reference
+    observer_gains : mapping of str to float
+        The observer's gain c for each row, by the row's name.
+    initial_estimates : mapping of str to float, optional
+        p̂ at the start; 0 for those left out.
+    initial_state : sequence of float, optional
+        x at the start, in the order of ``system.states``; all 0 if left out.
+
+    Raises
+    ------
+    SettingError
+        If a coefficient or a gain has no value, or a value has no meaning in this system.
+    ModelError
+        If controller and system do not fit together.
+    """
+
+    system: ParametricSystem
+    coefficients: Mapping[str, float]
+    controller: Controller
+    reference: Reference
+    observer_gains: Mapping[str, float]
+    initial_estimates: Mapping[str, float] = field(default_factory=dict)
+    initial_state: Sequence[float] = ()
+
+    def __post_init__(self) -> None:
+        rows = tuple(row.name for row in self.system.rows)
+        _check("coefficients", self.coefficients, self.system.coefficients, complete=True)
+        _check("observer_gains", self.observer_gains, rows, complete=True)
+        _check("initial_estimates", self.initial_estimates, self.system.coefficients)
+        state = tuple(map(float, self.initial_state)) or (0.0,) * len(self.system.states)
+        if len(state) != len(self.system.states):
+            raise SettingError(
+                "initial_state", f"has {len(state)} values for {len(self.system.states)} states"
+            )
+        object.__setattr__(self, "initial_state", state)
+        self.declaration  # noqa: B018 - checks that the parts fit together
+
+    @property
+    def declaration(self) -> LoopDeclaration:
+        """The loop without its values."""
+        return LoopDeclaration(self.system, self.controller, self.reference)
+
+    @property
+    def true_coefficients(self) -> NDArray[np.float64]:
+        """p, in the system's order."""
+        return np.array([self.coefficients[name] for name in self.system.coefficients])
+
+    @property
+    def start_estimates(self) -> NDArray[np.float64]:
+        """p̂ at the start, in the system's order."""
+        return np.array([self.initial_estimates.get(p, 0.0) for p in self.system.coefficients])
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Run-time parameters of the compiled loop, in the declaration's order."""
+        gains = [self.observer_gains[row.name] for row in self.system.rows]
+        values = (
+            *self.true_coefficients,
+            *self.system.constants.values(),
+            *self.controller.parameters.values(),
+            *self.reference.parameters.values(),
+            *gains,
+        )
+        return np.array(values, dtype=float)
+
+
+def _check(
+    setting: str, values: Mapping[str, float], names: tuple[str, ...], complete: bool = False
+) -> None:
+    for name in values:
+        if name not in names:
+            raise SettingError(setting, f"{name!r} is unknown; known are {', '.join(names)}")
+    missing = [name for name in names if name not in values]
+    if complete and missing:
+        raise SettingError(setting, f"{', '.join(missing)} missing: give a value for each")

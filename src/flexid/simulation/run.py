@@ -1,0 +1,68 @@
+"""What a simulated closed loop did."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.simulation.loop import ClosedLoop
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A closed loop over time; n samples, all quantities in SI units.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        What was simulated: the model, its true coefficients, controller, reference, observer.
+    time : (n,) ndarray
+        In s.
+    states : (n, n_states) ndarray
+        x, in plain coordinates, in the order of ``loop.system.states``.
+    inputs : (n, n_inputs) ndarray
+        u, in the order of ``loop.system.inputs``.
+    estimates : (n, n_coefficients) ndarray
+        p̂, in the order of ``loop.system.coefficients``.
+    parameter_errors : (n, n_coefficients) ndarray
+        p̃ = p̂ - p. From a continuous run it is not the difference of the two but the integrated
+        error itself, so it keeps its digits as it vanishes.
+    reference : (n, 5) ndarray
+        q_d and its first four derivatives.
+    tracking_error : (n,) ndarray
+        Tracked state minus q_d, accurate also where it is far smaller than either.
+    settings : dict
+        Task, tolerances, seed and version that made the run.
+    statistics : dict of str to int
+        Accepted and rejected steps.
+    measured : (n, n_states) ndarray or None
+        What controller and observer saw, in a sampled run.
+    """
+
+    loop: ClosedLoop
+    time: Array
+    states: Array
+    inputs: Array
+    estimates: Array
+    parameter_errors: Array
+    reference: Array
+    tracking_error: Array
+    settings: dict[str, str | int | float]
+    statistics: dict[str, int]
+    measured: Array | None = None
+
+    def between(self, start: float, stop: float) -> slice:
+        """Samples of a time window, both ends included."""
+        first = int(np.searchsorted(self.time, start - 1e-9))
+        return slice(first, int(np.searchsorted(self.time, stop + 1e-9)))
+
+    def final_errors(self) -> dict[str, float]:
+        """Parameter errors at the end, by coefficient."""
+        last = self.parameter_errors[-1]
+        return dict(zip(self.loop.system.coefficients, map(float, last), strict=True))
+
+    def largest_tracking_error(self, start: float, stop: float) -> float:
+        """Largest magnitude of the tracking error in a time window."""
+        return float(np.max(np.abs(self.tracking_error[self.between(start, stop)])))
