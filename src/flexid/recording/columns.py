@@ -222,7 +222,9 @@ def _direct(table: Table, name: str, header: str) -> Channel:
     unit = split_header(header)[1]
     place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
     factor, si_unit = _scale(table.file, place, unit, name)
-    return Channel(table.numbers(header) * factor, si_unit, header, unit is not None)
+    with np.errstate(over="ignore"):
+        values = table.numbers(header) * factor
+    return Channel(values, si_unit, header, unit is not None)
 
 
 def _mapped(table: Table, name: str, entry: Entry, map_file: str) -> Channel:
@@ -239,9 +241,10 @@ def _mapped(table: Table, name: str, entry: Entry, map_file: str) -> Channel:
     unit = entry.unit if entry.unit is not None else units.pop()
     factor, si_unit = _scale(map_file, f"key '{name}'", unit, name)
     total = np.zeros(table.frame.height)
-    for term, header in zip(entry.terms, headers, strict=True):
-        total += term.scale * table.numbers(header)
-    values = factor * (entry.scale * total + entry.offset)
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
+        for term, header in zip(entry.terms, headers, strict=True):
+            total += term.scale * table.numbers(header)
+        values = factor * (entry.scale * total + entry.offset)
     return Channel(values, si_unit, " + ".join(headers), unit is not None)
 
 

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from flexid.errors import RecordingError
-from flexid.recording.columns import INPUTS, read_channels
+from flexid.recording import checks
+from flexid.recording.columns import INPUTS, POSITIONS, VELOCITIES, Channel, read_channels
 from flexid.recording.recording import Log, Recording
+from flexid.recording.sampling import Grid, check_increasing, even_grid, to_grid
 from flexid.recording.table import read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from flexid.recording.recording import FloatArray
+
 
 def read_log(path: Path, columns: Path | None = None) -> Log:
-    """Read a log.
+    """Read a log and check it.
 
     Parameters
     ----------
@@ -28,6 +30,7 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     Returns
     -------
     Log
+        Its pieces lie on one even time grid; its warnings say what was mended or looks odd.
 
     Raises
     ------
@@ -36,28 +39,87 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     """
     table = read_table(path)
     channels, warnings = read_channels(table, columns)
-    time = channels["time"].values
-    if len(time) < 20 or not np.all(np.diff(time) > 0):
-        raise RecordingError(table.file, "", "time does not increase: sort the rows")
-    motor = channels["motor_position"].values
-    link = (
-        channels["link_position"].values
-        if "link_position" in channels
-        else motor + channels["deflection"].values
+    clock = channels.pop("time")
+    checks.check_magnitude(table.file, "time", clock)
+    check_increasing(table, clock.column, clock.values)
+    grid = even_grid(table, clock.column, clock.values)
+    warnings += grid.warnings
+    warnings += _check_each(table.file, channels, clock.values)
+    warnings += _unwrap(table.file, channels, clock.values)
+    _add_link_position(table.file, channels)
+    warnings += _check_together(table.file, channels, clock.values)
+    pieces = [_piece(table.file, channels, clock.values, grid, part) for part in grid.pieces]
+    for name in VELOCITIES:
+        if name in channels:
+            positions = [getattr(piece, name.replace("velocity", "position")) for piece in pieces]
+            warnings += checks.check_derivative(table.file, name, channels[name], positions, pieces)
+    return Log(tuple(pieces), warnings, table.file, table.sha256)
+
+
+def _check_each(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
+    """Check every channel by itself."""
+    warnings: tuple[str, ...] = ()
+    for name, channel in channels.items():
+        checks.check_magnitude(file, name, channel)
+        checks.check_varies(file, name, channel)
+        if name in POSITIONS:
+            warnings += checks.check_speed(file, name, channel, time)
+        warnings += checks.check_saturation(file, name, channel)
+    return warnings
+
+
+def _unwrap(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
+    """Replace the positions of absolute encoders by continuous ones."""
+    warnings = []
+    for name in ("link_position", "motor_position"):
+        if name in channels:
+            values, warning = checks.unwrap(file, name, channels[name], time)
+            if warning:
+                channels[name] = replace(channels[name], values=values)
+                warnings.append(warning)
+    return tuple(warnings)
+
+
+def _add_link_position(file: str, channels: dict[str, Channel]) -> None:
+    """Compute the link position from the deflection where it was not measured."""
+    if "link_position" not in channels:
+        motor, deflection = channels["motor_position"], channels["deflection"]
+        link = replace(deflection, values=motor.values + deflection.values)
+        checks.check_varies(file, "link_position", link)
+        channels["link_position"] = link
+
+
+def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
+    """Check the two sides of the joint against each other."""
+    link, motor = channels["link_position"], channels["motor_position"]
+    checks.check_two_encoders(file, link, motor)
+    warnings = checks.check_follow(file, link, motor)
+    sensor = "deflection" if "deflection" in channels else "link_position"
+    warnings += checks.check_frozen(file, sensor, channels[sensor], motor.values, time)
+    warnings += checks.check_frozen(file, "motor_position", motor, link.values, time)
+    return warnings
+
+
+def _piece(
+    file: str, channels: dict[str, Channel], time: FloatArray, grid: Grid, part: slice
+) -> Recording:
+    """Build the recording of one piece."""
+    drive_name = next(name for name in INPUTS if name in channels)
+
+    def sampled(name: str) -> FloatArray:
+        values = channels[name].values[part]
+        if not grid.resample:
+            return values
+        return to_grid(time[part], values, grid.sample_time, held=name == drive_name)
+
+    return Recording(
+        sample_time=grid.sample_time,
+        start_time=float(time[part.start]),
+        link_position=sampled("link_position"),
+        motor_position=sampled("motor_position"),
+        input=sampled(drive_name),
+        input_unit=channels[drive_name].unit,
+        link_velocity=sampled("link_velocity") if "link_velocity" in channels else None,
+        motor_velocity=sampled("motor_velocity") if "motor_velocity" in channels else None,
+        source=file,
     )
-    drive = next(channels[name] for name in INPUTS if name in channels)
-    measured = {
-        name: channels[name].values if name in channels else None
-        for name in ("link_velocity", "motor_velocity")
-    }
-    piece = Recording(
-        sample_time=float((time[-1] - time[0]) / (len(time) - 1)),
-        start_time=float(time[0]),
-        link_position=link,
-        motor_position=motor,
-        input=drive.values,
-        input_unit=drive.unit,
-        source=table.file,
-        **measured,
-    )
-    return Log((piece,), warnings, table.file, table.sha256)

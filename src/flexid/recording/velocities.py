@@ -96,8 +96,8 @@ def velocity(position: FloatArray, sample_time: float) -> FloatArray:
     Polynomials are fitted to a window centred on each sample (Savitzky and Golay, Analytical
     Chemistry 36, 1964). Of a geometric series of windows the one with the least expected error is
     taken: the variance follows from the noise of the position, the squared bias from what a window
-    of half the width gives otherwise, less the part that noise explains. One step narrower than that
-    is used, because the error grows slowly towards narrow windows and fast towards wide ones, above
+    of half the width gives otherwise, less the part that noise explains. The next narrower one is
+    used, because the error grows slowly towards narrow windows and fast towards wide ones, above
     all at the two ends, where no window is centred.
 
     Parameters
@@ -115,7 +115,8 @@ def velocity(position: FloatArray, sample_time: float) -> FloatArray:
 
     width = 2 * best_half_window(position) + 1
     degree = min(DEGREE, width - 1)
-    return savgol_filter(position, width, degree, deriv=1, delta=sample_time)
+    derivative = savgol_filter(position, width, degree, deriv=1, delta=sample_time)
+    return np.asarray(derivative, dtype=np.float64)
 
 
 def best_half_window(position: FloatArray) -> int:

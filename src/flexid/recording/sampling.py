@@ -1,0 +1,224 @@
+"""Time stamps to an even grid: gaps cut the log into pieces, jitter is interpolated away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexid.errors import RecordingError
+
+if TYPE_CHECKING:
+    from flexid.recording.recording import FloatArray
+    from flexid.recording.table import Table
+
+FEWEST_SAMPLES = 20  # of a piece
+LONGEST_SAMPLE_TIME = 0.5  # s
+SHORTEST_SAMPLE_TIME = 1e-6  # s
+GAP = 1.5  # sample times between two samples; a single lost sample makes 2
+MOST_GAPS = 0.05  # share of the steps
+EVEN = 1e-3  # of a sample time: what a printed time is off by
+MOST_JITTER = 0.1  # of a sample time
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Where the pieces of a log lie, and on which even times.
+
+    Parameters
+    ----------
+    sample_time : float
+        Common to all pieces, in s.
+    pieces : tuple of slice
+        The samples of each piece.
+    resample : bool
+        Whether the time stamps are off the even grid by more than rounding.
+    warnings : tuple of str
+    """
+
+    sample_time: float
+    pieces: tuple[slice, ...]
+    resample: bool
+    warnings: tuple[str, ...]
+
+
+def check_increasing(table: Table, column: str, time: FloatArray) -> None:
+    """Raise unless time increases from row to row.
+
+    Raises
+    ------
+    RecordingError
+        Naming the first row that does not come after the one before.
+    """
+    steps = np.diff(time)
+    if np.all(steps > 0.0):
+        return
+    index = int(np.argmax(~(steps > 0.0))) + 1
+    before, now = f"{time[index - 1]:.9g}", f"{time[index]:.9g}"
+    reason = (
+        f"time repeats ({now} s): remove the repeated row, or write the time with more digits"
+        if time[index] == time[index - 1]
+        else f"time runs backwards (from {before} s to {now} s): sort the rows, or cut the file "
+        f"there into two logs"
+    )
+    raise RecordingError(table.file, table.place(index, column), reason)
+
+
+def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
+    """Find the sample time and the gaps of increasing time stamps.
+
+    Parameters
+    ----------
+    table : Table
+        For the places in messages.
+    column : str
+        Where the time stands.
+    time : FloatArray, shape (n,)
+        Increasing, in s.
+
+    Returns
+    -------
+    Grid
+
+    Raises
+    ------
+    RecordingError
+        If the samples are too few, or the sample time implausible or too uneven.
+    """
+    place = f"column {column!r}"
+    _check_count(table.file, len(time))
+    steps = np.diff(time)
+    typical = float(np.median(steps))
+    _check_sample_time(table.file, place, typical)
+    is_gap = steps > GAP * typical
+    if is_gap.mean() > MOST_GAPS:
+        raise _uneven(table.file, place, steps)
+    cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
+    all_pieces = [slice(a, b) for a, b in pairwise(cuts)]
+    pieces = [piece for piece in all_pieces if piece.stop - piece.start >= FEWEST_SAMPLES]
+    if not pieces:
+        raise RecordingError(
+            table.file,
+            place,
+            f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps",
+        )
+    warnings = _gap_warnings(table.file, time, all_pieces, pieces)
+    sample_time = _fitted_sample_time(time, pieces)
+    off_grid = max(_off_grid(time[piece], sample_time) for piece in pieces)
+    within = np.concatenate([np.diff(time[piece]) for piece in pieces])
+    # A time stamp that is late lengthens one step and shortens the next.
+    jitter = float(np.abs(within / sample_time - 1.0).max()) / 2.0
+    if off_grid <= EVEN:
+        return Grid(sample_time, tuple(pieces), False, warnings)
+    if jitter > MOST_JITTER:
+        raise _uneven(table.file, place, within)
+    warnings += (
+        f"{table.file}: {place}: the time steps vary by {200.0 * jitter:.2g} % of the sample time "
+        f"of {sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record "
+        f"at a fixed rate",
+    )
+    return Grid(sample_time, tuple(pieces), True, warnings)
+
+
+def to_grid(
+    time: FloatArray, values: FloatArray, sample_time: float, held: bool = False
+) -> FloatArray:
+    """Interpolate a channel to even times from its first time stamp on.
+
+    Parameters
+    ----------
+    time, values : FloatArray, shape (n,)
+    sample_time : float
+    held : bool
+        Whether the channel may step, as an input does: interpolated without overshoot.
+
+    Returns
+    -------
+    FloatArray, shape (m,)
+        At ``time[0] + sample_time * k``, as far as the time stamps reach.
+    """
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
+    count = int((time[-1] - time[0]) / sample_time + EVEN) + 1
+    even = np.minimum(time[0] + sample_time * np.arange(count), time[-1])
+    interpolator = PchipInterpolator if held else CubicSpline
+    return np.asarray(interpolator(time, values)(even), dtype=np.float64)
+
+
+def _check_count(file: str, count: int) -> None:
+    if count < FEWEST_SAMPLES:
+        raise RecordingError(
+            file,
+            "",
+            f"there are {count} samples where at least {FEWEST_SAMPLES} are needed: record for "
+            f"longer",
+        )
+
+
+def _check_sample_time(file: str, place: str, sample_time: float) -> None:
+    if not SHORTEST_SAMPLE_TIME <= sample_time <= LONGEST_SAMPLE_TIME:
+        raise RecordingError(
+            file,
+            place,
+            f"the sample time would be {sample_time:.4g} s, which no drive log has: name the unit "
+            f"of the time, as in [ms]",
+        )
+
+
+def _uneven(file: str, place: str, steps: FloatArray) -> RecordingError:
+    return RecordingError(
+        file,
+        place,
+        f"the time steps vary between {steps.min() * 1e3:.4g} and {steps.max() * 1e3:.4g} ms: "
+        f"record at a fixed rate, or write the time with more digits",
+    )
+
+
+def _gap_warnings(
+    file: str, time: FloatArray, all_pieces: list[slice], pieces: list[slice]
+) -> tuple[str, ...]:
+    warnings = []
+    if len(all_pieces) > 1:
+        gaps = [
+            f"{time[a.stop - 1]:.6g} s to {time[b.start]:.6g} s" for a, b in pairwise(all_pieces)
+        ]
+        warnings.append(
+            f"{file}: samples are missing from {_listed(gaps)}, so the log was cut there into "
+            f"{len(pieces)} {'piece' if len(pieces) == 1 else 'pieces'}: record without gaps"
+        )
+    short = [
+        f"{time[piece.start]:.6g} s to {time[piece.stop - 1]:.6g} s"
+        for piece in all_pieces
+        if piece not in pieces
+    ]
+    if short:
+        warnings.append(
+            f"{file}: the samples from {_listed(short)} were dropped, since fewer than "
+            f"{FEWEST_SAMPLES} lie between two gaps: record without gaps"
+        )
+    return tuple(warnings)
+
+
+def _listed(items: list[str]) -> str:
+    if len(items) > 4:
+        return ", ".join(items[:3]) + f" and {len(items) - 3} more times"
+    return ", ".join(items)
+
+
+def _fitted_sample_time(time: FloatArray, pieces: list[slice]) -> float:
+    """Return the least-squares slope of time over the sample's number, common to all pieces."""
+    products, squares = 0.0, 0.0
+    for piece in pieces:
+        stamps = time[piece] - time[piece].mean()
+        numbers = np.arange(len(stamps)) - 0.5 * (len(stamps) - 1)
+        products += float(numbers @ stamps)
+        squares += float(numbers @ numbers)
+    return products / squares
+
+
+def _off_grid(stamps: FloatArray, sample_time: float) -> float:
+    """Return how far time stamps are off an even grid at most, in sample times."""
+    residual = stamps - sample_time * np.arange(len(stamps))
+    return float(np.abs(residual - np.median(residual)).max()) / sample_time
