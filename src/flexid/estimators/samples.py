@@ -1,13 +1,10 @@
 """Measured samples as the estimators take them: plain arrays for any parametric system."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.errors import SettingError
-from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Recording
 
 FloatArray = NDArray[np.float64]
@@ -56,24 +53,3 @@ def samples_of_recording(recording: Recording) -> Samples:
         recording.sample_time,
         recording.start_time,
     )
-
-
-def constant_values(
-    system: ParametricSystem, constants: Mapping[str, float] | None = None
-) -> FloatArray:
-    """Values of the system's constants in order, replaced where `constants` says so.
-
-    Raises
-    ------
-    SettingError
-        If `constants` names something that the system does not have.
-    """
-    values = dict(system.constants)
-    for name, value in (constants or {}).items():
-        if name not in values:
-            known = ", ".join(values) or "none"
-            raise SettingError(
-                "constants", f"{name!r} is no constant of this model; it has {known}"
-            )
-        values[name] = float(value)
-    return np.array(list(values.values()), dtype=np.float64)

@@ -6,21 +6,18 @@ remembers from before the record is a combination of two known sequences, z^i an
 pole z; both sides are projected on what these cannot explain, and p follows by least squares.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Literal
 
 import numpy as np
 
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_lengths, sandwich_covariance
-from flexid.estimators.samples import FloatArray, Samples, constant_values
+from flexid.estimators.samples import FloatArray, Samples
 from flexid.kernels.store import load_kernel, template
 from flexid.models.parametric_system import ParametricSystem
-
-Hold = Literal["linear", "zero"]
-"""How inputs run between samples: linearly, or constant from their sample to the next."""
+from flexid.recording.recording import Hold
 
 _MEMORY = 40.0  # time constants of the filter after which its past has vanished: exp(-40) = 4e-18
 _NULL = 1e-12  # eigenvalue of the normalised Gram matrix that counts as zero
@@ -101,7 +98,6 @@ class LeastSquaresFit:
 def filtered_least_squares(
     pieces: Sequence[Samples],
     system: ParametricSystem,
-    constants: Mapping[str, float] | None = None,
     filter_rate: float = 20.0,
     hold: Hold = "linear",
 ) -> LeastSquaresFit:
@@ -112,9 +108,7 @@ def filtered_least_squares(
     pieces : sequence of Samples
         One or more. Velocities are used only where a regressor is nonlinear in them.
     system : ParametricSystem
-        The model.
-    constants : mapping of str to float, optional
-        Values of the model's constants that replace its defaults.
+        The model; its constants have the values declared in it.
     filter_rate : float, optional
         λ in 1/s. See `choose_filter_rate`.
     hold : {"linear", "zero"}, optional
@@ -129,13 +123,13 @@ def filtered_least_squares(
     Raises
     ------
     SettingError
-        If the filter rate is not positive, a constant is unknown, or a regressor that is nonlinear
-        in velocities meets a piece without velocities.
+        If the filter rate is not positive, or a regressor that is nonlinear in velocities meets a
+        piece without velocities.
     """
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
         raise SettingError("filter rate", f"{filter_rate} is no rate: give a positive number, 1/s")
     usable = [piece for piece in pieces if len(piece) > 4]
-    signals = filtered_signals(usable, system, constants, filter_rate, hold)
+    signals = filtered_signals(usable, system, filter_rate, hold)
     time = np.concatenate([np.zeros(0), *(piece.time[1:-1] for piece in usable)])
     lengths = [len(piece) - 2 for piece in usable]
     sample_times = [piece.sample_time for piece in usable]
@@ -158,7 +152,6 @@ def filtered_least_squares(
 def filtered_signals(
     pieces: Sequence[Samples],
     system: ParametricSystem,
-    constants: Mapping[str, float] | None,
     filter_rate: float,
     hold: Hold,
 ) -> FloatArray:
@@ -173,7 +166,7 @@ def filtered_signals(
         gives n - 2 equations.
     """
     kernel = _kernel(system)
-    values = constant_values(system, constants)
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
     total = sum(len(piece) - 2 for piece in pieces)
     filtered = np.empty((kernel.N_SIGNALS, total))
     first = 0
@@ -191,7 +184,7 @@ def filtered_signals(
             positions,
             np.ascontiguousarray(velocities, dtype=np.float64),
             np.ascontiguousarray(piece.inputs, dtype=np.float64),
-            values,
+            constants,
             float(piece.sample_time),
             pole,
             hold == "zero",

@@ -1,0 +1,81 @@
+"""The rate of the state-variable filter, chosen from the data.
+
+A slow filter averages more noise away, a fast one sees more of the motion. Where the model is
+right, every rate gives the same coefficients but for noise, and the smallest predicted standard
+deviation decides. Where it is not, each rate hides another part of the motion, and coefficients
+that explain only what the slowest filter lets through are of no use. So each candidate's
+coefficients are put before the equations of all other rates first, and only those that do about as
+well there as any may compete.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+
+_STEP = np.sqrt(2.0)  # between one candidate and the next
+_SLOWEST = 100.0  # over the record's duration: ten blocks of ten time constants each
+_FASTEST = 0.5  # over the sample time
+_TOLERANCE = 0.03  # excess of the mean log residual that counts as "about as well"
+
+
+def candidate_rates(pieces: Sequence[Samples]) -> FloatArray:
+    """Rates in 1/s that the length and the sample time of a record allow, ascending."""
+    duration = sum(len(piece) * piece.sample_time for piece in pieces)
+    fastest = _FASTEST / min(piece.sample_time for piece in pieces)
+    slowest = min(_SLOWEST / duration, fastest)
+    count = 1 + int(np.log(fastest / slowest) / np.log(_STEP))
+    return slowest * _STEP ** np.arange(count)
+
+
+def choose_filter_rate(
+    pieces: Sequence[Samples], system: ParametricSystem, hold: Hold = "linear"
+) -> float:
+    """Choose λ: about the best at explaining the equations of every rate, then the least noisy.
+
+    Parameters
+    ----------
+    pieces : sequence of Samples
+        One or more contiguous pieces of motion.
+    system : ParametricSystem
+        The model.
+    hold : {"linear", "zero"}, optional
+        Hold of the inputs.
+
+    Returns
+    -------
+    float
+        λ in 1/s.
+    """
+    rates = candidate_rates(pieces)
+    fits = [filtered_least_squares(pieces, system, rate, hold) for rate in rates]
+    regrets = np.array([[_regret(fit, other) for other in fits] for fit in fits]).mean(axis=1)
+    spreads = [
+        _log_spread(fit) if regret <= regrets.min() + _TOLERANCE else np.inf
+        for fit, regret in zip(fits, regrets, strict=True)
+    ]
+    return float(rates[int(np.argmin(spreads))])
+
+
+def _regret(fit: LeastSquaresFit, judge: LeastSquaresFit) -> float:
+    """Log of the residual that a fit leaves in another's equations, over the least possible."""
+    regret = 0.0
+    edges = np.cumsum([0, *(len(row.coefficients) for row in judge.rows)])
+    for row, (start, stop) in zip(judge.rows, pairwise(edges), strict=True):
+        difference = fit.values[start:stop] - judge.values[start:stop]
+        # Least squares: the residual grows by this quadratic form and by nothing else.
+        excess = float(difference @ row.gram @ difference)
+        regret += np.log1p(excess / row.residual_sum) if row.residual_sum > 0.0 else 0.0
+    return regret
+
+
+def _log_spread(fit: LeastSquaresFit) -> float:
+    """Mean log variance of the coefficients that the data determine."""
+    variances = np.diag(fit.covariance)
+    usable = variances[np.isfinite(variances) & (variances > 0.0)]
+    return float(np.mean(np.log(usable))) if len(usable) else 0.0
