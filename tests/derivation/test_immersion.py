@@ -77,7 +77,7 @@ def _integral(integrand: Callable[[float], float], velocity: float) -> float:
     ends = [e for e in (0.0, 1.0, 10.0, 100.0) if e < abs(velocity)] + [abs(velocity)]
     side = math.copysign(1.0, velocity)
     pieces = (
-        quad(integrand, side * a, side * b, epsabs=1e-12, epsrel=1e-12, limit=400)[0]
+        quad(integrand, side * a, side * b, epsabs=1e-12, epsrel=1e-10, limit=400)[0]
         for a, b in pairwise(ends)
     )
     return sum(pieces)

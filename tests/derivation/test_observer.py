@@ -16,7 +16,12 @@ def test_error_dynamics_are_equation_7(name: str):
     observer = derive_observer(ALL[name])
     for row, derived in zip(observer.rows, error_dynamics(observer), strict=True):
         for found, wanted in zip(derived, expected_error_dynamics(row), strict=True):
-            assert sp.simplify(sp.expand(found - wanted)) == 0
+            assert _is_zero(found - wanted)
+
+
+def _is_zero(expression: sp.Expr) -> bool:
+    # At z = 0 alone sign(z) is not |z|/z; simplify by itself needs minutes to see the rest.
+    return sp.simplify(sp.expand(expression.replace(sp.sign, lambda z: sp.Abs(z) / z))) == 0
 
 
 def test_error_dynamics_notice_a_wrong_sign():
@@ -28,7 +33,7 @@ def test_error_dynamics_notice_a_wrong_sign():
     wrong_row = replace(row, cancelling=tuple(-C for C in row.cancelling))
     wrong = replace(observer, rows=(wrong_row, observer.rows[1]))
     found = error_dynamics(wrong)[0][0] - expected_error_dynamics(row)[0]
-    assert sp.simplify(found) != 0
+    assert not _is_zero(found)
 
 
 def test_flexible_joint_has_closed_forms():
