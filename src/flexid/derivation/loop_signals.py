@@ -1,6 +1,6 @@
 """Signals of a closed loop that depend on time alone: the reference and what is made of it."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import sympy as sp
 
@@ -8,6 +8,13 @@ from flexid.control.controller import REFERENCE_NAMES
 from flexid.control.references import Reference
 from flexid.derivation.source import assignments
 from flexid.derivation.symbolic import symbol, to_sympy
+
+
+def insert(values: Mapping[sp.Symbol, sp.Expr], expression: sp.Expr) -> sp.Expr:
+    """Replace symbols by values, all at once; sums and products cancel what they can."""
+    result = expression.xreplace(dict(values))
+    assert isinstance(result, sp.Expr)
+    return result
 
 
 class Signals:
@@ -35,7 +42,7 @@ class Signals:
 
     def add(self, name: sp.Symbol, value: sp.Expr) -> None:
         """Name a function of the reference, its derivatives, parameters and earlier signals."""
-        self._values[name] = value.xreplace(self._values)
+        self._values[name] = insert(self._values, value)
 
     def derivative(self, expression: sp.Expr) -> sp.Expr:
         """Time derivative; whatever is no signal is constant."""
@@ -66,8 +73,8 @@ class Signals:
         ), needed
 
     def _in(self, expression: sp.Expr) -> list[sp.Symbol]:
-        found = [s for s in expression.free_symbols if s in self._values or self._order(s) >= 0]
-        return sorted(found, key=str)
+        found = (s for s in expression.free_symbols if isinstance(s, sp.Symbol))
+        return sorted((s for s in found if s in self._values or self._order(s) >= 0), key=str)
 
     def _order(self, name: sp.Basic) -> int:
         orders = (order for order in range(20) if name == self.reference(order))
@@ -78,12 +85,15 @@ class Signals:
             return self.reference(self._order(signal) + 1)
         if signal not in self._rates:
             value = self.derivative(self._values[signal])
-            self._rates[signal] = self._known(value) if value else sp.S.Zero
-            if self._rates[signal] is None:
-                name = symbol(f"_d_{signal}")
-                self.add(name, value)
-                self._rates[signal] = name
+            self._rates[signal] = self._named(value, symbol(f"_d_{signal}"))
         return self._rates[signal]
 
-    def _known(self, value: sp.Expr) -> sp.Symbol | None:
-        return next((s for s, v in self._values.items() if sp.expand(v - value) == 0), None)
+    def _named(self, value: sp.Expr, name: sp.Symbol) -> sp.Expr:
+        """The signal that has this value, a new one if there is none."""
+        if sp.expand(value) == 0:
+            return sp.S.Zero
+        for signal, known in self._values.items():
+            if sp.expand(known - value) == 0:
+                return signal
+        self.add(name, value)
+        return name

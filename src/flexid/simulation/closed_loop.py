@@ -124,7 +124,7 @@ def _run(
     counts: NDArray[np.int64],
 ) -> Run:
     sample_time = float(settings["sample_time"])
-    time = sample_time * np.arange(len(samples))
+    time = sample_time * np.arange(len(samples), dtype=np.float64)
     blocks = (kernel.N_STATES, kernel.N_INPUTS, kernel.N_COEFFICIENTS, kernel.N_COEFFICIENTS)
     outputs = np.empty((len(samples), sum(blocks) + 1))
     kernel.sampled_outputs(sample_time, samples, loop.parameters, outputs)

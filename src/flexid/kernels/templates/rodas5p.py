@@ -51,18 +51,25 @@ def factorise(matrix, pivots):
     The diagonal holds the reciprocals of the pivots, which the solutions need many times.
     """
     for column in range(SIZE):
-        largest = column
+        pivot = column
+        largest = abs(matrix[column, column])
         for row in range(column + 1, SIZE):
-            if abs(matrix[row, column]) > abs(matrix[largest, column]):
-                largest = row
-        pivots[column] = largest
-        if largest != column:
+            size = abs(matrix[row, column])
+            if size > largest:
+                largest = size
+                pivot = row
+        pivots[column] = pivot
+        if pivot != column:
             for j in range(SIZE):
-                matrix[column, j], matrix[largest, j] = matrix[largest, j], matrix[column, j]
-        matrix[column, column] = 1.0 / matrix[column, column]
+                swapped = matrix[column, j]
+                matrix[column, j] = matrix[pivot, j]
+                matrix[pivot, j] = swapped
+        reciprocal = 1.0 / matrix[column, column]
+        matrix[column, column] = reciprocal
         for row in range(column + 1, SIZE):
-            if matrix[row, column] != 0.0:
-                factor = matrix[row, column] * matrix[column, column]
+            factor = matrix[row, column]
+            if factor != 0.0:
+                factor *= reciprocal
                 matrix[row, column] = factor
                 for j in range(column + 1, SIZE):
                     matrix[row, j] -= factor * matrix[column, j]
@@ -90,30 +97,32 @@ def solve(matrix, pivots, b):
 @njit(cache=True, error_model="numpy")
 def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
     """One step from z to new; stages are kept for the dense output, the last is the error."""
+    per_h = 1.0 / h
     for i in range(SIZE):
         stages[0, i] = dz[i] + h * RODAS_SLOPE[0] * slope[i]
     solve(matrix, pivots, stages[0])
     for stage in range(1, 8):
+        # Stages outside, components inside: this order becomes vector instructions.
         for i in range(SIZE):
-            value = z[i]
-            for j in range(stage):
-                value += RODAS_A[stage, j] * stages[j, i]
-            trial[i] = value
+            trial[i] = z[i]
+            stages[stage, i] = h * RODAS_SLOPE[stage] * slope[i]
+        for j in range(stage):
+            a = RODAS_A[stage, j]
+            c = RODAS_C[stage, j] * per_h
+            for i in range(SIZE):
+                trial[i] += a * stages[j, i]
+                stages[stage, i] += c * stages[j, i]
         rates(t + RODAS_TIME[stage] * h, trial, p, new)
         for i in range(SIZE):
-            value = 0.0
-            for j in range(stage):
-                value += RODAS_C[stage, j] * stages[j, i]
-            stages[stage, i] = new[i] + h * RODAS_SLOPE[stage] * slope[i] + value / h
+            stages[stage, i] += new[i]
         solve(matrix, pivots, stages[stage])
     for i in range(SIZE):
         new[i] = trial[i] + stages[7, i]
 
 
 @njit(cache=True, error_model="numpy")
-def interpolate(t, h, z, new, stages, start, sample_time, samples, filled):
+def interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled):
     """Fill the samples that lie in the step from t to t + h; return how many are filled in all."""
-    dense = np.empty((3, SIZE))
     ready = False
     while filled < samples.shape[0]:
         # The last sample of a run falls on its last step's end, up to rounding.
@@ -154,6 +163,7 @@ def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, l
     matrix = np.empty((SIZE, SIZE))
     pivots = np.empty(SIZE, np.int64)
     stages = np.empty((8, SIZE))
+    dense = np.empty((3, SIZE))
     t = start
     h = first_step
     filled = 0
@@ -182,11 +192,10 @@ def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, l
         error = 0.0
         for i in range(SIZE):
             scale = absolute[i] + relative * max(abs(z[i]), abs(new[i]))
-            part = abs(stages[7, i]) / scale
-            if not part <= error:  # also lets NaN through
-                error = part
+            error += (stages[7, i] / scale) ** 2
+        error = sqrt(error / SIZE)
         if error <= 1.0:
-            filled = interpolate(t, h, z, new, stages, start, sample_time, samples, filled)
+            filled = interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled)
             t = stop if last else t + h
             accepted += 1
             largest = 0.0
