@@ -226,14 +226,14 @@ def _header_names(file: str, line: int, header: str, separator: str) -> list[str
             file, place, "the header cannot be read: write the column names there"
         ) from error
     names = [name.strip() or f"unnamed {number}" for number, name in enumerate(row, start=1)]
+    if all(_is_number(name) for name in names):
+        raise RecordingError(
+            file, place, "the file begins with numbers: write a header with the column names first"
+        )
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise RecordingError(
             file, place, f"the column {twice[0]!r} stands there twice: rename or remove one"
-        )
-    if all(_is_number(name) for name in names):
-        raise RecordingError(
-            file, place, "the file begins with numbers: write a header with the column names first"
         )
     return names
 

@@ -103,6 +103,7 @@ def velocity(position: FloatArray, sample_time: float) -> FloatArray:
     Parameters
     ----------
     position : FloatArray, shape (n,)
+        At least three samples.
     sample_time : float
         In s.
 

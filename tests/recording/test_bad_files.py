@@ -1,0 +1,291 @@
+"""Files that cannot be used: one sentence with the place and the remedy."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from joint_log import csv_text, joint_columns
+
+from flexid.errors import RecordingError
+from flexid.recording import read_log, table
+
+GOOD = csv_text(joint_columns(60)).encode()
+LINES = GOOD.decode().splitlines()
+Edit = Callable[[list[str]], list[str]]
+
+
+def refusal(path: Path, columns: Path | None = None) -> str:
+    """Return the message with which a file is refused."""
+    with pytest.raises(RecordingError) as caught:
+        read_log(path, columns)
+    message = str(caught.value)
+    assert message.startswith(caught.value.file)
+    assert "\n" not in message
+    return message
+
+
+def cell(line: int, column: int, text: str) -> Edit:
+    """Return an edit that replaces one cell; lines count from 1."""
+
+    def edit(lines: list[str]) -> list[str]:
+        cells = lines[line - 1].split(",")
+        cells[column] = text
+        return [*lines[: line - 1], ",".join(cells), *lines[line:]]
+
+    return edit
+
+
+def header(old: str, new: str) -> Edit:
+    """Return an edit of the header."""
+    return lambda lines: [lines[0].replace(old, new), *lines[1:]]
+
+
+def without(name: str) -> Edit:
+    """Return an edit that removes a column."""
+
+    def edit(lines: list[str]) -> list[str]:
+        index = lines[0].split(",").index(name)
+        rows = [line.split(",") for line in lines]
+        return [",".join(row[:index] + row[index + 1 :]) for row in rows]
+
+    return edit
+
+
+TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
+    "header only": (lambda lines: lines[:1], ["line 1", "no samples", "export the log again"]),
+    "two samples": (lambda lines: lines[:3], ["2 samples", "at least 20", "record for longer"]),
+    "no header": (lambda lines: lines[1:], ["line 1", "begins with numbers", "write a header"]),
+    "missing column": (
+        without("motor_position"),
+        ["line 1", "no motor_position", "found 'time', 'link_position'", "column map"],
+    ),
+    "no input": (without("motor_torque"), ["no motor_torque (or motor_current", "rename"]),
+    "misspelt": (
+        header("motor_position", "motor_positon"),
+        ["no motor_position (did you mean 'motor_positon'?)"],
+    ),
+    "capitals": (header("time", "Time"), ["no time (did you mean 'Time'?)"]),
+    "unknown unit": (
+        header("link_position", "link_position [furlong!]"),
+        ["line 1, column 'link_position [furlong!]'", "not known", "[rad], [deg]"],
+    ),
+    "encoder counts": (
+        header("link_position", "link_position [count]"),
+        ["[count] does not measure", "write [rad], [deg]"],
+    ),
+    "rate as position": (
+        header("link_position", "link_position [rad/s]"),
+        ["[rad/s] does not measure", "write [rad], [deg]"],
+    ),
+    "column twice": (header("motor_velocity", "time"), ["line 1", "'time' stands there twice"]),
+    "channel twice": (
+        header("motor_velocity", "time [ms]"),
+        ["'time' and 'time [ms]' are both time", "remove one"],
+    ),
+    "nan": (cell(7, 2, "nan"), ["line 7, column 'motor_position'", "nan is not a finite number"]),
+    "infinite": (cell(7, 2, "-inf"), ["line 7", "-inf is not a finite number", "remove the row"]),
+    "too large": (cell(7, 2, "1e999"), ["line 7", "1e999 is not a finite number"]),
+    "absurd": (cell(7, 2, "1e99"), ["column 'motor_position'", "reaches 1e+99 rad", "correct"]),
+    "empty cell": (cell(9, 1, ""), ["line 9, column 'link_position'", "empty", "fill it in"]),
+    "text cell": (cell(9, 1, "oops"), ["line 9", "'oops' is not a number", "correct it"]),
+    "unit row": (cell(2, 0, "s"), ["line 2, column 'time'", "'s' is not a number"]),
+    "date": (cell(2, 0, "2024-05-01 12:00:00.5"), ["line 2", "date", "seconds since the start"]),
+    "time repeats": (
+        lambda lines: [*lines[:31], lines[30], *lines[31:]],
+        ["line 32, column 'time'", "time repeats (0.145 s)", "remove the repeated row"],
+    ),
+    "time backwards": (
+        lambda lines: [*lines[:30], *lines[10:]],
+        ["line 31, column 'time'", "runs backwards (from 0.14 s to 0.045 s)", "sort the rows"],
+    ),
+    "short row": (
+        lambda lines: [*lines[:9], "0.04,1.0", *lines[10:]],
+        ["line 10", "2 cells where the header has 6", "complete or remove"],
+    ),
+    "long row": (
+        lambda lines: [*lines[:9], lines[9] + ",1", *lines[10:]],
+        ["line 10", "7 cells where the header has 6"],
+    ),
+    "blank line": (lambda lines: [*lines[:9], "", *lines[9:]], ["line 10", "blank", "remove it"]),
+    "decimal commas": (
+        lambda lines: [line.replace(",", ";").replace(".", ",") for line in lines],
+        ["line 2, column 'time'", "'0,0' has a decimal comma", "decimal points"],
+    ),
+    "decimal commas between commas": (
+        lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])],
+        ["line 2", "12 cells where the header has 6", "decimal commas"],
+    ),
+    "blanks between columns": (
+        lambda lines: [line.replace(",", " ") for line in lines],
+        ["line 1", "no time", "found 'time link_position motor_position lin..."],
+    ),
+    "open quote": (cell(9, 1, '"1.0'), ["line 9"]),
+    "milliseconds": (
+        lambda lines: [lines[0], *(f"{k},{line.split(',', 1)[1]}" for k, line in
+                                   enumerate(lines[1:]))],
+        ["column 'time'", "sample time would be 1 s", "[ms]"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TEXT_CASES)
+def test_bad_text(name: str, tmp_path: Path) -> None:
+    """Assert that the message names the place and the remedy."""
+    edit, words = TEXT_CASES[name]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(edit(list(LINES))) + "\n", encoding="utf-8")
+    message = refusal(path)
+    for word in words:
+        assert word in message
+
+
+BYTES_CASES = {
+    "empty": (b"", "log.csv", ["empty", "export the log again"]),
+    "blank": (b"\n \n", "log.csv", ["empty"]),
+    "binary": (bytes(range(256)) * 20, "log.csv", ["binary file", "export the log as CSV"]),
+    "parquet named csv": (b"PAR1....PAR1", "log.csv", ["Parquet", "rename it", ".parquet"]),
+    "csv named parquet": (GOOD, "log.parquet", ["no readable Parquet file", "name it .csv"]),
+    "torn parquet": (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", ["no readable Parquet"]),
+    "utf-16": (GOOD.decode().encode("utf-16"), "log.csv", ["UTF-16", "save the file as UTF-8"]),
+    "latin-1": (GOOD.replace(b"\n0.005,", b"\n\xb5,"), "log.csv", ["line 3", "not UTF-8"]),
+}
+
+
+@pytest.mark.parametrize("name", BYTES_CASES)
+def test_bad_bytes(name: str, tmp_path: Path) -> None:
+    """Assert that a file that is not what its name says is refused."""
+    content, file, words = BYTES_CASES[name]
+    path = tmp_path / file
+    path.write_bytes(content)
+    message = refusal(path)
+    for word in words:
+        assert word in message
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    """Assert that a missing file is named."""
+    assert "nowhere.csv: there is no such file: check the path" in refusal(tmp_path / "nowhere.csv")
+
+
+def test_folder(tmp_path: Path) -> None:
+    """Assert that a folder is told from a file."""
+    assert "this is a folder: name the file in it" in refusal(tmp_path)
+
+
+def test_impossible_path() -> None:
+    """Assert that a path that no file can have is refused."""
+    refusal(Path("a\0b.csv"))
+    refusal(Path("x" * 5000 + ".csv"))
+
+
+def test_huge_file(tmp_path: Path) -> None:
+    """Assert that a file over the limit is refused before it is read."""
+    path = tmp_path / "log.csv"
+    with path.open("wb") as file:
+        file.truncate(1_000_000_000)  # a hole: no block is written
+    message = refusal(path)
+    assert "1000 MB, more than the 500 MB" in message
+    assert "cut the log" in message
+
+
+def test_too_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that a small Parquet file with too many rows is refused before it is unpacked."""
+    monkeypatch.setattr(table, "MOST_ROWS", 1000)
+    path = tmp_path / "log.parquet"
+    pl.DataFrame({"time": np.zeros(5000)}).write_parquet(path)
+    assert "5000 rows, more than the 1000" in refusal(path)
+
+
+def test_parquet_types(tmp_path: Path) -> None:
+    """Assert that text, dates and missing values in Parquet are named with column and row."""
+    frame = pl.DataFrame(joint_columns(60))
+    path = tmp_path / "log.parquet"
+    frame.with_columns(pl.col("link_position").cast(pl.String)).write_parquet(path)
+    assert "column 'link_position': it holds values of type String" in refusal(path)
+    frame.with_columns((pl.col("time") * 1e6).cast(pl.Datetime("us"))).write_parquet(path)
+    message = refusal(path)
+    assert "column 'time': it holds dates" in message
+    assert "seconds since the start" in message
+    missing = pl.when(pl.col("time") > 0.0).then("motor_torque").alias("motor_torque")
+    frame.with_columns(missing).write_parquet(path)
+    assert "row 1, column 'motor_torque': the cell is empty" in refusal(path)
+    frame.head(0).write_parquet(path)
+    assert "no samples" in refusal(path)
+
+
+def read_or_refuse(folder: Path, name: str, content: bytes) -> None:
+    """Read a file; anything but a log or a `RecordingError` fails."""
+    path = folder / name
+    path.write_bytes(content)
+    try:
+        log = read_log(path)
+    except RecordingError as error:
+        assert str(error).startswith(name)
+    else:
+        assert all(np.isfinite(piece.motor_position).all() for piece in log.pieces)
+
+
+FUZZ = settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+@FUZZ
+@given(content=st.binary(max_size=400))
+def test_any_bytes(tmp_path: Path, content: bytes) -> None:
+    """Assert that random bytes raise nothing but a `RecordingError`."""
+    read_or_refuse(tmp_path, "log.csv", content)
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_mutation(tmp_path: Path, data: st.DataObject) -> None:
+    """Assert that a mutated CSV file raises nothing but a `RecordingError`."""
+    content = bytearray(GOOD)
+    for _ in range(data.draw(st.integers(1, 4))):
+        start = data.draw(st.integers(0, len(content) - 1))
+        length = data.draw(st.sampled_from([0, 1, 1, 2, 30, 2000]))
+        patches = [b"", b",", b"\n", b'"', b";", b"-", b"e", b"e99", b"e-300", b"0", b"9" * 30]
+        patch = data.draw(st.sampled_from(patches) | st.binary(max_size=6))
+        content[start : start + length] = patch
+    read_or_refuse(tmp_path, "log.csv", bytes(content))
+
+
+@FUZZ
+@given(
+    cells=st.lists(
+        st.tuples(
+            st.integers(0, 59),
+            st.integers(0, 5),
+            st.floats(allow_nan=True, allow_infinity=True, width=64),
+        ),
+        min_size=1,
+        max_size=5,
+    )
+)
+def test_any_number(tmp_path: Path, cells: list[tuple[int, int, float]]) -> None:
+    """Assert that any number in any cell raises nothing but a `RecordingError`."""
+    columns = joint_columns(60)
+    names = list(columns)
+    for row, column, value in cells:
+        columns[names[column]][row] = value
+    read_or_refuse(tmp_path, "log.csv", csv_text(columns).encode())
+
+
+@settings(FUZZ, max_examples=40)
+@given(start=st.integers(4, 10_000), patch=st.binary(min_size=1, max_size=3))
+def test_any_parquet_mutation(tmp_path: Path, start: int, patch: bytes) -> None:
+    """Assert that a damaged Parquet file raises nothing but a `RecordingError`."""
+    buffer = io.BytesIO()
+    pl.DataFrame(joint_columns(60)).write_parquet(buffer)
+    content = bytearray(buffer.getvalue())
+    start = 4 + start % (len(content) - 8 - len(patch))
+    content[start : start + len(patch)] = patch
+    read_or_refuse(tmp_path, "log.parquet", bytes(content))

@@ -1,0 +1,176 @@
+"""Column maps: renaming, scaling, combining, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from joint_log import joint_columns, write_csv
+
+from flexid.errors import RecordingError
+from flexid.recording import Log, read_log
+
+RAW_MAP = """
+time = "t [ms]"
+motor_position = {column = "pot_V", scale = 30.0, offset = -90.0, unit = "deg"}
+deflection = {column = "strain", scale = 2.0}
+motor_voltage = {column = "u", unit = "mV"}
+"""
+
+
+def raw_log(folder: Path) -> Path:
+    """Write a log of raw sensor columns."""
+    columns = joint_columns()
+    deflection = columns["link_position"] - columns["motor_position"]
+    return write_csv(
+        folder,
+        {
+            "t [ms]": columns["time"] * 1e3,
+            "pot_V": (np.degrees(columns["motor_position"]) + 90.0) / 30.0,
+            "strain [deg]": np.degrees(deflection) / 2.0,
+            "u": columns["motor_torque"] * 1e3,
+            "other": columns["time"],
+        },
+    )
+
+
+def read_mapped(folder: Path, text: str) -> Log:
+    """Read the raw log with a map."""
+    path = folder / "columns.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_log(raw_log(folder), path)
+
+
+def test_raw_columns(tmp_path: Path) -> None:
+    """Assert that scale, offset, unit and the header's unit give the channels in SI."""
+    columns = joint_columns()
+    log = read_mapped(tmp_path, RAW_MAP)
+    assert log.warnings == ()  # with a map, unused columns are no surprise
+    (piece,) = log.pieces
+    assert piece.input_unit == "V"
+    assert piece.sample_time == pytest.approx(0.005)
+    np.testing.assert_allclose(piece.motor_position, columns["motor_position"], atol=1e-12)
+    np.testing.assert_allclose(piece.link_position, columns["link_position"], atol=1e-12)
+    np.testing.assert_allclose(piece.input, columns["motor_torque"], atol=1e-12)
+
+
+def test_sum_of_columns(tmp_path: Path) -> None:
+    """Assert that a sum adds its terms, each with its scale, before scale and offset."""
+    text = RAW_MAP.replace("deflection = {column", "link_velocity = {column").split("\n")
+    text = [line for line in text if not line.startswith("link_velocity")]
+    link = """
+    [link_position]
+    sum = [{column = "pot_V", scale = 15.0}, "strain"]
+    scale = 2.0
+    offset = -90.0
+    unit = "deg"
+    """
+    (piece,) = read_mapped(tmp_path, "\n".join(text) + link).pieces
+    expected = joint_columns()["link_position"]
+    np.testing.assert_allclose(piece.link_position, expected, atol=1e-12)
+
+
+def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
+    """Assert that what the map does not name is taken by its canonical name."""
+    columns = joint_columns()
+    columns["drive"] = columns.pop("motor_torque")
+    map_path = tmp_path / "columns.toml"
+    map_path.write_text('motor_torque = "drive"')
+    (piece,) = read_log(write_csv(tmp_path, columns), map_path).pieces
+    np.testing.assert_array_equal(piece.input, columns["drive"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("scale = 30.0", "scal = 30.0", ["key 'motor_position.scal'", "not known", "scale"]),
+        ("30.0", '"30"', ["key 'motor_position.scale'", "valid number"]),
+        ("30.0", "nan", ["key 'motor_position.scale'", "finite number"]),
+        ('column = "u", ', "", ["key 'motor_voltage'", "exactly one of 'column' and 'sum'"]),
+        ('column = "u"', 'column = "u", sum = ["u"]', ["exactly one of 'column' and 'sum'"]),
+        ('column = "u"', "sum = []", ["exactly one of 'column' and 'sum'"]),
+        ('column = "u"', "sum = [3]", ["key 'motor_voltage.sum.0'", "neither a column name"]),
+        ('"t [ms]"', "3", ["key 'time'", "neither a column name nor a table"]),
+        ("motor_voltage", "motor_volts", ["key 'motor_volts'", "did you mean 'motor_voltage'?"]),
+        ('"pot_V"', '"pot"', ["key 'motor_position'", "log.csv has no column 'pot'", "'pot_V'"]),
+        ('"pot_V"', '"Pot_v"', ["did you mean 'pot_V'?"]),
+        ('"deg"', '"count"', ["key 'motor_position'", "[count] does not measure", "[deg]"]),
+        ('"mV"', '"A"', ["key 'motor_voltage'", "[A] does not measure", "[V]"]),
+        ("scale = 2.0", "scale = 2.0.1", ["no valid TOML", "line 4"]),
+        ('column = "strain"', 'sum = ["strain", "u"]', ["differ in unit", "'unit'"]),
+        ("time =", "time = 1\ntime =", ["no valid TOML", "correct it"]),
+    ],
+)
+def test_bad_maps(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
+    """Assert that the message names the map, the key and the remedy."""
+    assert old in RAW_MAP
+    with pytest.raises(RecordingError) as caught:
+        read_mapped(tmp_path, RAW_MAP.replace(old, new))
+    assert caught.value.file == "columns.toml"
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_missing_entry(tmp_path: Path) -> None:
+    """Assert that a channel that neither file nor map has is named, with both."""
+    text = "\n".join(line for line in RAW_MAP.split("\n") if "deflection" not in line)
+    with pytest.raises(RecordingError, match=r"no link_position .* the column map columns\.toml"):
+        read_mapped(tmp_path, text)
+
+
+def test_ambiguous_name(tmp_path: Path) -> None:
+    """Assert that a name that two columns share but for the unit is not guessed."""
+    columns = joint_columns()
+    columns["q [deg]"] = np.degrees(columns["motor_position"])
+    columns["q [rad]"] = columns.pop("motor_position")
+    path = tmp_path / "columns.toml"
+    path.write_text('motor_position = "q"')
+    with pytest.raises(RecordingError, match="both match 'q': write the name with its unit"):
+        read_log(write_csv(tmp_path, columns), path)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "the file is empty"),
+        (b"\xff\xfe\x00", "no UTF-8 text"),
+        (b"a = " + b"[" * 5000, "no valid TOML"),
+    ],
+)
+def test_unreadable_maps(tmp_path: Path, content: bytes, words: str) -> None:
+    """Assert that a file that is no column map is refused."""
+    path = tmp_path / "columns.toml"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=words):
+        read_log(raw_log(tmp_path), path)
+
+
+def test_missing_map(tmp_path: Path) -> None:
+    """Assert that a missing map is named."""
+    with pytest.raises(RecordingError, match=r"nowhere\.toml: there is no such file"):
+        read_log(raw_log(tmp_path), tmp_path / "nowhere.toml")
+
+
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_any_map(tmp_path: Path, data: st.DataObject) -> None:
+    """Assert that a mutated map raises nothing but a `RecordingError`."""
+    content = bytearray(RAW_MAP.encode())
+    for _ in range(data.draw(st.integers(1, 3))):
+        start = data.draw(st.integers(0, len(content) - 1))
+        length = data.draw(st.sampled_from([0, 1, 5]))
+        patches = [b"", b"inf", b"1e308", b"-", b'"', b"{", b"[", b"9", b"e99"]
+        content[start : start + length] = data.draw(
+            st.sampled_from(patches) | st.binary(max_size=4)
+        )
+    path = tmp_path / "columns.toml"
+    path.write_bytes(bytes(content))
+    try:
+        read_log(raw_log(tmp_path), path)
+    except RecordingError as error:
+        assert "\n" not in str(error)

@@ -1,0 +1,137 @@
+"""Velocities and noise against closed forms."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+
+from flexid.recording import Recording, position_noise, with_velocities
+from flexid.recording.recording import FloatArray
+from flexid.recording.velocities import velocity
+
+FREQUENCIES = (2.0, 5.3, 11.0)  # rad/s
+
+
+def multisine(count: int, sample_time: float) -> tuple[FloatArray, FloatArray]:
+    """Return a position of three sines and its exact derivative."""
+    time = sample_time * np.arange(count)
+    position = sum(np.sin(w * time + w) / (k + 1) for k, w in enumerate(FREQUENCIES))
+    derivative = sum(w * np.cos(w * time + w) / (k + 1) for k, w in enumerate(FREQUENCIES))
+    return np.asarray(position), np.asarray(derivative)
+
+
+def rms(values: FloatArray) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@pytest.mark.parametrize("sigma", [1e-5, 1e-4, 1e-3])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_white_noise_is_estimated(sigma: float, seed: int) -> None:
+    """Assert that the noise of a noisy motion is found within 10 %."""
+    position, _ = multisine(5000, 1e-3)
+    noise = sigma * np.random.default_rng(seed).standard_normal(len(position))
+    assert position_noise(position + noise) == pytest.approx(sigma, rel=0.1)
+
+
+def test_noise_of_an_encoder_is_that_of_its_step() -> None:
+    """Assert that a 14-bit encoder's noise is LSB / sqrt(12) within 10 %."""
+    position, _ = multisine(5000, 1e-3)
+    step = 2 * pi / 2**14
+    quantised = step * np.round(position / step)
+    assert position_noise(quantised) == pytest.approx(step / sqrt(12), rel=0.1)
+
+
+def test_noise_does_not_heed_outliers() -> None:
+    """Assert that a few outliers a thousand times the noise change the estimate little."""
+    rng = np.random.default_rng(3)
+    position, _ = multisine(5000, 1e-3)
+    position += 1e-4 * rng.standard_normal(len(position))
+    position[[700, 2100, 4000]] += 0.1
+    assert position_noise(position) == pytest.approx(1e-4, rel=0.15)
+
+
+def test_a_resting_encoder_has_the_noise_of_its_step() -> None:
+    """Assert that an encoder that mostly rests is not taken for noise-free."""
+    position = np.zeros(2000)
+    position[1500:] = 0.01 * np.round(np.linspace(0.0, 30.0, 500))
+    assert position_noise(position) == pytest.approx(0.01 / sqrt(12), rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+@pytest.mark.parametrize(
+    ("count", "sample_time", "sigma", "bound"),
+    [(30_000, 1e-3, 1e-4, 1.0e-3), (2000, 1e-2, 1e-4, 2.0e-3), (500, 1e-2, 1e-3, 2.0e-2)],
+)
+def test_derivative_of_a_noisy_motion(
+    count: int, sample_time: float, sigma: float, bound: float, seed: int
+) -> None:
+    """Assert that the rms error of the velocity stays below a bound, of 3.4 rad/s rms."""
+    position, derivative = multisine(count, sample_time)
+    noisy = position + sigma * np.random.default_rng(seed).standard_normal(count)
+    assert rms(velocity(noisy, sample_time) - derivative) < bound
+
+
+@pytest.mark.parametrize(("bits", "bound"), [(12, 4e-3), (14, 1.5e-3), (20, 5e-5)])
+def test_derivative_of_an_encoder(bits: int, bound: float) -> None:
+    """Assert that the velocity from an encoder's steps stays below a bound."""
+    position, derivative = multisine(5000, 1e-3)
+    step = 2 * pi / 2**bits
+    quantised = step * np.round(position / step)
+    assert rms(velocity(quantised, 1e-3) - derivative) < bound
+
+
+def test_derivative_of_an_exact_motion() -> None:
+    """Assert that without noise the narrowest window is used and the error is that of its order."""
+    position, derivative = multisine(5000, 1e-3)
+    assert rms(velocity(position, 1e-3) - derivative) < 1e-10
+
+
+def test_no_phase_shift() -> None:
+    """Assert that the velocity is shifted by less than a hundredth of a sample."""
+    rng = np.random.default_rng(5)
+    position, derivative = multisine(20_000, 1e-3)
+    estimate = velocity(position + 1e-4 * rng.standard_normal(len(position)), 1e-3)
+    # d(t - shift) = d(t) - shift d'(t): the shift is the share of d' in the error.
+    inner = slice(500, -500)
+    acceleration = np.gradient(derivative, 1e-3)[inner]
+    error = (estimate - derivative)[inner]
+    shift = -float(error @ acceleration) / float(acceleration @ acceleration)
+    assert abs(shift) < 0.01 * 1e-3
+
+
+def test_motion_is_not_mistaken_for_noise() -> None:
+    """Assert that a fast tone beside a slow one is kept, though it changes sign in 13 samples."""
+    rng = np.random.default_rng(6)
+    time = 4e-3 * np.arange(2000)
+    position = np.sin(2.0 * time) + 0.5 * np.sin(60.0 * time)
+    derivative = 2.0 * np.cos(2.0 * time) + 30.0 * np.cos(60.0 * time)
+    noisy = position + 1e-3 * rng.standard_normal(len(time))
+    assert rms(velocity(noisy, 4e-3) - derivative) < 0.01 * rms(derivative)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 8, 13, 20, 40])
+def test_short_positions(count: int) -> None:
+    """Assert that a straight line of any length has its slope as velocity."""
+    line = 3.0 * 0.01 * np.arange(count)
+    np.testing.assert_allclose(velocity(line, 0.01), 3.0, atol=1e-9)
+
+
+def test_measured_velocities_are_kept() -> None:
+    """Assert that a measured velocity is the same array, and a missing one is derived."""
+    position, derivative = multisine(1000, 1e-3)
+    recording = Recording(
+        sample_time=1e-3,
+        start_time=0.0,
+        link_position=position,
+        motor_position=position,
+        input=position,
+        input_unit="N m",
+        motor_velocity=derivative,
+    )
+    complete = with_velocities(recording)
+    assert complete.motor_velocity is derivative
+    assert complete.link_velocity is not None
+    np.testing.assert_allclose(complete.link_velocity, derivative, atol=1e-8)
