@@ -116,10 +116,10 @@ class Multisine:
         value = np.full(time.shape, self.offset if order == 0 else 0.0)
         waves = zip(self.amplitudes, self.angular_frequencies, self.phases, strict=True)
         for amplitude, frequency, phase in waves:
-            # Every derivative turns a sine by a quarter period; sin and cos keep it exact.
-            angle = frequency * time + phase
-            quarter = (np.sin(angle), np.cos(angle), -np.sin(angle), -np.cos(angle))[order % 4]
-            value += amplitude * frequency**order * quarter
+            # Every derivative turns a sine by a quarter period; sin and cos keep that exact.
+            wave = np.cos if order % 2 else np.sin
+            sign = -1.0 if order % 4 >= 2 else 1.0
+            value += sign * amplitude * frequency**order * wave(frequency * time + phase)
         return value
 
 

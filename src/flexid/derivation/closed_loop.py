@@ -16,7 +16,6 @@ import sympy as sp
 
 from flexid.control.loop import LoopDeclaration
 from flexid.derivation.loop_signals import Signals, insert
-from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import SymbolicSystem, symbol, symbolic_system, to_sympy
 from flexid.errors import ModelError
 
@@ -30,29 +29,35 @@ class SymbolicLoop:
     declaration : LoopDeclaration
     signals : Signals
         The functions of time in the expressions below.
-    coordinates : tuple of Symbol
-        z.
-    errors : tuple of Symbol
-        p̃.
-    map : tuple of Expr
-        z as functions of the plain states.
-    states, inputs : tuple of Expr
-        x and u as functions of z.
+    variables : tuple of Symbol
+        What is integrated: coordinates of the plant, then the observer's states.
+    start : tuple of Expr
+        The variables as functions of the plain states and of the symbols ``start_estimate``.
     rates : tuple of Expr
-        z' and p̃' as functions of z and p̃.
+        Their time derivatives, as all that follows functions of the variables.
+    states, inputs : tuple of Expr
+        x and u.
+    estimates, errors : tuple of Expr
+        p̂ and p̃.
     tracking_error : Expr
-        The tracked state minus the reference, as a function of z.
+        The tracked state minus the reference.
     """
 
     declaration: LoopDeclaration
     signals: Signals
-    coordinates: tuple[sp.Symbol, ...]
-    errors: tuple[sp.Symbol, ...]
-    map: tuple[sp.Expr, ...]
+    variables: tuple[sp.Symbol, ...]
+    start: tuple[sp.Expr, ...]
+    rates: tuple[sp.Expr, ...]
     states: tuple[sp.Expr, ...]
     inputs: tuple[sp.Expr, ...]
-    rates: tuple[sp.Expr, ...]
+    estimates: tuple[sp.Expr, ...]
+    errors: tuple[sp.Expr, ...]
     tracking_error: sp.Expr
+
+
+def start_estimates(symbolic: SymbolicSystem) -> tuple[sp.Symbol, ...]:
+    """Symbols of the estimates at the start."""
+    return tuple(symbol(f"_start_{p}") for p in symbolic.coefficients)
 
 
 def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
@@ -64,7 +69,7 @@ def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
         If a coordinate is not its state plus a function of the states before it.
     """
     symbolic = symbolic_system(declaration.system)
-    signals, law = _controller(declaration, symbolic)
+    signals, law = control_law(declaration, symbolic)
     coordinates = tuple(symbol(name) for name in declaration.coordinates)
     shifts, states = _invert(declaration, symbolic, coordinates, law)
     plain = dict(zip(symbolic.states, states, strict=True))
@@ -77,21 +82,24 @@ def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
         moved = (sp.diff(shift, z) * rate for z, rate in zip(coordinates, rates, strict=False))
         rates.append(insert(known, velocity) + signals.derivative(shift) + sp.Add(*moved))
     errors, error_rates = _error_dynamics(symbolic, known)
+    true = symbolic.coefficients
+    start_errors = (s - p for s, p in zip(start_estimates(symbolic), true, strict=True))
     tracked = plain[symbol(declaration.controller.tracked)]
     return SymbolicLoop(
         declaration,
         signals,
-        coordinates,
-        errors,
-        tuple(law.get(z, z) for z in coordinates),
+        (*coordinates, *errors),
+        (*(law.get(z, z) for z in coordinates), *start_errors),
+        (*rates, *error_rates),
         states,
         inputs,
-        (*rates, *error_rates),
+        tuple(p + error for p, error in zip(true, errors, strict=True)),
+        errors,
         _cancelled(tracked - signals.reference(0)),
     )
 
 
-def _controller(
+def control_law(
     declaration: LoopDeclaration, symbolic: SymbolicSystem
 ) -> tuple[Signals, dict[sp.Symbol, sp.Expr]]:
     """The signals, and the law's inputs and coordinates as functions of states and signals."""
@@ -154,114 +162,3 @@ def _cancelled(expression: sp.Expr) -> sp.Expr:
     """The expression, expanded if a symbol drops out of it that way."""
     expanded = sp.expand(expression)
     return expanded if expanded.free_symbols < expression.free_symbols else expression
-
-
-def closed_loop_source(declaration: LoopDeclaration) -> str:
-    """Source of a closed loop's functions; see `loop_functions`."""
-    return loop_functions(compose_loop(declaration))
-
-
-def loop_functions(loop: SymbolicLoop) -> str:
-    """Print the functions of a composed loop.
-
-    Returns
-    -------
-    str
-        A module with the constants N_STATES (of the plain system), N_INPUTS, N_COEFFICIENTS and
-        SIZE (of the composed loop) and the functions ``rates``, ``rates_and_jacobian``,
-        ``outputs`` (x, u, p̂, p̃ and the tracking error in turn) and ``coordinates_of``.
-    """
-    state = (*loop.coordinates, *loop.errors)
-    size = range(len(state))
-    rates = list(loop.rates)
-    rate_names = [f"_dz[{i}]" for i in size]
-    entries = {
-        (i, j): entry for i in size for j in size if (entry := sp.diff(rates[i], state[j])) != 0
-    }
-    slopes = [loop.signals.derivative(rate) for rate in rates]
-    estimates = [
-        symbol(p) + error
-        for p, error in zip(loop.declaration.system.coefficients, loop.errors, strict=True)
-    ]
-    outputs = [*loop.states, *loop.inputs, *estimates, *loop.errors, loop.tracking_error]
-    plain = [symbol(name) for name in loop.declaration.system.states]
-    return "\n\n".join(
-        (
-            _header(loop),
-            _loop_function(
-                loop,
-                "rates(_t, _z, _p, _dz)",
-                "_dz = z' at time _t for the parameters _p.",
-                {"_z": state},
-                dict(zip(rate_names, rates, strict=True)),
-            ),
-            _loop_function(
-                loop,
-                "rates_and_jacobian(_t, _z, _p, _dz, _jacobian, _slope)",
-                "_dz = z', _jacobian = ∂z'/∂z (entries that vanish are not touched), "
-                "_slope = ∂z'/∂t.",
-                {"_z": state},
-                dict(zip(rate_names, rates, strict=True))
-                | {f"_jacobian[{i}, {j}]": entry for (i, j), entry in entries.items()}
-                | {f"_slope[{i}]": slopes[i] for i in size},
-            ),
-            _loop_function(
-                loop,
-                "outputs(_t, _z, _p, _y)",
-                "_y = plain states, inputs, estimates, their errors, tracking error.",
-                {"_z": state},
-                {f"_y[{i}]": expression for i, expression in enumerate(outputs)},
-            ),
-            _loop_function(
-                loop,
-                "coordinates_of(_t, _x, _p, _z)",
-                "_z = the loop's coordinates of the plain states _x.",
-                {"_x": plain},
-                {f"_z[{i}]": expression for i, expression in enumerate(loop.map)},
-            ),
-        )
-    )
-
-
-def _header(loop: SymbolicLoop) -> str:
-    system = loop.declaration.system
-    law = loop.declaration.controller.name
-    return f'''"""{law!r} in the loop with {system.name!r}. Generated by flexid; edits are lost.
-
-coordinates  {", ".join(map(str, loop.coordinates))}
-errors of    {", ".join(system.coefficients)}
-parameters   {", ".join(loop.declaration.parameter_names)}
-"""
-
-{IMPORTS}
-
-import numpy as np
-from numba import njit, prange
-
-N_STATES = {len(system.states)}
-N_INPUTS = {len(system.inputs)}
-N_COEFFICIENTS = {len(system.coefficients)}
-SIZE = {len(loop.coordinates) + len(loop.errors)}
-'''
-
-
-def _loop_function(
-    loop: SymbolicLoop,
-    signature: str,
-    docstring: str,
-    arrays: dict[str, Sequence[sp.Symbol]],
-    results: dict[str, sp.Expr],
-) -> str:
-    used = set().union(*(expression.free_symbols for expression in results.values()))
-    signals, used = loop.signals.assignments(used)
-    arrays = arrays | {"_p": [symbol(name) for name in loop.declaration.parameter_names]}
-    reads = [
-        f"    {name} = {array}[{place}]"
-        for array, names in arrays.items()
-        for place, name in enumerate(names)
-        if name in used
-    ]
-    if symbol("t") in used:
-        reads.append("    t = _t")
-    body = assignments(list(results), list(results.values()))
-    return function(signature, docstring, "\n".join(reads), signals, body)

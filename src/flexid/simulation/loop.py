@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ class ClosedLoop:
         object.__setattr__(self, "initial_state", state)
         self.declaration  # noqa: B018 - checks that the parts fit together
 
-    @property
+    @cached_property
     def declaration(self) -> LoopDeclaration:
         """The loop without its values."""
         return LoopDeclaration(self.system, self.controller, self.reference)
