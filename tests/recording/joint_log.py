@@ -14,7 +14,7 @@ Columns = Mapping[str, FloatArray]
 
 def joint_columns(count: int = 400, sample_time: float = 0.005) -> dict[str, FloatArray]:
     """Return canonical columns of a smooth, plausible motion, in SI units."""
-    time = sample_time * np.arange(count)
+    time = sample_time * np.arange(count, dtype=np.float64)
     motor = np.sin(2.0 * time) + 0.4 * np.sin(5.3 * time + 0.5)
     motor_velocity = 2.0 * np.cos(2.0 * time) + 2.12 * np.cos(5.3 * time + 0.5)
     deflection = 0.05 * np.sin(3.7 * time + 1.0)

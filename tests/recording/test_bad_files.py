@@ -225,11 +225,10 @@ def read_or_refuse(folder: Path, name: str, content: bytes) -> None:
     path = folder / name
     path.write_bytes(content)
     try:
-        log = read_log(path)
-    except RecordingError as error:
-        assert str(error).startswith(name)
-    else:
-        assert all(np.isfinite(piece.motor_position).all() for piece in log.pieces)
+        pieces = read_log(path).pieces
+    except RecordingError:
+        return
+    assert all(np.isfinite(piece.motor_position).all() for piece in pieces)
 
 
 FUZZ = settings(

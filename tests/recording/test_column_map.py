@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -170,7 +171,5 @@ def test_any_map(tmp_path: Path, data: st.DataObject) -> None:
         )
     path = tmp_path / "columns.toml"
     path.write_bytes(bytes(content))
-    try:
+    with suppress(RecordingError):
         read_log(raw_log(tmp_path), path)
-    except RecordingError as error:
-        assert "\n" not in str(error)

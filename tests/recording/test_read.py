@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -150,9 +151,8 @@ def test_unused_columns_are_named(tmp_path: Path) -> None:
     ],
     ids=["semicolons", "tabs", "spaces", "crlf", "cr", "bom", "blank before", "after", "quotes"],
 )
-def test_dialects(tmp_path: Path, change: object) -> None:
+def test_dialects(tmp_path: Path, change: Callable[[str], str]) -> None:
     """Assert that other separators, line ends and quotes change nothing."""
-    assert callable(change)
     columns = joint_columns()
     path = tmp_path / "other.csv"
     path.write_bytes(change(csv_text(columns)).encode())

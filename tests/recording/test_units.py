@@ -57,7 +57,6 @@ def test_any_text(text: str) -> None:
     """Assert that any text is converted or refused."""
     try:
         factor, _ = scale_to_si(text, tuple(EXAMPLES))
-    except UnitError as error:
-        assert "write [" in str(error)
-    else:
-        assert factor > 0.0
+    except UnitError:
+        return
+    assert factor > 0.0

@@ -115,7 +115,7 @@ def test_motion_is_not_mistaken_for_noise() -> None:
 @pytest.mark.parametrize("count", [3, 4, 5, 8, 13, 20, 40])
 def test_short_positions(count: int) -> None:
     """Assert that a straight line of any length has its slope as velocity."""
-    line = 3.0 * 0.01 * np.arange(count)
+    line = 3.0 * 0.01 * np.arange(count, dtype=np.float64)
     np.testing.assert_allclose(velocity(line, 0.01), 3.0, atol=1e-9)
 
 

@@ -104,6 +104,8 @@ def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Fl
     if not is_jump.any():
         return values, ""
     jumps = np.flatnonzero(is_jump)
+    if len(jumps) > len(steps) // 4:
+        return values, ""  # not wraps but a wrong unit, which the check of the speed will tell
     turns = np.rint(steps[jumps] / TURN)
     left_over = np.abs(steps[jumps] - TURN * turns).max()
     others = np.abs(steps[~is_jump]).max(initial=0.0)
@@ -111,12 +113,12 @@ def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Fl
     times = ", ".join(f"{time[index + 1]:.6g} s" for index in jumps[:3])
     if len(jumps) > 3:
         times += f" and {len(jumps) - 3} more times"
-    if left_over > np.pi / 2 or others > np.pi / 2 or len(jumps) > len(steps) // 4:
+    if left_over > np.pi / 2 or others > np.pi / 2:
         raise RecordingError(
             file,
             place,
             f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {times}, which is no whole turn of "
-            f"an encoder: check the unit, or remove the outlier",
+            f"an encoder: check the unit and the gear ratio, or remove the outlier",
         )
     corrections = np.zeros_like(steps)
     corrections[jumps] = TURN * turns

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from flexid.recording.column_map import Entry
     from flexid.recording.recording import FloatArray
 
-POSITIONS = ("link_position", "motor_position", "deflection")
 VELOCITIES = ("link_velocity", "motor_velocity")
 INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference
 SI_UNITS: dict[str, tuple[str, ...]] = {

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flexid.recording import checks
-from flexid.recording.columns import INPUTS, POSITIONS, VELOCITIES, Channel, read_channels
+from flexid.recording.columns import INPUTS, VELOCITIES, Channel, read_channels
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import Grid, check_increasing, even_grid, to_grid
 from flexid.recording.table import read_table
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexid.recording.recording import FloatArray
+
+ENCODERS = ("link_position", "motor_position")
 
 
 def read_log(path: Path, columns: Path | None = None) -> Log:
@@ -44,7 +46,7 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     check_increasing(table, clock.column, clock.values)
     grid = even_grid(table, clock.column, clock.values)
     warnings += grid.warnings
-    warnings += _check_each(table.file, channels, clock.values)
+    warnings += _check_each(table.file, channels)
     warnings += _unwrap(table.file, channels, clock.values)
     _add_link_position(table.file, channels)
     warnings += _check_together(table.file, channels, clock.values)
@@ -56,14 +58,12 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     return Log(tuple(pieces), warnings, table.file, table.sha256)
 
 
-def _check_each(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
+def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:
     """Check every channel by itself."""
     warnings: tuple[str, ...] = ()
     for name, channel in channels.items():
         checks.check_magnitude(file, name, channel)
         checks.check_varies(file, name, channel)
-        if name in POSITIONS:
-            warnings += checks.check_speed(file, name, channel, time)
         warnings += checks.check_saturation(file, name, channel)
     return warnings
 
@@ -71,7 +71,7 @@ def _check_each(file: str, channels: dict[str, Channel], time: FloatArray) -> tu
 def _unwrap(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
     """Replace the positions of absolute encoders by continuous ones."""
     warnings = []
-    for name in ("link_position", "motor_position"):
+    for name in ENCODERS:
         if name in channels:
             values, warning = checks.unwrap(file, name, channels[name], time)
             if warning:
@@ -94,6 +94,8 @@ def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -
     link, motor = channels["link_position"], channels["motor_position"]
     checks.check_two_encoders(file, link, motor)
     warnings = checks.check_follow(file, link, motor)
+    for name in ENCODERS:
+        warnings += checks.check_speed(file, name, channels[name], time)
     sensor = "deflection" if "deflection" in channels else "link_position"
     warnings += checks.check_frozen(file, sensor, channels[sensor], motor.values, time)
     warnings += checks.check_frozen(file, "motor_position", motor, link.values, time)

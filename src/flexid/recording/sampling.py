@@ -117,7 +117,7 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     warnings += (
         f"{table.file}: {place}: the time steps vary by {200.0 * jitter:.2g} % of the sample time "
         f"of {sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record "
-        f"at a fixed rate",
+        f"at a fixed rate, or write the time with more digits",
     )
     return Grid(sample_time, tuple(pieces), True, warnings)
 
