@@ -10,7 +10,7 @@ from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.result import CoefficientEstimate, ParameterEstimate
 from flexid.identification.verdict import verdict, worst
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.models.physical import physical_parameters
+from flexid.models.physical import PhysicalParameter, physical_parameters
 
 CONFIDENCE = 0.95
 """Nominal coverage of every interval."""
@@ -20,9 +20,10 @@ def coefficient_estimates(
     fit: LeastSquaresFit,
     excitation: Mapping[str, Excitation],
     fit_percent: Mapping[str, float],
+    known: Mapping[str, float],
     input_unit: str,
 ) -> dict[str, CoefficientEstimate]:
-    """Estimate with interval and verdict for every coefficient of a fit."""
+    """Estimate with interval and verdict for every coefficient; known ones have no width."""
     deviations = dict(zip(fit.names, map(float, fit.standard_deviations), strict=True))
     values = dict(zip(fit.names, map(float, fit.values), strict=True))
     estimates = {}
@@ -32,48 +33,54 @@ def coefficient_estimates(
             value, std = values[name], deviations[name]
             share = std * size if np.isfinite(std) else np.inf
             status, reason = verdict(name, value, std, share, excitation[row.name], fit_percent)
-            estimates[name] = CoefficientEstimate(
-                name,
-                COEFFICIENT_UNITS[name].format(input=f"({input_unit})"),
-                value,
-                std,
-                _interval(value, std, row.degrees_of_freedom),
-                status,
-                reason,
-            )
+            interval = _interval(value, std, row.degrees_of_freedom)
+            unit = _unit(COEFFICIENT_UNITS[name], input_unit)
+            estimates[name] = CoefficientEstimate(name, unit, value, std, interval, status, reason)
+    for name, value in known.items():
+        unit = _unit(COEFFICIENT_UNITS[name], input_unit)
+        estimates[name] = CoefficientEstimate(
+            name, unit, value, 0.0, (value, value), "determined", "given"
+        )
     return estimates
 
 
 def parameter_estimates(
-    fit: LeastSquaresFit,
-    coefficients: Mapping[str, CoefficientEstimate],
-    known: Mapping[str, float],
-    input_unit: str,
+    fit: LeastSquaresFit, coefficients: Mapping[str, CoefficientEstimate], input_unit: str
 ) -> dict[str, ParameterEstimate]:
     """Physical parameters that the coefficients determine, by the delta method."""
-    values = {name: c.value for name, c in coefficients.items()} | dict(known)
-    freedom = dict(zip(fit.names, fit.degrees_of_freedom, strict=True))
+    values = {name: c.value for name, c in coefficients.items()}
     estimates = {}
     for parameter in physical_parameters(values, input_is_torque=input_unit == "N m"):
-        used = [name for name in fit.names if name in parameter.exponents]
-        if not used:  # follows from what the user knows
-            continue
-        places = [fit.names.index(name) for name in used]
-        gradient = parameter.gradient(values, used)
-        covariance = fit.covariance[np.ix_(places, places)]
-        with np.errstate(invalid="ignore"):  # 0 * inf where a coefficient is undetermined
-            variance = float(gradient @ covariance @ gradient)
-        std = np.sqrt(variance) if np.isfinite(variance) else np.inf
         value = parameter.value(values)
+        std, freedom = _propagated(parameter, values, fit)
         estimates[parameter.name] = ParameterEstimate(
             parameter.name,
-            parameter.unit.format(input=f"({input_unit})"),
+            _unit(parameter.unit, input_unit),
             value,
-            float(std),
-            _interval(value, float(std), min(freedom[name] for name in used)),
-            worst(*(coefficients[name].status for name in used)),
+            std,
+            _interval(value, std, freedom) if std else (value, value),
+            worst(*(coefficients[name].status for name in parameter.exponents)),
         )
     return estimates
+
+
+def _propagated(
+    parameter: PhysicalParameter, values: Mapping[str, float], fit: LeastSquaresFit
+) -> tuple[float, int]:
+    """Standard deviation by the delta method, and the fewest degrees of freedom involved."""
+    places = [i for i, name in enumerate(fit.names) if name in parameter.exponents]
+    if not places:  # follows from what the user gave
+        return 0.0, 0
+    gradient = parameter.gradient(values, [fit.names[i] for i in places])
+    covariance = fit.covariance[np.ix_(places, places)]
+    if not np.all(np.isfinite(covariance)):
+        return np.inf, 0
+    freedom = min(fit.degrees_of_freedom[i] for i in places)
+    return float(np.sqrt(gradient @ covariance @ gradient)), freedom
+
+
+def _unit(template: str, input_unit: str) -> str:
+    return template.format(input=f"({input_unit})" if " " in input_unit else input_unit)
 
 
 def _interval(value: float, std: float, degrees_of_freedom: int) -> tuple[float, float]:

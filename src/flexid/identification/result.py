@@ -30,7 +30,7 @@ class CoefficientEstimate:
     status : {"determined", "weak", "undetermined"}
         The verdict.
     reason : str
-        Why it is not determined; empty if it is.
+        Why it is not determined; ``"given"`` if the user gave it; else empty.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Validation:
 
 
 @dataclass(frozen=True)
-class ObserverHistory:
+class ObserverTrace:
     """Estimates of the paper's observer while the log streams by.
 
     Parameters
@@ -123,7 +123,7 @@ class Identification:
         By row name.
     validation : Validation
         Free run over the held-out end of each piece, with coefficients fitted without it.
-    observer : ObserverHistory
+    observer : ObserverTrace
         The paper's observer over the same log.
     hold : {"zero", "linear"}
         Behaviour of the input between samples that fits the log.
@@ -139,7 +139,7 @@ class Identification:
     parameters: Mapping[str, ParameterEstimate]
     excitation: Mapping[str, Excitation]
     validation: Validation
-    observer: ObserverHistory
+    observer: ObserverTrace
     hold: Hold
     filter_rate: float
     warnings: tuple[str, ...]

@@ -80,11 +80,11 @@ _RATIOS = (
     PhysicalParameter(
         "gravity_torque_per_motor_inertia", "1/s^2", {"theta1": 1, "alpha1": 1, "theta2": -1}
     ),
-    PhysicalParameter("motor_viscous_friction_per_motor_inertia", "1/s", {"alpha2": 1}),
-    PhysicalParameter("motor_coulomb_friction_per_motor_inertia", "1/s^2", {"alpha_coulomb": 1}),
+    PhysicalParameter("viscous_friction_per_motor_inertia", "1/s", {"alpha2": 1}),
+    PhysicalParameter("coulomb_friction_per_motor_inertia", "1/s^2", {"alpha_coulomb": 1}),
     PhysicalParameter("joint_damping_per_motor_inertia", "1/s", {"alpha_damping": 1}),
-    PhysicalParameter("link_viscous_friction_per_link_inertia", "1/s", {"theta_viscous": 1}),
-    PhysicalParameter("link_coulomb_friction_per_link_inertia", "1/s^2", {"theta_coulomb": 1}),
+    PhysicalParameter("viscous_friction_per_link_inertia", "1/s", {"theta_viscous": 1}),
+    PhysicalParameter("coulomb_friction_per_link_inertia", "1/s^2", {"theta_coulomb": 1}),
     PhysicalParameter("input_gain_per_motor_inertia", "rad/s^2/{input}", {"beta1": 1}),
 )
 """What is left when the input is no torque: nothing absolute, only ratios."""

@@ -7,10 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
+from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
 from flexid.identification.result import CoefficientEstimate, Identification
 from flexid.identification.validation import CHANNELS
 from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, new_figure, save
+
+_FLOOR = 1e-7  # below which a relative singular value is drawn as this
 
 _COLOURS = {"determined": GREEN, "weak": ORANGE, "undetermined": RED}
 
@@ -40,7 +42,7 @@ def fit_figure(result: Identification) -> Figure:
         ax.set_ylabel(f"{label} (rad)")
         ax.set_title(f"{label}: fit {result.validation.fit_percent[name]:.1f} %")
     handles, labels = axes[0].get_legend_handles_labels()
-    axes[0].legend(handles[:2], labels[:2], loc="upper right", ncols=2)
+    figure.legend(handles[:2], labels[:2], loc="outside upper right", ncols=2)
     axes[-1].set_xlabel("time (s), data kept out of the fit")
     return figure
 
@@ -59,7 +61,8 @@ def estimates_figure(result: Identification) -> Figure:
     for ax in axes.flat[max(0, len(names) - columns) : len(names)]:
         ax.set_xlabel("time (s)")
         ax.tick_params(labelbottom=True)
-    axes[0, 0].legend(loc="best")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3)
     return figure
 
 
@@ -75,20 +78,29 @@ def _draw_estimate(ax: Axes, result: Identification, c: CoefficientEstimate) -> 
 
 def excitation_figure(result: Identification) -> Figure:
     """Singular values of each row's normalised Gram matrix, and its condition number."""
-    figure = new_figure(height=3.2)
+    figure = new_figure(height=3.4)
     axes = figure.subplots(1, len(result.excitation), sharey=True, squeeze=False)[0]
-    for ax, (row, excitation) in zip(axes, result.excitation.items(), strict=True):
-        values = excitation.singular_values
-        ax.bar(np.arange(1, len(values) + 1), np.maximum(values, 1e-16), color=BLUE, width=0.6)
-        largest = values[0]
-        ax.axhline(largest / WEAK_CONDITION, color=ORANGE, linestyle="--", label="weak below")
-        ax.axhline(largest / LOST_CONDITION, color=RED, linestyle="--", label="lost below")
-        ax.set_yscale("log")
-        ax.set_ylim(1e-7, 10)
-        ax.set_xticks(np.arange(1, len(values) + 1))
-        ax.set_xlabel("singular value of the normalised Gram matrix")
-        pair = " and ".join(excitation.correlated)
-        ax.set_title(f"{row} row: condition number {excitation.condition_number:.3g}\n{pair}")
-    axes[0].set_ylabel("size (–)")
-    axes[0].legend(loc="lower left")
+    for ax, excitation in zip(axes, result.excitation.values(), strict=True):
+        _draw_excitation(ax, excitation)
+    axes[0].set_ylabel("singular value over the largest (–)")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=2)
     return figure
+
+
+def _draw_excitation(ax: Axes, excitation: Excitation) -> None:
+    relative = excitation.singular_values / excitation.singular_values[0]
+    places = np.arange(1, len(relative) + 1)
+    ax.stem(places, np.maximum(relative, _FLOOR), linefmt=BLUE, markerfmt="o", basefmt=" ")
+    ax.axhline(1 / WEAK_CONDITION, color=ORANGE, linestyle="--", label="weak below")
+    ax.axhline(1 / LOST_CONDITION, color=RED, linestyle="--", label="lost below")
+    ax.set_yscale("log")
+    ax.set_ylim(_FLOOR, 3)
+    ax.set_xlim(0.5, len(relative) + 0.5)
+    ax.set_xticks(places)
+    ax.set_xlabel("direction, best excited first")
+    title = f"{excitation.row} row: condition number {excitation.condition_number:.3g}"
+    if excitation.correlated:
+        pair = " and ".join(excitation.correlated)
+        title += f"\n{pair} correlate by {excitation.correlation:.2f}"
+    ax.set_title(title)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from math import floor, isfinite, log10
 
+from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -15,13 +16,16 @@ from flexid.identification.result import (
 )
 
 WIDTH = 100
+"""Columns that the answer fits in; also its width where there is no terminal to ask."""
 
 _COLOURS: dict[Status, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 
 
-def print_identification(result: Identification, console: Console) -> None:
-    """Print parameters, coefficients, excitation and validation."""
-    console.print(Group(*_parts(result)), width=min(console.width, WIDTH))
+def print_identification(result: Identification) -> None:
+    """Print parameters, coefficients, excitation and validation on standard output."""
+    console = Console()
+    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
+    Console(width=width).print(Group(*_parts(result)))
 
 
 def _parts(result: Identification) -> Iterator[RenderableType]:
@@ -45,7 +49,9 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
 
 
 def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEstimate]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold")
+    table = Table(
+        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
+    )
     table.add_column("name", no_wrap=True)
     for heading in ("value", "95 % interval"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -53,9 +59,8 @@ def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEs
     table.add_column("verdict", no_wrap=True)
     for e in estimates:
         value, lower, upper = format_with_interval(e.value, *e.interval)
-        table.add_row(
-            e.name, value, f"[{lower}, {upper}]", e.unit, Text(e.status, _COLOURS[e.status])
-        )
+        interval = f"[{lower}, {upper}]" if lower != upper else "given"
+        table.add_row(e.name, value, interval, e.unit, Text(e.status, _COLOURS[e.status]))
     return table
 
 
@@ -65,12 +70,12 @@ def format_with_interval(value: float, lower: float, upper: float) -> tuple[str,
     Examples
     --------
     >>> format_with_interval(99.98731, 99.93, 100.04)
-    ('99.987', '99.930', '100.040')
+    ('99.99', '99.93', '100.04')
     >>> format_with_interval(4.1e6, 3.9e6, 4.3e6)
     ('4100000', '3900000', '4300000')
     """
     width = upper - lower
     if not isfinite(width) or width <= 0:
         return f"{value:.5g}", f"{lower:.5g}", f"{upper:.5g}"
-    decimals = min(12, max(0, 2 - floor(log10(width))))
+    decimals = min(12, max(0, 1 - floor(log10(width))))
     return tuple(f"{number:.{decimals}f}" for number in (value, lower, upper))  # type: ignore[return-value]

@@ -24,6 +24,7 @@ STYLE: dict[str, object] = {
     "axes.spines.right": False,
     "axes.edgecolor": INK,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": "#e3e6e9",
     "grid.linewidth": 0.6,
     "legend.frameon": False,

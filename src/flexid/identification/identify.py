@@ -1,0 +1,152 @@
+"""The main job: logs and a model become an estimate with intervals and a verdict."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+import flexid
+from flexid.analysis.excitation import Excitation, excitation_of_gram
+from flexid.errors import RecordingError
+from flexid.estimators.filter_rate import choose_filter_rate
+from flexid.estimators.samples import samples_of_recording
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.identification.estimates import coefficient_estimates, parameter_estimates
+from flexid.identification.observer_stream import stream
+from flexid.identification.result import Identification
+from flexid.identification.settings import Settings
+from flexid.identification.validation import validate
+from flexid.identification.warnings import sign_warnings, validation_warnings
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold, Log, Recording
+from flexid.recording.velocities import with_velocities
+
+_FEWEST_TRAINING_SAMPLES = 50
+
+
+@dataclass(frozen=True)
+class _Fitter:
+    """Least squares with the choices made once, on the training data."""
+
+    system: ParametricSystem
+    filter_rate: float
+    hold: Hold
+
+    def fit(self, pieces: Sequence[Recording]) -> LeastSquaresFit:
+        samples = [samples_of_recording(piece) for piece in pieces]
+        return filtered_least_squares(
+            samples, self.system, filter_rate=self.filter_rate, hold=self.hold
+        )
+
+
+def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identification:
+    """Identify a flexible joint from one or several logs.
+
+    State-variable-filter least squares on positions gives the coefficients, once from the data
+    before the held-out end of each piece, for the validation by free run, and once from all data,
+    for the report. The paper's observer runs over the same logs as a stream.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+        Of the same drive, with the same kind of input.
+    settings : Settings, optional
+        Choices; see there.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    RecordingError
+        If the logs do not go together or are too short.
+    SettingError
+        If a setting does not suit the logs.
+    """
+    settings = settings or Settings()
+    input_unit = _common_input_unit(logs)
+    known = settings.known_coefficients(input_is_torque=input_unit == "N m")
+    system = flexible_joint(settings.terms, known)
+    pieces = [with_velocities(piece) for log in logs for piece in log.pieces]
+    starts = [_held_out_start(piece, settings.validation_share) for piece in pieces]
+    training = [piece.window(0, start) for piece, start in zip(pieces, starts, strict=True)]
+    fitter = _choose(training, system, settings)
+
+    trained = fitter.fit(training)
+    values = dict(zip(trained.names, map(float, trained.values), strict=True))
+    validation = validate(list(zip(pieces, starts, strict=True)), system, values, fitter.hold)
+
+    fit = fitter.fit(pieces)
+    excitation = _excitation(fit)
+    coefficients = coefficient_estimates(fit, excitation, validation.fit_percent, known, input_unit)
+    return Identification(
+        coefficients=coefficients,
+        parameters=parameter_estimates(fit, coefficients, input_unit),
+        excitation=excitation,
+        validation=validation,
+        observer=stream(pieces, system, fitter.hold),
+        hold=fitter.hold,
+        filter_rate=fitter.filter_rate,
+        warnings=(
+            *(warning for log in logs for warning in log.warnings),
+            *sign_warnings(coefficients),
+            *validation_warnings(validation.fit_percent),
+        ),
+        provenance=_provenance(logs, settings, fitter),
+    )
+
+
+def _common_input_unit(logs: Sequence[Log]) -> str:
+    units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
+    if len(units) > 1:
+        (first, second), sources = list(units)[:2], list(units.values())
+        raise RecordingError(
+            sources[1],
+            "input",
+            f"is in {second} where {sources[0]} has {first}: identify them one by one",
+        )
+    return next(iter(units))
+
+
+def _held_out_start(piece: Recording, share: float) -> int:
+    start = round(len(piece) * (1 - share))
+    if start < _FEWEST_TRAINING_SAMPLES:
+        raise RecordingError(
+            piece.source,
+            f"piece from {piece.start_time:g} s",
+            f"leaves {start} samples to fit after {share:.0%} are kept out for validation, fewer "
+            f"than {_FEWEST_TRAINING_SAMPLES}: record longer",
+        )
+    return start
+
+
+def _choose(training: Sequence[Recording], system: ParametricSystem, settings: Settings) -> _Fitter:
+    """Settle the filter rate and the hold on the training data."""
+    samples = [samples_of_recording(piece) for piece in training]
+    rate = settings.filter_rate or choose_filter_rate(samples, system)
+    holds: tuple[Hold, ...] = ("linear", "zero") if settings.hold == "auto" else (settings.hold,)
+    candidates = [_Fitter(system, rate, hold) for hold in holds]
+    return min(candidates, key=lambda fitter: _misfit(fitter.fit(training)))
+
+
+def _misfit(fit: LeastSquaresFit) -> float:
+    return sum(row.residual_sum / row.total_sum for row in fit.rows)
+
+
+def _excitation(fit: LeastSquaresFit) -> Mapping[str, Excitation]:
+    return {
+        row.name: excitation_of_gram(row.name, row.coefficients, row.gram / len(row.time))
+        for row in fit.rows
+    }
+
+
+def _provenance(logs: Sequence[Log], settings: Settings, fitter: _Fitter) -> dict[str, object]:
+    chosen = replace(settings, hold=fitter.hold, filter_rate=float(np.round(fitter.filter_rate, 6)))
+    return {
+        "flexid_version": flexid.__version__,
+        "settings": {**asdict(settings), "terms": list(settings.terms)},
+        "chosen": {"hold": chosen.hold, "filter_rate": chosen.filter_rate},
+        "inputs": [{"file": log.source, "sha256": log.sha256} for log in logs],
+    }
