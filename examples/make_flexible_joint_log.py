@@ -48,7 +48,7 @@ TORQUE_RESOLUTION = 1e-4  # N m, of the drive and of the log alike
 
 ENCODER_COUNTS = 2**16  # per turn of the joint, both encoders
 ENCODER_NOISE = 1e-4  # rad, standard deviation before rounding to a count
-# A 95 % interval misses the truth once in twenty times, so that of 46 seeds tried one in seven put
+# A 95 % interval misses the truth once in twenty times, so that of 46 seeds tried nine put
 # one of the five coefficients outside its interval. An example should not open with such a case.
 SEED = 2
 
