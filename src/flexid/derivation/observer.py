@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import sympy as sp
 
 from flexid.derivation.immersion import Kind, immersion
-from flexid.derivation.symbolic import SymbolicRow, SymbolicSystem, symbol, symbolic_system
+from flexid.derivation.names import FreshNames
+from flexid.derivation.symbolic import SymbolicRow, SymbolicSystem, symbolic_system
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.parametric_system import ParametricSystem
 
@@ -130,7 +131,7 @@ def derive_observer(system: ParametricSystem) -> SymbolicObserver:
         If a regressor jumps with a coordinate or an input.
     """
     symbolic = symbolic_system(system)
-    names = _FreshNames(system)
+    names = FreshNames([*system.variables, *system.coefficients])
     rates = tuple(names.take(f"{name}_rate") for name in system.inputs)
     rows = tuple(
         _derive_row(symbolic, row, number, rates, names)
@@ -179,7 +180,7 @@ def _derive_row(
     row: SymbolicRow,
     number: int,
     rates: tuple[sp.Symbol, ...],
-    names: "_FreshNames",
+    names: FreshNames,
 ) -> ObserverRow:
     immersions, kinds, cancelling = [], [], []
     for coefficient, regressor in zip(row.coefficients, row.regressor, strict=True):
@@ -236,16 +237,3 @@ def _cancelling(
             )
         total += rate * slope
     return sp.factor_terms(total)
-
-
-class _FreshNames:
-    """Symbols whose names the model does not use."""
-
-    def __init__(self, system: ParametricSystem) -> None:
-        self._taken = {*system.variables, *system.coefficients}
-
-    def take(self, name: str) -> sp.Symbol:
-        while name in self._taken:
-            name += "_"
-        self._taken.add(name)
-        return symbol(name)

@@ -1,0 +1,52 @@
+"""The ``flexid`` command: registers every command and turns errors into one sentence."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from flexid.cli.derive import derive
+from flexid.cli.identify import identify
+from flexid.errors import FlexidError
+
+app = typer.Typer(
+    name="flexid",
+    help="Trustworthy physical parameters of flexible-joint drives from their motion.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+# One line per command. Their modules import nothing heavy before they are called.
+app.command()(identify)
+app.command()(derive)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"flexid {version('flexid')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line. Exit status: 0 done, 1 the data cannot support it, 2 bad input."""
+    try:
+        app()
+    except FlexidError as error:
+        typer.echo(f"flexid: {error}", err=True)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)

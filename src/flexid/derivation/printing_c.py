@@ -1,0 +1,171 @@
+"""The observer's equations as C99 functions on doubles."""
+
+import re
+from collections.abc import Sequence
+
+import sympy as sp
+from sympy.printing.c import C99CodePrinter
+
+from flexid.derivation.immersion import VARIABLE
+from flexid.derivation.names import FreshNames
+from flexid.derivation.observer import SymbolicObserver
+from flexid.derivation.observer_functions import upper_limit
+from flexid.derivation.printing import (
+    estimate_texts,
+    fresh_names,
+    printable_rows,
+    rate_texts,
+    without_integrals,
+)
+from flexid.derivation.quadrature import graded_rule
+from flexid.derivation.special import LogCosh
+
+_RESERVED_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int
+long register restrict return short signed sizeof static struct switch typedef union unsigned void
+volatile while _Bool _Complex _Imaginary asm
+asinh atan cos cosh erf exp fabs log pow sin sqrt tan tanh INFINITY NAN main
+state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
+"""
+_RESERVED = frozenset(_RESERVED_WORDS.split())
+
+_LOG_COSH = """
+static double log_cosh_(double z)
+{
+    return fabs(z) + log(1.0 + exp(-2.0*fabs(z))) - log(2.0);
+}
+"""
+
+
+class _CPrinter(C99CodePrinter):
+    """Products for small powers, and no macro that C99 does not have."""
+
+    def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
+        return f"log_cosh_({self._print(expr.args[0])})"
+
+    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802
+        return repr(float(expr))
+
+    def _print_Pow(self, expr: sp.Pow) -> str:  # noqa: N802
+        base, exponent = expr.args
+        if exponent.is_Integer and 2 <= int(exponent) <= 4:  # type: ignore[arg-type]
+            factor = self._print(base)
+            factor = factor if base.is_Symbol else f"({factor})"
+            return "(" + "*".join([factor] * int(exponent)) + ")"  # type: ignore[arg-type]
+        return super()._print_Pow(expr)
+
+
+def c_observer(observer: SymbolicObserver) -> str:
+    """Print an observer as two C99 functions that allocate nothing.
+
+    Parameters
+    ----------
+    observer : SymbolicObserver
+        The observer.
+
+    Returns
+    -------
+    str
+        ``observer_estimates`` fills the estimates of eq. (2), ``observer_rates`` the rates of
+        eq. (3). Arguments, all arrays of double: state, input, input_rate, observer_state, gain
+        and constant; an array with no entries may be NULL.
+    """
+    names = fresh_names(observer)
+    integrals, rows = without_integrals(printable_rows(observer, names))
+    symbolic = observer.symbolic
+    hats = [p for row in observer.rows for p in row.estimates]
+    groups = {
+        "state": symbolic.states,
+        "input": symbolic.inputs,
+        "input_rate": observer.rates if observer.input_rates else (),
+        "observer_state": tuple(y for row in observer.rows for y in row.intermediate),
+        "gain": observer.gains,
+        "constant": symbolic.constants,
+    }
+    abbreviations = [row.abbreviation for row in rows]
+    show = _printer([*hats, *abbreviations, *(s for group in groups.values() for s in group)])
+    estimates = estimate_texts(rows, show)
+    meanings, rates = rate_texts(rows, show)
+    reads = {show(s): f"{a}[{i}]" for a, group in groups.items() for i, s in enumerate(group)}
+    estimated = [_constant(name, text) for name, text in estimates]
+    first = [f"    estimate[{i}] = {text};" for i, (_, text) in enumerate(estimates)]
+    second = [
+        *estimated,
+        *(_constant(name, text) for name, text in meanings),
+        *(f"    rate[{i}] = {text};" for i, text in enumerate(rates)),
+    ]
+    sums = {name: _sum(name, i, show) for name, i in integrals.items()}
+    functions = "\n".join(
+        (
+            _function("observer_estimates", "estimate", groups, reads, sums, first),
+            _function("observer_rates", "rate", groups, reads, sums, second),
+        )
+    )
+    return _front(observer, groups, functions) + functions
+
+
+def _printer(symbols: Sequence[sp.Symbol]):
+    """A printer that renames what is no name in C."""
+    names = FreshNames([str(s) for s in symbols] + list(_RESERVED))
+    renamed = {
+        s: sp.Symbol(str(names.take(str(s) if str(s).isascii() else "symbol")))
+        for s in symbols
+        if str(s) in _RESERVED or not str(s).isascii()
+    }
+    printer = _CPrinter()
+    return lambda expression: printer.doprint(expression.xreplace(renamed))
+
+
+def _front(observer: SymbolicObserver, groups: dict, functions: str) -> str:
+    lines = [
+        f"/* Parametric observer, Huang (2003), of the model {observer.symbolic.system.name}.",
+        *(f" * {name:15} {', '.join(map(str, group)) or 'none'}" for name, group in groups.items()),
+        f" * {'estimate':15} {', '.join(str(p) for p in observer.symbolic.coefficients)}",
+        " */",
+    ]
+    text = "\n".join(lines) + "\n#include <math.h>\n"
+    if "log_cosh_(" in functions:
+        text += _LOG_COSH
+    if "NODES" in functions:
+        nodes, weights = graded_rule()
+        for name, values in (("NODES", nodes), ("WEIGHTS", weights)):
+            numbers = ",\n    ".join(map(repr, values.tolist()))
+            text += f"\nstatic const double {name}[{len(values)}] = {{\n    {numbers}\n}};\n"
+    return text + "\n"
+
+
+def _function(
+    name: str,
+    target: str,
+    groups: dict,
+    reads: dict[str, str],
+    sums: dict[sp.Symbol, list[str]],
+    body: list[str],
+) -> str:
+    text = "\n".join(body)
+    loops = [line for q, lines in sums.items() if re.search(rf"\b{q}\b", text) for line in lines]
+    used = set(re.findall(r"\w+", "\n".join([*loops, text])))
+    values = [_constant(variable, place) for variable, place in reads.items() if variable in used]
+    arguments = [*(f"const double *{array}" for array in groups), f"double *{target}"]
+    unused = [
+        f"    (void){array};" for array in groups if not any(f" {array}[" in v for v in values)
+    ]
+    head = f"void {name}(\n    " + ",\n    ".join(arguments) + ")\n{"
+    lines = [head, *unused, *values, *loops, *body]
+    return "\n".join([*lines, "}\n"])
+
+
+def _constant(name: str, value: str) -> str:
+    return f"    const double {name} = {value};"
+
+
+def _sum(name: sp.Symbol, integral: sp.Integral, show) -> list[str]:
+    """Lines that integrate over the fixed nodes."""
+    upper = show(upper_limit(integral))
+    return [
+        f"    double {name} = 0.0;",
+        f"    for (int n_ = 0; n_ < {len(graded_rule()[0])}; ++n_) {{",
+        f"        const double {VARIABLE} = {upper}*NODES[n_];",
+        f"        {name} += {upper}*WEIGHTS[n_]*({show(integral.function)});",
+        "    }",
+    ]
