@@ -6,6 +6,7 @@ import sympy as sp
 
 from flexid.control.loop import LoopDeclaration
 from flexid.derivation.closed_loop import SymbolicLoop, compose_loop, start_estimates
+from flexid.derivation.loop_signals import Signals
 from flexid.derivation.plain_loop import compose_plain_loop
 from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import symbol, symbolic_system
@@ -47,29 +48,33 @@ def loop_functions(loop: SymbolicLoop) -> str:
     return "\n\n".join(
         (
             _header(loop),
-            _loop_function(
-                loop,
+            loop_function(
+                loop.declaration,
+                loop.signals,
                 "rates(_t, _z, _p, _dz)",
                 "_dz = z' at time _t for the parameters _p.",
                 variables,
                 rates,
             ),
-            _loop_function(
-                loop,
+            loop_function(
+                loop.declaration,
+                loop.signals,
                 "rates_and_jacobian(_t, _z, _p, _dz, _jacobian, _slope)",
                 "_dz = z', _jacobian = ∂z'/∂z (zeros are not written), _slope = ∂z'/∂t.",
                 variables,
                 rates | jacobian | slopes,
             ),
-            _loop_function(
-                loop,
+            loop_function(
+                loop.declaration,
+                loop.signals,
                 "outputs(_t, _z, _p, _y)",
                 "_y = plain states, inputs, estimates, their errors, tracking error.",
                 variables,
                 {f"_y[{i}]": expression for i, expression in enumerate(outputs)},
             ),
-            _loop_function(
-                loop,
+            loop_function(
+                loop.declaration,
+                loop.signals,
                 "start(_t, _x, _estimates, _p, _z)",
                 "_z from the plain states _x and the estimates.",
                 {"_x": symbolic.states, "_estimates": start_estimates(symbolic)},
@@ -100,16 +105,32 @@ SIZE = {len(loop.variables)}
 '''
 
 
-def _loop_function(
-    loop: SymbolicLoop,
+def loop_function(
+    declaration: LoopDeclaration,
+    signals: Signals,
     signature: str,
     docstring: str,
     arrays: Mapping[str, Sequence[sp.Symbol]],
-    results: dict[str, sp.Expr],
+    results: Mapping[str, sp.Expr],
 ) -> str:
+    """A compiled function of time, arrays and the loop's parameters ``_p``.
+
+    Parameters
+    ----------
+    declaration : LoopDeclaration
+        Gives the order of the parameters.
+    signals : Signals
+        Functions of time in the results.
+    signature, docstring : str
+        Of the function; time is called ``_t``.
+    arrays : mapping of str to sequence of Symbol
+        The symbols that each argument holds, in order.
+    results : mapping of str to Expr
+        Target to expression.
+    """
     used = set().union(*(expression.free_symbols for expression in results.values()))
-    signals, used = loop.signals.assignments(used)
-    places = {**arrays, "_p": [symbol(name) for name in loop.declaration.parameter_names]}
+    lines, used = signals.assignments(used)
+    places = {**arrays, "_p": [symbol(name) for name in declaration.parameter_names]}
     reads = [
         f"    {name} = {array}[{place}]"
         for array, names in places.items()
@@ -119,4 +140,4 @@ def _loop_function(
     if symbol("t") in used:
         reads.append("    t = _t")
     body = assignments(list(results), list(results.values()))
-    return function(signature, docstring, "\n".join(reads), signals, body)
+    return function(signature, docstring, "\n".join(reads), lines, body)

@@ -66,3 +66,18 @@ class Run:
     def largest_tracking_error(self, start: float, stop: float) -> float:
         """Largest magnitude of the tracking error in a time window."""
         return float(np.max(np.abs(self.tracking_error[self.between(start, stop)])))
+
+    def log(self) -> dict[str, Array]:
+        """Columns of a log: time, position and velocity of every row, inputs.
+
+        Measured values where there are any. A single input is called ``motor_torque``, several
+        have the system's names.
+        """
+        columns = {"time": self.time}
+        values = self.states if self.measured is None else self.measured
+        for place, row in enumerate(self.loop.system.rows):
+            columns[f"{row.name}_position"] = values[:, 2 * place]
+            columns[f"{row.name}_velocity"] = values[:, 2 * place + 1]
+        names = self.loop.system.inputs
+        inputs = dict(zip(names, self.inputs.T, strict=True))
+        return columns | ({"motor_torque": inputs[names[0]]} if len(names) == 1 else inputs)
