@@ -1,0 +1,155 @@
+"""Regressors and parameter errors of each row along a motion: what the monitors look at."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexid.models.expression import fold
+from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.run import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RowHistory:
+    """One row along a run of n samples, with m coefficients.
+
+    Parameters
+    ----------
+    row : str
+        Name of the row.
+    coefficients : tuple of str
+        Names of its m coefficients.
+    gain : float
+        The observer's gain c of this row.
+    regressors : (n, m) ndarray
+        r at every sample.
+    errors : (n, m) ndarray
+        p̃ = p̂ - p at every sample.
+    """
+
+    row: str
+    coefficients: tuple[str, ...]
+    gain: float
+    regressors: Array
+    errors: Array
+
+    @property
+    def mismatch(self) -> Array:
+        """rᵀp̃, shape (n,): what the proof of Theorem 1 shows to vanish."""
+        return np.einsum("ij,ij->i", self.regressors, self.errors)
+
+    @property
+    def error_rates(self) -> Array:
+        """p̃' = -c r rᵀp̃ of Huang (2003), eq. (7), shape (n, m), per second."""
+        return -self.gain * self.regressors * self.mismatch[:, None]
+
+    def part(self, samples: slice) -> "RowHistory":
+        """The same row over some of the samples."""
+        return RowHistory(
+            self.row,
+            self.coefficients,
+            self.gain,
+            self.regressors[samples],
+            self.errors[samples],
+        )
+
+
+def row_histories(run: Run) -> tuple[RowHistory, ...]:
+    """Histories of all rows of a simulated closed loop."""
+    system = run.loop.system
+    regressors = regressors_along(system, run.states, run.inputs)
+    return tuple(
+        RowHistory(
+            row.name,
+            row.coefficients,
+            run.loop.observer_gains[row.name],
+            regressors[row.name],
+            run.parameter_errors[:, place],
+        )
+        for row, place in system.row_slices()
+    )
+
+
+def regressors_along(
+    system: ParametricSystem, states: ArrayLike, inputs: ArrayLike
+) -> dict[str, Array]:
+    """Evaluate the regressors of every row along a motion.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        Its constants have the values declared in it.
+    states : (n, n_states) array_like
+        In the system's order, SI units.
+    inputs : (n, n_inputs) array_like
+        In the system's order.
+
+    Returns
+    -------
+    dict of str to (n, m) ndarray
+        By the row's name.
+
+    Examples
+    --------
+    >>> from flexid.models.flexible_joint import flexible_joint
+    >>> joint = flexible_joint(known={"beta1": 4.0})
+    >>> regressors_along(joint, [[0.0, 1.0, -0.5, 2.0]], [[0.0]])["motor"].tolist()
+    [[0.5, -2.0]]
+    """
+    states = np.asarray(states, dtype=float)
+    values: dict[str, ArrayLike] = dict(zip(system.states, states.T, strict=True))
+    values |= zip(system.inputs, np.asarray(inputs, dtype=float).T, strict=True)
+    values |= {**system.constants, "pi": np.pi}
+    algebra = _Arrays(values)
+    return {
+        row.name: np.stack(
+            [
+                np.broadcast_to(fold(text, system.variables, algebra, place), len(states))
+                for place, text in row.regressors.items()
+            ],
+            axis=1,
+        )
+        for row in system.rows
+    }
+
+
+_UFUNCS = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "tanh": np.tanh,
+    "exp": np.exp,
+    "sqrt": np.sqrt,
+    "sign": np.sign,
+    "abs": np.abs,
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "/": np.divide,
+    "**": np.power,
+}
+
+
+class _Arrays:
+    """The algebra in which names are arrays."""
+
+    def __init__(self, values: dict[str, ArrayLike]) -> None:
+        self._values = values
+
+    def number(self, text: str) -> Array:
+        return np.asarray(float(text))
+
+    def name(self, name: str) -> Array:
+        return np.asarray(self._values[name], dtype=float)
+
+    def operate(self, operator: str, left: Array, right: Array) -> Array:
+        return _UFUNCS[operator](left, right)
+
+    def negate(self, operand: Array) -> Array:
+        return -operand
+
+    def call(self, function: str, argument: Array) -> Array:
+        return _UFUNCS[function](argument)

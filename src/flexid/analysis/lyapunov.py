@@ -1,0 +1,174 @@
+"""Theorem 1 of Huang (2003), watched along a run.
+
+The theorem bounds the parameter errors, makes their rates vanish, and makes the errors themselves
+vanish where they settle and (A4) holds. All of it can be read from a run: V of eq. (8) must never
+rise, the squared mismatches must have a finite integral, errors and their rates have limits.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.analysis.histories import RowHistory, row_histories
+from flexid.simulation.run import Run
+
+Array = NDArray[np.float64]
+
+SETTLED = 1e-3
+"""Share of an error's first value within which it has to stay to count as settled or vanished."""
+
+ALLOWED_RISE = 10.0
+"""Rise of V, in integration tolerances, that is put down to the integrator."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What one parameter error does over the last window of a run.
+
+    Parameters
+    ----------
+    coefficient : str
+        Its name.
+    first, last : float
+        The error at the start and at the end of the run.
+    drift : float
+        Largest minus smallest value within the window.
+    largest_rate : float
+        Largest magnitude of its rate within the window, per second.
+    """
+
+    coefficient: str
+    first: float
+    last: float
+    drift: float
+    largest_rate: float
+
+    @property
+    def settled(self) -> bool:
+        """Whether the error stays constant to a thousandth of its first value."""
+        return self.drift <= SETTLED * abs(self.first)
+
+    @property
+    def vanished(self) -> bool:
+        """Whether the error is gone to a thousandth of its first value, and stays so."""
+        return self.settled and abs(self.last) <= SETTLED * abs(self.first)
+
+
+@dataclass(frozen=True, eq=False)
+class LyapunovMonitor:
+    """V and what follows from it along a run of n samples.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        In s.
+    value : (n,) ndarray
+        V = Σ |p̃|²/2.  # Huang (2003), eq. (8)
+    rate : (n,) ndarray
+        V' = -Σ c (rᵀp̃)², per second.  # Huang (2003), eq. (9)
+    mismatches : (n, n_rows) ndarray
+        rᵀp̃ of every row.
+    limits : tuple of Limit
+        One per coefficient.
+    largest_rise : float
+        Largest rise of V above its smallest value so far.
+    rise_in_tolerances : float
+        The same, each rise divided by the change of V that one step at the integrator's tolerance
+        may cause.
+    """
+
+    time: Array
+    value: Array
+    rate: Array
+    mismatches: Array
+    limits: tuple[Limit, ...]
+    largest_rise: float
+    rise_in_tolerances: float
+
+    @property
+    def rises(self) -> bool:
+        """Whether V rises by more than the integrator's error explains (`ALLOWED_RISE`)."""
+        return self.rise_in_tolerances > ALLOWED_RISE
+
+    @property
+    def imbalance(self) -> float:
+        """|V(T) - V(0) - ∫V' dt| / V(0) by the trapezoidal rule.
+
+        Small only where the samples resolve the motion; it checks (9) against (8), and that the
+        squared mismatches have the finite integral that Barbalat's lemma asks for.
+        """
+        change = self.value[-1] - self.value[0]
+        return float(abs(change - np.trapezoid(self.rate, self.time)) / self.value[0])
+
+
+def monitor_run(run: Run, window: float) -> LyapunovMonitor:
+    """Watch Theorem 1 along a simulated closed loop.
+
+    Parameters
+    ----------
+    run : Run
+        A continuous run, whose settings tell the integrator's tolerance.
+    window : float
+        Length in s of the last stretch, over which limits are judged.
+    """
+    relative = float(run.settings["relative_tolerance"])
+    absolute = float(run.settings["absolute_tolerance"])
+    return monitor(run.time, row_histories(run), window, relative, absolute)
+
+
+def monitor(
+    time: Array,
+    rows: Sequence[RowHistory],
+    window: float,
+    relative_tolerance: float,
+    absolute_tolerance: float,
+) -> LyapunovMonitor:
+    """Watch Theorem 1 along any histories.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        In s.
+    rows : sequence of RowHistory
+        All rows of the system, n samples each.
+    window : float
+        Length in s of the last stretch, over which limits are judged.
+    relative_tolerance, absolute_tolerance : float
+        Error that the integrator allowed per step in each parameter error.
+    """
+    errors = np.hstack([row.errors for row in rows])
+    value = 0.5 * np.sum(errors**2, axis=1)
+    mismatches = np.stack([row.mismatch for row in rows], axis=1)
+    gains = np.array([row.gain for row in rows])
+    # One step within tolerance changes V by Σ |p̃| δp̃ at most, to first order.
+    allowed = np.sum(
+        np.abs(errors) * (relative_tolerance * np.abs(errors) + absolute_tolerance), axis=1
+    )
+    smallest = np.minimum.accumulate(value)
+    rise = value - smallest
+    at_smallest = allowed[_place_of_minimum(value)]
+    last = slice(int(np.searchsorted(time, time[-1] - window)), None)
+    return LyapunovMonitor(
+        time,
+        value,
+        -(mismatches**2) @ gains,
+        mismatches,
+        tuple(limit for row in rows for limit in _limits(row, last)),
+        float(rise.max()),
+        float(np.max(np.divide(rise, at_smallest, out=np.zeros_like(rise), where=rise > 0))),
+    )
+
+
+def _place_of_minimum(value: Array) -> NDArray[np.intp]:
+    """For every sample, where the smallest value so far was reached."""
+    lower = value < np.concatenate(([np.inf], np.minimum.accumulate(value)[:-1]))
+    return np.maximum.accumulate(np.where(lower, np.arange(len(value)), 0))
+
+
+def _limits(row: RowHistory, window: slice) -> list[Limit]:
+    rates = np.abs(row.part(window).error_rates).max(axis=0)
+    drift = np.ptp(row.errors[window], axis=0)
+    columns = zip(row.coefficients, row.errors[0], row.errors[-1], drift, rates, strict=True)
+    return [Limit(name, *map(float, numbers)) for name, *numbers in columns]

@@ -1,0 +1,163 @@
+r"""Persistent excitation over windows, and the exponential rate that it guarantees.
+
+The bound, for one row p̃' = -c r rᵀp̃ over a window of length T with G = ∫ r rᵀ dt ≥ ε I. Write e
+for p̃, e₀ for its value at the window's start, and g = rᵀe. Then
+
+    |e(T)|² = |e₀|² - 2c ∫ g² dt                                      (eq. (9) of the paper)
+    rᵀe₀   = g + c ∫₀ᵗ r(t)ᵀr(τ) g(τ) dτ                              (eq. (7), integrated).
+
+The L₂ norm of the left side of the second line is √(e₀ᵀG e₀) ≥ √ε |e₀|. The integral operator on
+its right has a Hilbert-Schmidt norm of ‖G‖_F/√2, because ∬ (r(t)ᵀr(τ))² dτ dt = tr G² and the
+triangle τ < t is half of the square. Hence √ε |e₀| ≤ (1 + c‖G‖_F/√2) ‖g‖, and
+
+    |e(T)|² ≤ (1 - 2cε / (1 + c‖G‖_F/√2)²) |e₀|².
+
+The argument is that of Sastry and Bodson, Adaptive Control (1989), section 2.5, with a sharper
+norm of the operator.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexid.analysis.excitation import Excitation, excitation_of_gram
+from flexid.analysis.histories import RowHistory
+from flexid.errors import SettingError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Persistence:
+    """Excitation of one row over all windows of one length.
+
+    Parameters
+    ----------
+    row : str
+        Name of the row.
+    window : float
+        Length T in s.
+    start : (k,) ndarray
+        Start of each window in s, counted from the first sample.
+    grams : (k, m, m) ndarray
+        ∫ r rᵀ dt over each window.
+    smallest : float
+        The level of persistent excitation: the smallest eigenvalue of all of them.
+    worst : Excitation
+        Normalised excitation within the window of the smallest eigenvalue; it names the
+        coefficients that this window confounds.
+    overall : Excitation
+        Normalised excitation over the whole record.
+    """
+
+    row: str
+    window: float
+    start: Array
+    grams: Array
+    smallest: float
+    worst: Excitation
+    overall: Excitation
+
+    def guaranteed_rate(self, gain: float) -> float:
+        """Rate λ in 1/s with |p̃(t + T)| ≤ exp(-λT) |p̃(t)| for every window start t.
+
+        Parameters
+        ----------
+        gain : float
+            The observer's gain c.
+        """
+        factors = [contraction(gram, gain) for gram in self.grams]
+        return float(-np.log(max(factors)) / self.window)
+
+    def averaged_rate(self, gain: float) -> float:
+        """Rate in 1/s that averaging predicts for a small gain: c times the mean Gram's least."""
+        return gain * self.overall.level
+
+
+def contraction(gram: ArrayLike, gain: float) -> float:
+    """Largest possible |p̃(t + T)| / |p̃(t)| over a window with Gram matrix G = ∫ r rᵀ dt.
+
+    The derivation stands at the head of this module.
+    """
+    gram = np.asarray(gram, dtype=float)
+    least = max(float(np.linalg.eigvalsh(gram)[0]), 0.0)
+    size = 1.0 + gain * float(np.linalg.norm(gram)) / np.sqrt(2.0)
+    return float(np.sqrt(1.0 - 2.0 * gain * least / size**2))
+
+
+def persistence(history: RowHistory, sample_time: float, window: float) -> Persistence:
+    """Measure the excitation of a row over all windows of a given length.
+
+    Parameters
+    ----------
+    history : RowHistory
+        The row along a motion, evenly sampled.
+    sample_time : float
+        Distance of the samples in s.
+    window : float
+        Length of a window in s; windows start a tenth of it apart.
+
+    Raises
+    ------
+    SettingError
+        If the record is shorter than one window, or a window shorter than ten samples.
+    """
+    r = history.regressors
+    length = round(window / sample_time)
+    if not 10 <= length < len(r):
+        raise SettingError(
+            "window",
+            f"{window:g} s are {length} samples of {len(r)}: choose at least 10 samples and less "
+            f"than the record",
+        )
+    products = r[:, :, None] * r[:, None, :]
+    between = 0.5 * sample_time * (products[1:] + products[:-1])
+    total = np.concatenate((np.zeros((1, *products.shape[1:])), np.cumsum(between, axis=0)))
+    starts = np.arange(0, len(r) - length, max(1, length // 10))
+    grams = total[starts + length] - total[starts]
+    levels = np.linalg.eigvalsh(grams)[:, 0]
+    weakest = int(np.argmin(levels))
+    names = history.coefficients
+    return Persistence(
+        history.row,
+        length * sample_time,
+        (sample_time * starts).astype(np.float64),
+        grams,
+        float(max(levels[weakest], 0.0)),
+        excitation_of_gram(history.row, names, grams[weakest] / (length * sample_time)),
+        excitation_of_gram(history.row, names, total[-1] / ((len(r) - 1) * sample_time)),
+    )
+
+
+def decay_rate(time: Array, errors: Array, window: float, floor: float) -> float:
+    """Exponential rate at which a row's errors have decayed.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        In s.
+    errors : (n, m) ndarray
+        p̃ of the row.
+    window : float
+        Length in s of the windows whose largest |p̃| make up the envelope.
+    floor : float
+        Size of |p̃| below which the integrator's error takes over; later windows are left out.
+
+    Returns
+    -------
+    float
+        Minus the slope of the envelope's logarithm over the later half of the windows, where the
+        slowest direction is left, in 1/s; NaN with fewer than three windows there.
+    """
+    norm = np.linalg.norm(errors, axis=1)
+    place = np.floor((time - time[0]) / window * (1 + 1e-12)).astype(int)
+    starts = np.flatnonzero(np.diff(place, prepend=-1))
+    envelope = np.maximum.reduceat(norm, starts)
+    above = envelope > floor
+    count = len(above) if above.all() else int(np.argmin(above))
+    later = slice(count // 2, count)
+    if count - count // 2 < 3:
+        return float("nan")
+    slope = np.polyfit(time[starts[later]], np.log(envelope[later]), 1)[0]
+    return float(-slope)

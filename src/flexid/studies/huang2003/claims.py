@@ -1,0 +1,329 @@
+"""The claims of Huang (2003), each with the number that decides it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flexid.analysis.excitation import WEAK_CONDITION
+from flexid.analysis.lyapunov import ALLOWED_RISE
+from flexid.studies.huang2003.design_checks import design_claims
+from flexid.studies.huang2003.evidence import Claim, Finding
+from flexid.studies.huang2003.readings import (
+    SIMULATED,
+    Reading,
+    SteadyRun,
+    reading_name,
+)
+from flexid.studies.huang2003.sweeps import AttenuationPoint, RatePoint, steady_condition
+from flexid.studies.huang2003.table1 import (
+    ATTENUATION,
+    EARLIER_ATTENUATION,
+)
+from flexid.studies.huang2003.theorem1 import TheoremCase
+
+ZERO_SHARE = 0.01
+"""Share of the true value below which a parameter error passes for zero in a figure."""
+
+NO_INFLUENCE = 0.05
+"""Change of the relative errors at 30 s up to which a factor counts as without influence."""
+
+
+def decide_claims(
+    readings: Mapping[str, Reading],
+    attenuation: Mapping[str, list[AttenuationPoint]],
+    peak_torques: Mapping[float, float],
+    rates: Mapping[str, list[RatePoint]],
+    cases: tuple[TheoremCase, ...],
+    other_controller_error: float,
+) -> tuple[Claim, ...]:
+    """Decide every claim.
+
+    Parameters
+    ----------
+    readings : mapping of str to Reading
+        All four, by name.
+    attenuation : mapping of str to list of AttenuationPoint
+        Sweeps over k by the reading's name.
+    peak_torques : mapping of float to float
+        Largest torque in N m by k, reading (1,2,3).
+    rates : mapping of str to list of RatePoint
+        By row.
+    cases : tuple of TheoremCase
+        (A4) holds, fails at standstill, nearly fails.
+    other_controller_error : float
+        Worst relative error of the estimates under a controller that is not the paper's.
+    """
+    runs = {reading_name(e): _steady(readings[reading_name(e)]) for e in SIMULATED}
+    return (
+        *design_claims(runs["1,1,3"]),
+        *_theorem_claims(runs, cases),
+        *_rate_claims(rates),
+        *_excitation_claims(runs),
+        *_controller_claims(readings, attenuation, peak_torques),
+        *_result_claims(runs, attenuation, other_controller_error),
+    )
+
+
+def _theorem_claims(runs: Mapping[str, SteadyRun], cases: tuple[TheoremCase, ...]) -> list[Claim]:
+    excited, standstill, small = cases
+    return [
+        Claim(
+            "V never rises",
+            "Eq. (9)",
+            "V of eq. (8) never rises along a run",
+            tuple(
+                Finding(
+                    name,
+                    "largest rise, in integration tolerances",
+                    run.monitor.rise_in_tolerances,
+                    "<=",
+                    ALLOWED_RISE,
+                )
+                for name, run in runs.items()
+            ),
+        ),
+        Claim(
+            "printed bound",
+            "Proof of Theorem 1",
+            "The squared parameter errors stay below the first value of V",
+            tuple(
+                Finding(
+                    name,
+                    "largest squared error over V(0)",
+                    float(2.0 * run.monitor.value.max() / run.monitor.value[0]),
+                    "<=",
+                    1.0,
+                )
+                for name, run in runs.items()
+            ),
+        ),
+        Claim(
+            "rates vanish",
+            "Theorem 1",
+            "The rates of the parameter errors tend to zero",
+            (_rate_finding("(A4) holds", excited), _rate_finding("standstill", standstill)),
+        ),
+        Claim(
+            "errors vanish",
+            "Theorem 1",
+            "Where (A4) holds and the errors settle, they settle at zero",
+            (
+                Finding(
+                    "1,2,3, 300 s",
+                    "worst error over its first value",
+                    _worst_remaining(excited),
+                    "<=",
+                    1e-3,
+                ),
+            ),
+        ),
+        Claim(
+            "only boundedness",
+            "Remark after Theorem 1",
+            "Without (A4) the errors stay bounded but need not vanish",
+            tuple(
+                Finding(name, "worst error over its first value", _worst_remaining(case), ">=", 0.1)
+                for name, case in (("standstill", standstill), ("0.1 rad sine", small))
+            ),
+        ),
+    ]
+
+
+def _rate_claims(rates: Mapping[str, list[RatePoint]]) -> list[Claim]:
+    return [
+        Claim(
+            "exponential rate",
+            "Section 3, on persistent excitation",
+            "Under persistent excitation the errors vanish exponentially",
+            tuple(
+                Finding(
+                    f"{row} row",
+                    "least measured rate over guaranteed rate",
+                    min(point.measured / point.guaranteed for point in points),
+                    ">=",
+                    1.0,
+                )
+                for row, points in rates.items()
+            ),
+        )
+    ]
+
+
+def _excitation_claims(runs: Mapping[str, SteadyRun]) -> list[Claim]:
+    return [
+        Claim(
+            "(A4) for " + functions,
+            "Section 4, eqs. (12)-(14)",
+            f"The functions in {functions} are independent along the steady state",
+            tuple(
+                Finding(
+                    name,
+                    "condition number of the normalised Gram matrix",
+                    run.excitation[row].condition_number,
+                    "<=",
+                    WEAK_CONDITION,
+                )
+                for name, run in runs.items()
+            ),
+        )
+        for functions, row in (("f", "link"), ("φ", "motor"))
+    ] + [
+        Claim(
+            "(A4) at any amplitude",
+            "Section 4: A at disposal",
+            "A single sinusoid separates θ1 from θ2 whatever its amplitude",
+            (
+                Finding(
+                    "0.3 rad",
+                    "condition number of the normalised Gram matrix",
+                    steady_condition(0.3),
+                    "<=",
+                    WEAK_CONDITION,
+                ),
+            ),
+        )
+    ]
+
+
+def _controller_claims(
+    readings: Mapping[str, Reading],
+    attenuation: Mapping[str, list[AttenuationPoint]],
+    peak_torques: Mapping[float, float],
+) -> list[Claim]:
+    slope = _slope(attenuation["1,2,3"])
+    return [
+        Claim(
+            "bounded signals",
+            "Section 4, below eq. (11)",
+            "The control law keeps all signals bounded",
+            tuple(
+                Finding(
+                    name, "largest real part of the poles", reading.rightmost.real, "<=", 0.0, "1/s"
+                )
+                for name, reading in readings.items()
+            ),
+        ),
+        Claim(
+            "arbitrarily small tracking errors",
+            "Section 4, below eq. (11)",
+            "A larger k makes the tracking errors as small as one likes",
+            (
+                Finding("1,2,3", "slope of log error over log k", slope, "<=", -1.0),
+                Finding(
+                    "1,1,3",
+                    "largest real part of the poles at the largest k",
+                    attenuation["1,1,3"][-1].largest_real_part,
+                    "<=",
+                    0.0,
+                    "1/s",
+                ),
+            ),
+        ),
+        Claim(
+            "price of a small k",
+            "Section 4",
+            "With k = 50 the tracking errors are larger than with k = 1000",
+            (
+                Finding(
+                    "1,2,3",
+                    "ratio of the errors over 20-30 s",
+                    _at(attenuation["1,2,3"], ATTENUATION).max_tracking_error
+                    / _at(attenuation["1,2,3"], EARLIER_ATTENUATION).max_tracking_error,
+                    ">=",
+                    1.0,
+                ),
+            ),
+        ),
+        Claim(
+            "less torque",
+            "Section 4",
+            "k = 50 instead of 1000 reduces the control torque",
+            (
+                Finding(
+                    "1,2,3",
+                    "ratio of the peak torques",
+                    peak_torques[ATTENUATION] / peak_torques[EARLIER_ATTENUATION],
+                    "<=",
+                    1.0,
+                ),
+            ),
+        ),
+    ]
+
+
+def _result_claims(
+    runs: Mapping[str, SteadyRun],
+    attenuation: Mapping[str, list[AttenuationPoint]],
+    other_controller_error: float,
+) -> list[Claim]:
+    return [
+        Claim(
+            "zero within 30 s",
+            "Section 4, Figures 2-5",
+            "All parameter errors have gone to zero within 30 s",
+            tuple(
+                Finding(
+                    name,
+                    f"worst relative error at 30 s, {max(errors, key=lambda c: errors[c])}",
+                    max(errors.values()),
+                    "<=",
+                    ZERO_SHARE,
+                )
+                for name, errors in ((name, run.relative_errors) for name, run in runs.items())
+            ),
+        ),
+        Claim(
+            "k leaves the estimates alone",
+            "Section 4",
+            "The attenuation factor does not influence the accuracy of the estimates",
+            tuple(
+                Finding(
+                    name,
+                    f"spread of the worst relative error, k = {points[0].k:g} to {points[-1].k:g}",
+                    float(np.ptp([point.largest_relative_error for point in points])),
+                    "<=",
+                    NO_INFLUENCE,
+                )
+                for name, points in attenuation.items()
+            ),
+        ),
+        Claim(
+            "any controller",
+            "Abstract",
+            "The observer works with any control that sustains an exciting motion",
+            (
+                Finding(
+                    "PD",
+                    "worst relative error at 30 s",
+                    other_controller_error,
+                    "<=",
+                    ZERO_SHARE,
+                ),
+            ),
+        ),
+    ]
+
+
+def _steady(reading: Reading) -> SteadyRun:
+    assert reading.simulated is not None
+    return reading.simulated
+
+
+def _rate_finding(subject: str, case: TheoremCase) -> Finding:
+    initial = max(abs(limit.first) for limit in case.limits)
+    rate = max(limit.largest_rate for limit in case.limits)
+    return Finding(subject, "largest late rate over first error", rate / initial, "<=", 1e-5, "1/s")
+
+
+def _worst_remaining(case: TheoremCase) -> float:
+    return max(abs(limit.last / limit.first) for limit in case.limits)
+
+
+def _slope(points: list[AttenuationPoint]) -> float:
+    """Slope of log tracking error over log k between the last two decades' ends."""
+    errors = [point.max_tracking_error for point in points]
+    return float(np.polyfit(np.log([point.k for point in points]), np.log(errors), 1)[0])
+
+
+def _at(points: list[AttenuationPoint], k: float) -> AttenuationPoint:
+    return next(point for point in points if point.k == k)

@@ -1,0 +1,71 @@
+"""A claim and the numbers that decide it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Relation = Literal["<=", ">="]
+
+Verdict = Literal["holds", "does not hold", "depends on the reading"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One number that decides a claim for one subject.
+
+    Parameters
+    ----------
+    subject : str
+        What was looked at: a reading such as ``"1,2,3"``; ``"any"`` where readings do not matter.
+    quantity : str
+        What was measured.
+    value : float
+        What came out.
+    relation : {"<=", ">="}
+        How the value has to compare for the claim to hold.
+    limit : float
+        With what.
+    unit : str, optional
+        Unit of value and limit; dimensionless if left out.
+    """
+
+    subject: str
+    quantity: str
+    value: float
+    relation: Relation
+    limit: float
+    unit: str = "1"
+
+    @property
+    def holds(self) -> bool:
+        """Whether the claim holds for this subject; never for a value that is not a number."""
+        return self.value <= self.limit if self.relation == "<=" else self.value >= self.limit
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper and what decides it.
+
+    Parameters
+    ----------
+    key : str
+        Short name.
+    source : str
+        Where the paper makes it.
+    statement : str
+        What it says, in our words.
+    findings : tuple of Finding
+        One per subject.
+    """
+
+    key: str
+    source: str
+    statement: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether all findings, none, or only some bear the claim out."""
+        outcomes = {finding.holds for finding in self.findings}
+        if len(outcomes) > 1:
+            return "depends on the reading"
+        return "holds" if outcomes == {True} else "does not hold"

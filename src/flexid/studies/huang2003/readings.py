@@ -1,0 +1,201 @@
+"""The readings of the printed feedback gains: poles, runs, Theorem 1's monitors, excitation.
+
+The print leaves open how the factor k enters the three gains of eq. (11). Four readings make sense;
+two of them give an unstable loop at once, the other two each support some of the paper's claims.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.analysis.excitation import Excitation, excitation
+from flexid.analysis.histories import row_histories
+from flexid.analysis.lyapunov import LyapunovMonitor, monitor_run
+from flexid.simulation.closed_loop import loop_kernel, simulate
+from flexid.simulation.run import Run
+from flexid.studies.huang2003.table1 import (
+    ATTENUATION,
+    DURATION,
+    FREQUENCY,
+    TRUE,
+    UNKNOWN,
+    Exponents,
+    sine,
+    table1_loop,
+)
+
+TOLERANCE = 1e-8
+"""Relative tolerance of every run; parameter errors at 30 s then have at least 7 digits."""
+
+STEADY_FROM = 20.0
+"""Time in s from which the motion counts as its steady state."""
+
+HALF_PERIOD = np.pi / FREQUENCY
+"""Window in s after which r rᵀ repeats along the steady state, r being odd in the reference."""
+
+MEANINGS: dict[Exponents, str] = {
+    (1, 1, 0): "literal: k³ cancels in uF",
+    (1, 1, 1): "one gain k throughout",
+    (1, 1, 3): "smallest edit of the print",
+    (1, 2, 3): "each inner loop k times faster",
+}
+"""The four readings and what they stand for."""
+
+SIMULATED: tuple[Exponents, ...] = ((1, 2, 3), (1, 1, 3))
+"""The readings whose loop stays bounded long enough for Figures 1 to 5."""
+
+_SAMPLE_TIME = 1e-3
+_TRANSIENT = 0.02  # s; the largest velocities and torques occur within the first milliseconds
+_TRANSIENT_SAMPLE_TIME = 1e-6
+_EARLY = 0.3  # s; later an unstable reading leaves what an integrator can follow
+_SETTLING = 5.0  # s, four periods of the reference
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyRun:
+    """A reading simulated with Table I over 30 s.
+
+    Parameters
+    ----------
+    run : Run
+        Sampled at 1 kHz.
+    monitor : LyapunovMonitor
+        Theorem 1 along it; limits over the last 5 s.
+    excitation : dict of str to Excitation
+        (A4) of each row over the last 10 s.
+    peak_torque, peak_motor_velocity : float
+        Largest magnitudes of u in N m and of x4 in rad/s; the first instants are resolved.
+    """
+
+    run: Run
+    monitor: LyapunovMonitor
+    excitation: dict[str, Excitation]
+    peak_torque: float
+    peak_motor_velocity: float
+
+    @property
+    def parameter_errors(self) -> dict[str, float]:
+        """θ̂ - θ and α̂ - α at the end, signed."""
+        return self.run.final_errors()
+
+    @property
+    def relative_errors(self) -> dict[str, float]:
+        """Magnitudes of the errors at the end, in shares of the true values."""
+        return {name: abs(error) / TRUE[name] for name, error in self.parameter_errors.items()}
+
+    @property
+    def max_tracking_error(self) -> float:
+        """Largest |x1 - qd| of the steady state, in rad."""
+        return self.run.largest_tracking_error(STEADY_FROM, DURATION)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Estimates of the coefficients at the end."""
+        return {name: TRUE[name] + self.parameter_errors[name] for name in UNKNOWN}
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One reading of the feedback gains.
+
+    Parameters
+    ----------
+    exponents : (int, int, int)
+        Powers of k in the three gains.
+    meaning : str
+        How it comes about.
+    poles : (4,) complex ndarray
+        Poles in 1/s of the loop linearised about rest at qd = 0, rightmost first.
+    early_tracking_error : float
+        Largest |x1 - qd| of Table I in rad within the first 0.3 s.
+    simulated : SteadyRun or None
+        Its run with Table I over 30 s, where there is one.
+    """
+
+    exponents: Exponents
+    meaning: str
+    poles: NDArray[np.complex128]
+    early_tracking_error: float
+    simulated: SteadyRun | None
+
+    @property
+    def name(self) -> str:
+        """The exponents as text, for example ``"1,2,3"``."""
+        return reading_name(self.exponents)
+
+    @property
+    def rightmost(self) -> complex:
+        """The pole with the largest real part, in 1/s; of a pair the upper one."""
+        return complex(self.poles[0])
+
+
+def reading_name(exponents: Exponents) -> str:
+    """Text of a reading, for example ``"1,2,3"``."""
+    return ",".join(map(str, exponents))
+
+
+def study_reading(exponents: Exponents) -> Reading:
+    """Find the poles of a reading, and simulate it if it is one of `SIMULATED`."""
+    return Reading(
+        exponents,
+        MEANINGS[exponents],
+        closed_loop_poles(exponents),
+        _early_tracking_error(exponents),
+        simulate_reading(exponents) if exponents in SIMULATED else None,
+    )
+
+
+def closed_loop_poles(exponents: Exponents, k: float = ATTENUATION) -> NDArray[np.complex128]:
+    """Poles of the closed loop, linearised about rest at qd = 0.
+
+    Parameters
+    ----------
+    exponents : (int, int, int)
+        Reading of the feedback gains.
+    k : float, optional
+        Attenuation factor in 1/s.
+
+    Returns
+    -------
+    (4,) complex ndarray
+        Eigenvalues in 1/s of the derived Jacobian, by falling real part, then falling imaginary
+        part.
+    """
+    loop = table1_loop(exponents, k, reference=sine(0.0))
+    kernel = loop_kernel(loop.declaration)
+    z = np.zeros(kernel.SIZE)  # rest at qd = 0 is the origin of the law's error coordinates
+    rates, slope = np.empty(kernel.SIZE), np.empty(kernel.SIZE)
+    jacobian = np.zeros((kernel.SIZE, kernel.SIZE))
+    kernel.rates_and_jacobian(0.0, z, loop.parameters, rates, jacobian, slope)
+    # The parameter errors do not act back on the motion, so its block stands alone.
+    states = kernel.N_STATES
+    poles = np.linalg.eigvals(jacobian[:states, :states])
+    return np.array(sorted(map(complex, poles), key=lambda pole: (-pole.real, -pole.imag)))
+
+
+def _early_tracking_error(exponents: Exponents) -> float:
+    run = simulate(table1_loop(exponents), _EARLY, _SAMPLE_TIME, TOLERANCE)
+    return run.largest_tracking_error(0.0, _EARLY)
+
+
+def simulate_reading(exponents: Exponents) -> SteadyRun:
+    """Simulate Table I under a reading and look at the run."""
+    loop = table1_loop(exponents)
+    run = simulate(loop, DURATION, _SAMPLE_TIME, TOLERANCE)
+    first = simulate(loop, _TRANSIENT, _TRANSIENT_SAMPLE_TIME, TOLERANCE)
+    steady = run.between(STEADY_FROM, DURATION)
+    return SteadyRun(
+        run,
+        monitor_run(run, _SETTLING),
+        {
+            history.row: excitation(history.row, history.coefficients, history.regressors[steady])
+            for history in row_histories(run)
+        },
+        _largest(first.inputs, run.inputs),
+        _largest(first.states[:, 3], run.states[:, 3]),
+    )
+
+
+def _largest(*signals: NDArray[np.float64]) -> float:
+    return float(max(np.abs(signal).max() for signal in signals))

@@ -1,0 +1,108 @@
+"""All runs of the study, in order, and what they amount to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from flexid.control.pd_gravity import pd_gravity
+from flexid.simulation.closed_loop import simulate
+from flexid.studies.huang2003.claims import decide_claims
+from flexid.studies.huang2003.evidence import Claim
+from flexid.studies.huang2003.readings import MEANINGS, Reading, reading_name, study_reading
+from flexid.studies.huang2003.sweeps import (
+    ATTENUATIONS,
+    AttenuationPoint,
+    RatePoint,
+    attenuation_point,
+    late_tracking_error,
+    peak_torque,
+    rate_points,
+)
+from flexid.studies.huang2003.table1 import (
+    ATTENUATION,
+    DURATION,
+    EARLIER_ATTENUATION,
+    TRUE,
+    Exponents,
+    table1_loop,
+)
+from flexid.studies.huang2003.theorem1 import CASES, TheoremCase
+
+_T = TypeVar("_T")
+
+LATE = (60.0, 120.0, 240.0)
+"""Ends in s of the longer runs under (1,1,3), whose oscillation grows."""
+
+# Beyond k = 200 the ringing of (1,1,3) costs a million steps and more.
+_SWEEPS: dict[Exponents, float] = {(1, 2, 3): EARLIER_ATTENUATION, (1, 1, 3): 200.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """Huang (2003) reproduced.
+
+    Parameters
+    ----------
+    readings : dict of str to Reading
+        The four readings of the feedback gains by name.
+    attenuation : dict of str to list of AttenuationPoint
+        Tracking and parameter errors over k, by reading.
+    late_tracking_errors : dict of float to float
+        Largest tracking error in rad under (1,1,3) over the 10 s before each time in s.
+    rates : dict of str to list of RatePoint
+        Exponential rate over the observer's gain, by row.
+    cases : tuple of TheoremCase
+        Theorem 1 in three cases.
+    claims : tuple of Claim
+        The paper's claims, decided.
+    """
+
+    readings: dict[str, Reading]
+    attenuation: dict[str, list[AttenuationPoint]]
+    late_tracking_errors: dict[float, float]
+    rates: dict[str, list[RatePoint]]
+    cases: tuple[TheoremCase, ...]
+    claims: tuple[Claim, ...]
+
+
+STEPS = len(MEANINGS) + len(_SWEEPS) + len(CASES) + 4
+"""Number of times that `reproduce` reports a finished part."""
+
+
+def reproduce(finished: Callable[[str], None]) -> Reproduction:
+    """Run the whole study.
+
+    Parameters
+    ----------
+    finished : callable
+        Called with the name of each finished part, `STEPS` times.
+    """
+
+    def done(name: str, result: _T) -> _T:
+        finished(name)
+        return result
+
+    readings = {
+        reading_name(e): done(f"reading ({reading_name(e)})", study_reading(e)) for e in MEANINGS
+    }
+    attenuation = {
+        reading_name(e): done(
+            f"attenuation factor ({reading_name(e)})",
+            [attenuation_point(e, k) for k in ATTENUATIONS if k <= largest],
+        )
+        for e, largest in _SWEEPS.items()
+    }
+    peaks = {k: peak_torque((1, 2, 3), k) for k in (ATTENUATION, EARLIER_ATTENUATION)}
+    late = done("longer runs", {end: late_tracking_error((1, 1, 3), end) for end in LATE})
+    cases = tuple(done("case of Theorem 1", case()) for case in CASES)
+    rates = done("rates of convergence", rate_points())
+    other = done("another controller", error_under_pd())
+    claims = done("claims", decide_claims(readings, attenuation, peaks, rates, cases, other))
+    return Reproduction(readings, attenuation, late, rates, cases, claims)
+
+
+def error_under_pd() -> float:
+    """Worst relative error of the estimates at 30 s if a PD law follows Table I's reference."""
+    loop = replace(table1_loop((1, 2, 3)), controller=pd_gravity())
+    run = simulate(loop, DURATION, 0.01, 1e-8)
+    return max(abs(error) / TRUE[name] for name, error in run.final_errors().items())

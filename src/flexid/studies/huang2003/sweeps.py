@@ -1,0 +1,150 @@
+"""What the attenuation factor and the observer's gains do, reading by reading."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexid.analysis.excitation import excitation
+from flexid.analysis.histories import row_histories
+from flexid.analysis.persistence import decay_rate, persistence
+from flexid.simulation.closed_loop import simulate
+from flexid.studies.huang2003.readings import HALF_PERIOD, STEADY_FROM, TOLERANCE, closed_loop_poles
+from flexid.studies.huang2003.table1 import (
+    AMPLITUDE,
+    DURATION,
+    TRUE,
+    UNKNOWN,
+    Exponents,
+    sine,
+    table1_loop,
+)
+
+ATTENUATIONS = (15.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""Values of k in 1/s, the paper's 50 and its predecessor's 1000 among them."""
+
+GAINS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+"""Values of the observer's gain c for the rate of convergence."""
+
+_SAMPLE_TIME = 1e-3
+_STEADY_STATE = 1.0  # s, after which the motion under (1,2,3) has long reached its steady state
+_FLOOR = 1e-8  # of the first parameter error; below it the integrator's error may show
+
+
+@dataclass(frozen=True)
+class AttenuationPoint:
+    """One reading at one attenuation factor.
+
+    Parameters
+    ----------
+    k : float
+        In 1/s.
+    max_tracking_error : float
+        Largest |x1 - qd| over 20 to 30 s, in rad.
+    parameter_errors : dict of str to float
+        Errors of the estimates at 30 s, signed.
+    largest_real_part : float
+        Of the closed loop's poles, in 1/s.
+    """
+
+    k: float
+    max_tracking_error: float
+    parameter_errors: dict[str, float]
+    largest_real_part: float
+
+    @property
+    def largest_relative_error(self) -> float:
+        """Largest error of an estimate at 30 s, as a share of the true value."""
+        return max(abs(self.parameter_errors[name]) / TRUE[name] for name in UNKNOWN)
+
+
+@dataclass(frozen=True)
+class RatePoint:
+    """How fast one row's errors vanish at one gain, in 1/s.
+
+    Parameters
+    ----------
+    gain : float
+        c of the row.
+    measured : float
+        Slope of the logarithm of |p̃|.
+    guaranteed : float
+        Bound from the level of persistent excitation over half a period.
+    averaged : float
+        Prediction for small gains, c times the smallest eigenvalue of the mean of r rᵀ.
+    """
+
+    gain: float
+    measured: float
+    guaranteed: float
+    averaged: float
+
+
+def attenuation_point(exponents: Exponents, k: float) -> AttenuationPoint:
+    """Simulate Table I with another attenuation factor."""
+    run = simulate(table1_loop(exponents, k), DURATION, 2 * _SAMPLE_TIME, TOLERANCE)
+    return AttenuationPoint(
+        k,
+        run.largest_tracking_error(STEADY_FROM, DURATION),
+        run.final_errors(),
+        float(closed_loop_poles(exponents, k).real.max()),
+    )
+
+
+def peak_torque(exponents: Exponents, k: float) -> float:
+    """Largest |u| in N m under Table I with another attenuation factor, in the first instants."""
+    loop = table1_loop(exponents, k)
+    run = simulate(loop, 0.02, 1e-3 / k, TOLERANCE)
+    return float(np.abs(run.inputs).max())
+
+
+def late_tracking_error(exponents: Exponents, duration: float) -> float:
+    """Largest tracking error in rad over the last 10 s of a run longer than the paper's."""
+    run = simulate(table1_loop(exponents), duration, _SAMPLE_TIME, TOLERANCE)
+    return run.largest_tracking_error(duration - 10.0, duration)
+
+
+def rate_points(gains: Sequence[float] = GAINS) -> dict[str, list[RatePoint]]:
+    """Measure the exponential rate under persistent excitation against its bound.
+
+    The motion is that of Table I under (1,2,3), already on its steady state; errors start at the
+    paper's initial values.
+
+    Returns
+    -------
+    dict of str to list of RatePoint
+        By row, one point per gain.
+    """
+    points: dict[str, list[RatePoint]] = {"link": [], "motor": []}
+    for gain in gains:
+        duration = float(np.clip(20.0 / gain, 60.0, 500.0))
+        loop = table1_loop((1, 2, 3), observer_gains=(gain, gain))
+        run = simulate(loop, duration, 0.01, 1e-6)
+        steady = run.between(_STEADY_STATE, duration)
+        time = run.time[steady]
+        for history in row_histories(run):
+            tail = history.part(steady)
+            size = float(np.linalg.norm(tail.errors[0]))
+            measured = persistence(tail, 0.01, HALF_PERIOD)
+            points[history.row].append(
+                RatePoint(
+                    gain,
+                    decay_rate(time, tail.errors, 4 * HALF_PERIOD, _FLOOR * size),
+                    measured.guaranteed_rate(gain),
+                    measured.averaged_rate(gain),
+                )
+            )
+    return points
+
+
+def steady_condition(amplitude: float = AMPLITUDE) -> float:
+    """Condition number of the normalised Gram matrix of f along a small or large sinusoid.
+
+    Exact tracking is assumed: x1 = A sin ωt, and the deflection follows from the link's row.
+    """
+    time = np.linspace(0.0, 2 * HALF_PERIOD, 4000, endpoint=False)
+    reference = sine(amplitude)
+    position, acceleration = reference.evaluate(time), reference.evaluate(time, 2)
+    deflection = -(acceleration + TRUE["theta1"] * np.sin(position)) / TRUE["theta2"]
+    f = np.column_stack((-np.sin(position), -deflection))
+    return excitation("link", UNKNOWN[:2], f).condition_number
