@@ -1,0 +1,254 @@
+"""``flexid identify`` from a file on disk to the printed table."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.free_run import free_run
+
+TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+PAPER = ("gravity_torque", "link_inertia", "joint_stiffness", "motor_inertia")
+PAPER += ("motor_viscous_friction",)
+
+HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
+
+
+def write_log(path, amplitudes, frequencies, duration=20.0, noise=1e-4, gap=None):
+    """Write a log of Table I's joint under a multisine torque, with position noise, 500 Hz."""
+    t = np.arange(0, duration, 0.002)
+    u = np.sin(np.outer(t, frequencies)) @ np.asarray(amplitudes)
+    x = free_run(flexible_joint(), TRUE, np.zeros(4), u, 0.002)
+    rng = np.random.default_rng(7)
+    positions = x[:, [0, 2]] + noise * rng.standard_normal((len(t), 2))
+    table = np.column_stack([t, positions, u])
+    if gap is not None:
+        table = table[(t < gap[0]) | (t >= gap[1])]
+    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
+    return path
+
+
+def steady_sine(path, amplitude, frequency, noise=1e-4):
+    """Write a log of the same joint in steady motion, its link on one sine: no transient at all."""
+    t = np.arange(0, 20, 0.002)
+    q, s = amplitude * np.sin(frequency * t), frequency**2
+    v = amplitude * frequency * np.cos(frequency * t)
+    g, k = TRUE["theta1"] / TRUE["theta2"], 1 / TRUE["theta2"]
+    deflection = k * s * q - g * np.sin(q)  # from the link's equation with q'' = -s q
+    motor = q - deflection
+    velocity = v - (k * s * v - g * np.cos(q) * v)
+    acceleration = -s * q + k * s * s * q + g * (-s * q * np.cos(q) - v**2 * np.sin(q))
+    u = acceleration - TRUE["alpha1"] * deflection + TRUE["alpha2"] * velocity
+    rng = np.random.default_rng(11)
+    positions = np.column_stack([q, motor]) + noise * rng.standard_normal((len(t), 2))
+    table = np.column_stack([t, positions, u / TRUE["beta1"]])
+    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
+    return path
+
+
+@pytest.fixture(scope="module")
+def good_log(tmp_path_factory):
+    """A log that excites everything."""
+    path = tmp_path_factory.mktemp("log") / "good.csv"
+    return write_log(path, [4, 6, 5, 6], [0.7, 5.3, 17, 25])
+
+
+def test_example_recovers_the_truth(flexid, examples, tmp_path):
+    """Assert that every true value lies in its interval, and that nothing is called doubtful."""
+    outcome = flexid("identify", examples / "flexible_joint.csv", "--out", tmp_path / "out")
+    assert outcome.status == 0, outcome.stderr
+    document = json.loads((tmp_path / "out" / "estimate.json").read_text())
+    truth = tomllib.loads((examples / "flexible_joint_truth.toml").read_text())
+    for kind in ("coefficients", "parameters"):
+        assert set(document[kind]) == set(truth[kind])
+        for name, true in truth[kind].items():
+            lower, upper = document[kind][name]["interval"]
+            assert lower <= true["value"] <= upper, name
+            assert document[kind][name]["status"] == "determined"
+    assert all(fit > 99 for fit in document["validation"]["fit_percent"].values())
+    assert document["hold"] == "zero"
+    assert document["warnings"] == []
+
+
+def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
+    """Assert that the document has the promised shape, and the figures are there."""
+    outcome = flexid("identify", good_log, "--out", tmp_path)
+    assert outcome.status == 0, outcome.stderr
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"estimate.json", "fit.png", "estimates.png", "excitation.png"}
+    document = json.loads((tmp_path / "estimate.json").read_text())
+    assert set(document["coefficients"]) == set(TRUE)
+    for estimate in document["coefficients"].values():
+        assert {"value", "std", "interval", "status", "unit"} <= set(estimate)
+    assert set(document["parameters"]) == set(PAPER)
+    assert document["parameters"]["joint_stiffness"]["unit"] == "N m/rad"
+    assert set(document["excitation"]) == {"link", "motor"}
+    assert document["excitation"]["link"]["condition_number"] > 1
+    channels = {"link_position", "motor_position", "deflection"}
+    assert set(document["validation"]["fit_percent"]) == channels
+    (source,) = document["provenance"]["inputs"]
+    assert len(source["sha256"]) == 64
+    assert document["provenance"]["flexid_version"]
+
+
+def test_table_fits_the_page(flexid, good_log):
+    """Assert that the printed answer has every parameter and no line over 100 columns."""
+    outcome = flexid("identify", good_log)
+    assert outcome.status == 0
+    assert all(name in outcome.stdout for name in (*PAPER, *TRUE))
+    assert max(map(len, outcome.stdout.splitlines())) <= 100
+    assert "…" not in outcome.stdout
+
+
+def test_json_on_standard_output(flexid, good_log):
+    """Assert that --json prints a document and nothing else."""
+    outcome = flexid("identify", good_log, "--json")
+    assert set(json.loads(outcome.stdout)["coefficients"]) == set(TRUE)
+
+
+def test_known_motor_inertia(flexid, good_log):
+    """Assert that a known inertia is taken as it is, and beta1 with it."""
+    outcome = flexid("identify", good_log, "--known", "motor_inertia=0.3", "--json")
+    document = json.loads(outcome.stdout)
+    assert document["parameters"]["motor_inertia"]["interval"] == pytest.approx([0.3, 0.3])
+    assert document["coefficients"]["beta1"]["std"] == 0
+    assert document["coefficients"]["beta1"]["value"] == pytest.approx(1 / 0.3)
+    lower, upper = document["parameters"]["joint_stiffness"]["interval"]
+    assert lower < 100 < upper
+
+
+def test_small_single_sine_is_undetermined(flexid, tmp_path):
+    """Assert that a log that cannot tell gravity from stiffness exits 1 and says which and why."""
+    outcome = flexid("identify", steady_sine(tmp_path / "small.csv", 0.1, 5.0), "--json")
+    assert outcome.status == 1
+    document = json.loads(outcome.stdout)
+    assert document["excitation"]["link"]["condition_number"] > 1e5
+    for name, other in (("theta1", "theta2"), ("theta2", "theta1")):
+        assert document["coefficients"][name]["status"] == "undetermined"
+        assert other in document["coefficients"][name]["reason"]
+    assert document["parameters"]["gravity_torque"]["status"] == "undetermined"
+
+
+def test_several_logs_are_fitted_jointly(flexid, good_log, tmp_path):
+    """Assert that a second log narrows the intervals."""
+    other = write_log(tmp_path / "other.csv", [5, 5, 5], [1.1, 7.0, 21.0])
+    alone = json.loads(flexid("identify", good_log, "--json").stdout)["coefficients"]
+    both = json.loads(flexid("identify", good_log, other, "--json").stdout)["coefficients"]
+    assert sum(both[c]["std"] < alone[c]["std"] for c in TRUE) >= 4
+
+
+def test_gap_is_bridged(flexid, tmp_path):
+    """Assert that a log with a gap is fitted as two records, with a warning, and correctly."""
+    log = write_log(tmp_path / "gap.csv", [4, 6, 5, 6], [0.7, 5.3, 17, 25], gap=(9.0, 9.7))
+    outcome = flexid("identify", log, "--json")
+    assert outcome.status == 0, outcome.stderr
+    assert "gap" in outcome.stderr
+    coefficients = json.loads(outcome.stdout)["coefficients"]
+    for name, true in TRUE.items():
+        assert coefficients[name]["value"] == pytest.approx(
+            true, rel=0.02 if name == "alpha2" else 1e-3
+        )
+
+
+IST_TERMS = "motor_viscous,link_viscous,motor_coulomb,link_offset,motor_offset"
+
+
+def test_voltage_driven_arm(flexid, shared_data, examples):
+    """Assert that the IST arm is repeated over its second half, and that only ratios are given.
+
+    Least squares on Savitzky-Golay derivatives reaches 88, 88 and 72 %.
+    """
+    outcome = flexid(
+        "identify",
+        shared_data / "ist-flexible-arm" / "ist_square_1p5V.csv",
+        "--columns",
+        examples / "columns_voltage_arm.toml",
+        "--terms",
+        IST_TERMS,
+        "--validation-share",
+        0.5,
+        "--json",
+    )
+    assert outcome.status == 0, outcome.stderr
+    document = json.loads(outcome.stdout)
+    fit = document["validation"]["fit_percent"]
+    assert fit["motor_position"] >= 88
+    assert fit["link_position"] >= 88
+    assert fit["deflection"] >= 72
+    assert all("_per_" in name for name in document["parameters"])
+
+
+def test_skewed_encoders_give_no_confident_stiffness(flexid, shared_data, tmp_path):
+    """Assert that the KUKA's first axis, whose deflection is a time skew, is not called known."""
+    raw = {"link_position": "q_link_deg", "motor_position": "q_mot_deg"}
+    lines = ['time = {column = "t_s", unit = "s"}']
+    lines += [f'{name} = {{column = "a1_{c}", unit = "deg"}}' for name, c in raw.items()]
+    lines += ['motor_torque = {column = "a1_tau_mot_Nm", unit = "N m"}']
+    columns = tmp_path / "columns.toml"
+    columns.write_text("\n".join(lines))
+    log = shared_data / "kr300" / "kr300_A.csv"
+    terms = "motor_viscous,motor_coulomb,motor_offset,link_offset"
+    outcome = flexid("identify", log, "--columns", columns, "--terms", terms, "--json")
+    document = json.loads(outcome.stdout)
+    assert document["parameters"]["joint_stiffness"]["status"] != "determined"
+    assert outcome.status == 1
+
+
+BAD = {
+    "missing": (None, "no such file"),
+    "empty": ("", "empty"),
+    "header only": (HEADER + "\n", ""),
+    "two samples": (HEADER + "\n0,0,0,0\n0.1,1,1,1\n", ""),
+    "ragged": (HEADER + "\n0,0,0,0\n0.1,1,1\n", "line 3"),
+    "text": (HEADER + "\n0,0,0,0\n0.1,1,x,1\n", "line 3"),
+    "unit": (HEADER.replace("[rad]", "[furlong]", 1) + "\n0,0,0,0\n", "furlong"),
+    "column": (HEADER.replace("motor_position", "motor_pos") + "\n0,0,0,0\n", "motor_pos"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_sentence(flexid, tmp_path, case):
+    """Assert that a bad file exits 2 with one line and leaves no output behind."""
+    content, expected = BAD[case]
+    log = tmp_path / "bad.csv"
+    if content is not None:
+        log.write_text(content)
+    outcome = flexid("identify", log, "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert outcome.stdout == ""
+    assert len(outcome.stderr.strip().splitlines()) == 1
+    assert "bad.csv" in outcome.stderr
+    assert expected in outcome.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--known", "motor_inertia"),
+        ("--known", "motor_inertia=heavy"),
+        ("--known", "motor_inertia=-1"),
+        ("--known", "stiffness=3"),
+        ("--terms", "gravity,turbulence"),
+        ("--hold", "first"),
+        ("--filter-rate", "-3"),
+        ("--validation-share", "1.5"),
+        ("--columns", "nowhere.toml"),
+    ],
+)
+def test_bad_options_are_one_sentence(flexid, good_log, options):
+    """Assert that a bad option exits 2 with one line that names it."""
+    outcome = flexid("identify", good_log, *options)
+    assert outcome.status == 2
+    assert len(outcome.stderr.strip().splitlines()) == 1
+
+
+def test_known_inertia_with_a_voltage_is_refused(flexid, good_log, tmp_path):
+    """Assert that a motor inertia is refused where it would fix nothing."""
+    log = tmp_path / "volts.csv"
+    log.write_text(good_log.read_text().replace("motor_torque [N m]", "motor_voltage [V]"))
+    outcome = flexid("identify", log, "--known", "motor_inertia=0.3")
+    assert outcome.status == 2
+    assert "torque" in outcome.stderr
