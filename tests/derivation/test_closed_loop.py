@@ -1,0 +1,162 @@
+"""Closed loops composed symbolically."""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from flexid.control.controller import Controller
+from flexid.control.loop import LoopDeclaration
+from flexid.control.references import Multisine, Reference, sinusoid
+from flexid.control.robust import robust_law
+from flexid.derivation.closed_loop import compose_loop
+from flexid.derivation.plain_loop import compose_plain_loop
+from flexid.derivation.symbolic import symbol
+from flexid.errors import ModelError
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.simulation.closed_loop import loop_kernel
+
+JOINT = flexible_joint(known={"beta1": 10 / 3})
+PAPER = LoopDeclaration(JOINT, robust_law(), sinusoid(3.0, 5.0))
+
+THREE_ROWS = ParametricSystem(
+    "three inertias",
+    (
+        Row("first", "q1", "v1", {"a1": "q2 - q1", "a2": "-tanh(v1/width)"}, known="u1"),
+        Row("second", "q2", "v2", {"b1": "q1 - q2", "b2": "q3 - q2", "b3": "-v2**3"}),
+        Row("third", "q3", "v3", {"d1": "q2 - q3", "d2": "-sin(q3)*v3**2"}, known="u2"),
+    ),
+    inputs=("u1", "u2"),
+    constants={"width": 0.1},
+)
+CURVED = Controller(
+    "law in curved coordinates",
+    "q2",
+    {"u1": "-stiffness*(q1 - aim) - slip", "u2": "-v3 + qd_2"},
+    {"stiffness": 4.0},
+    {"aim": "qd + qd_1**2/5", "slip": "v1 - qd_1 + sin(q1)"},
+    {
+        "s1": "q1 - aim",
+        "s2": "slip",
+        "s3": "q2 + q1**2/3",
+        "s4": "v2 - stiffness*q1*v1",
+        "s5": "q3 - qd_1",
+        "s6": "v3 + sin(q2 + q3)",
+    },
+)
+CURVED_LOOP = LoopDeclaration(THREE_ROWS, CURVED, Multisine([0.5, 0.3], [2.0, 3.1], [0.2, 0.4]))
+
+
+def parameters(declaration: LoopDeclaration) -> np.ndarray:
+    """Return values for all parameters: declared ones, and arbitrary ones for the rest."""
+    system, law, reference = declaration.system, declaration.controller, declaration.reference
+    given = {**system.constants, **law.parameters, **reference.parameters}
+    names = declaration.parameter_names
+    return np.array([given.get(name, 1.0 + place / 7) for place, name in enumerate(names)])
+
+
+def test_large_terms_cancel() -> None:
+    """Assert that the paper's loop has e1' = e2 - k e1 and that no nominal term is left in e3'."""
+    loop = compose_loop(PAPER)
+    e1, e2, e3, e4 = loop.variables[:4]
+    k, gain1, gain2 = symbol("k"), symbol("gain1"), symbol("gain2")
+    assert sp.expand(loop.rates[0] - (e2 - k * e1)) == 0
+    assert sp.expand(loop.rates[2] - (e4 - gain2 * e3 + gain1 * loop.rates[1])) == 0
+    assert loop.tracking_error == e1
+
+
+@pytest.mark.parametrize("declaration", [PAPER, CURVED_LOOP], ids=["paper", "curved"])
+def test_map_and_inverse(declaration: LoopDeclaration) -> None:
+    """Assert that the states found from the coordinates have these coordinates again."""
+    kernel, p = loop_kernel(declaration), parameters(declaration)
+    z = np.random.default_rng(1).normal(size=kernel.SIZE)
+    y, again = np.empty(100), np.empty(kernel.SIZE)
+    kernel.outputs(0.4, z, p, y)
+    estimates = y[kernel.N_STATES + kernel.N_INPUTS :][: kernel.N_COEFFICIENTS]
+    kernel.start(0.4, y[: kernel.N_STATES], estimates, p, again)
+    assert again == pytest.approx(z, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("declaration", [PAPER, CURVED_LOOP], ids=["paper", "curved"])
+@pytest.mark.parametrize("plain", [False, True], ids=["coordinates", "plain"])
+def test_derivatives(declaration: LoopDeclaration, plain: bool) -> None:
+    """Assert that Jacobian and time derivative are those of the rates, by central differences."""
+    kernel, p = loop_kernel(declaration, plain), parameters(declaration)
+    z = np.random.default_rng(2).normal(size=kernel.SIZE)
+    dz, slope = np.empty(kernel.SIZE), np.empty(kernel.SIZE)
+    jacobian = np.zeros((kernel.SIZE, kernel.SIZE))
+    kernel.rates_and_jacobian(0.3, z, p, dz, jacobian, slope)
+
+    def rates(t: float, z: np.ndarray) -> np.ndarray:
+        result = np.empty(kernel.SIZE)
+        kernel.rates(t, z, p, result)
+        return result
+
+    h = 1e-5
+    columns = [(rates(0.3, z + h * e) - rates(0.3, z - h * e)) / (2 * h) for e in np.eye(len(z))]
+    scale = np.max(np.abs(jacobian), axis=1, keepdims=True)
+    assert np.max(np.abs(np.array(columns).T - jacobian) / scale) < 1e-6
+    difference = (rates(0.3 + h, z) - rates(0.3 - h, z)) / (2 * h)
+    assert difference == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.max(np.abs(slope)))
+    assert rates(0.3, z) == pytest.approx(dz, rel=1e-12)
+
+
+@pytest.mark.parametrize("declaration", [PAPER, CURVED_LOOP], ids=["paper", "curved"])
+def test_both_routes_agree(declaration: LoopDeclaration) -> None:
+    """Assert that eq. (7) in the coordinates moves as eqs. (1) to (3) in plain states do."""
+    p = parameters(declaration)
+    plain, error = loop_kernel(declaration, True), loop_kernel(declaration)
+    x = 0.5 * np.random.default_rng(3).normal(size=error.N_STATES)
+    estimates = np.random.default_rng(4).normal(size=error.N_COEFFICIENTS)
+
+    def outputs(kernel, t: float, z: np.ndarray) -> np.ndarray:
+        y = np.empty(kernel.N_STATES + kernel.N_INPUTS + 2 * kernel.N_COEFFICIENTS + 1)
+        kernel.outputs(t, z, p, y)
+        return y
+
+    def output_rates(kernel) -> np.ndarray:
+        z, dz = np.empty(kernel.SIZE), np.empty(kernel.SIZE)
+        kernel.start(0.3, x, estimates, p, z)
+        kernel.rates(0.3, z, p, dz)
+        h = 1e-6
+        ahead, behind = outputs(kernel, 0.3 + h, z + h * dz), outputs(kernel, 0.3 - h, z - h * dz)
+        return (ahead - behind) / (2 * h)
+
+    expected = output_rates(plain)
+    assert output_rates(error) == pytest.approx(expected, rel=1e-5, abs=1e-7 * max(abs(expected)))
+
+
+@pytest.mark.parametrize("second", ["x2 + x4", "2*x2", "x2 + x2**2"])
+def test_map_must_be_triangular(second: str) -> None:
+    """Assert that a coordinate is refused unless it is its state plus what comes before it."""
+    law = Controller("law", "x1", {"u": "-x4"}, coordinates={
+        "s1": "x1", "s2": second, "s3": "x3", "s4": "x4"
+    })  # fmt: skip
+    with pytest.raises(ModelError, match="s2 must be x2 plus"):
+        compose_loop(LoopDeclaration(JOINT, law, sinusoid(1.0, 1.0)))
+
+
+def test_any_reference() -> None:
+    """Assert that a reference is differentiated as often as the loop needs it, whatever it is."""
+
+    class Bump:
+        expression = "exp(-(t - centre)**2)"
+        parameters = {"centre": 1.0}  # noqa: RUF012
+
+        def evaluate(self, time, order: int = 0) -> np.ndarray:
+            raise NotImplementedError
+
+    bump: Reference = Bump()
+    loop = compose_loop(LoopDeclaration(JOINT, robust_law(), bump))
+    lines, _ = loop.signals.assignments({symbol("_qd_5")})
+    assert "_qd_5 = " in lines
+
+
+def test_plain_route_needs_closed_forms() -> None:
+    """Assert that a model without closed-form immersion is refused on the plain route."""
+    arm = ParametricSystem(
+        "arm", (Row("arm", "q", "v", {"friction": "-exp(-v**2)*tanh(v/0.05)*(2 + cos(q))"}, "u"),)
+    )
+    law = Controller("law", "q", {"u": "qd - q - v"})
+    with pytest.raises(ModelError, match="because of friction"):
+        compose_plain_loop(LoopDeclaration(arm, law, sinusoid(1.0, 1.0)))

@@ -1,0 +1,236 @@
+"""The printed observer: golden files, eqs. (5)-(6) by hand, and the values of Python and C."""
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from systems import ALL, PAPER
+
+from flexid.derivation.immersion import immersion
+from flexid.derivation.observer import SymbolicObserver, derive_observer
+from flexid.derivation.printing import fresh_names, printable_rows
+from flexid.derivation.printing_c import c_observer
+from flexid.derivation.printing_latex import latex_name, latex_observer
+from flexid.derivation.printing_python import python_observer
+from flexid.derivation.source import ScalarPrinter
+from flexid.derivation.symbolic import symbol
+from flexid.models.parametric_system import ParametricSystem, Row
+
+PRINTERS = {"latex": (latex_observer, "tex"), "python": (python_observer, "py.txt")}
+PRINTERS |= {"c": (c_observer, "c")}
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+@pytest.mark.parametrize("target", PRINTERS)
+@pytest.mark.parametrize("name", ["paper", "unknown input gain", "three rows"])
+def test_golden_text(target: str, name: str, request: pytest.FixtureRequest):
+    """Assert that the printed equations are those kept, read and approved."""
+    printer, suffix = PRINTERS[target]
+    printed = printer(derive_observer(ALL[name]))
+    file = GOLDEN / f"{name.replace(' ', '_')}.{suffix}"
+    if request.config.getoption("--update-golden"):
+        file.write_text(printed, encoding="utf-8")
+    assert printed == file.read_text("utf-8")
+
+
+def paper_by_hand() -> tuple[list[sp.Expr], list[sp.Expr]]:
+    """Return (5) and (6) of Huang (2003), typed by hand, with the brackets (6) has lost."""
+    x1, x2, x3, x4, u, c1, c2 = map(symbol, ["x1", "x2", "x3", "x4", "u", "c1", "c2"])
+    y1, y2, z1, z2 = map(symbol, ["y1", "y2", "z1", "z2"])
+    hats = map(symbol, ("theta1_hat", "theta2_hat", "alpha1_hat", "alpha2_hat"))
+    theta1, theta2, alpha1, alpha2 = hats
+    s = theta1 * sp.sin(x1) + theta2 * (x1 - x3)
+    r = alpha1 * (x1 - x3) - alpha2 * x4 + symbol("beta1") * u
+    outputs = [
+        y1 - c1 * x2 * sp.sin(x1),
+        y2 - c1 * (x1 - x3) * x2,
+        z1 + c2 * (x1 - x3) * x4,
+        z2 - c2 * x4**2 / 2,
+    ]
+    updates = [
+        -c1 * (sp.sin(x1) * s - x2**2 * sp.cos(x1)),
+        -c1 * ((x1 - x3) * s - (x2 - x4) * x2),
+        -c2 * ((x1 - x3) * r + (x2 - x4) * x4),
+        c2 * x4 * r,
+    ]
+    return outputs, updates
+
+
+def test_flexible_joint_is_equations_5_and_6():
+    """Assert symbolic equality with (5) and (6), sign by sign, before and after grouping."""
+    observer = derive_observer(PAPER)
+    outputs, updates = paper_by_hand()
+    rows = printable_rows(observer, fresh_names(observer))
+    grouped_outputs = [y + cb for row in rows for _, y, cb in row.estimates]
+    grouped_updates = [
+        (-row.gain * (product + C)).subs(row.abbreviation, row.meaning)
+        for row in rows
+        for _, product, C in row.updates
+    ]
+    derived = [e for row in observer.rows for e in (*row.outputs, *row.updates)]
+    hand = [*outputs[:2], *updates[:2], *outputs[2:], *updates[2:]]
+    for found, wanted in zip(
+        [*derived, *grouped_outputs, *grouped_updates], [*hand, *outputs, *updates], strict=True
+    ):
+        assert sp.expand(found - wanted) == 0
+
+
+def test_abbreviations_are_the_paper_s():
+    """Assert that s and r of (6) are found, s with the opposite sign of the acceleration."""
+    observer = derive_observer(PAPER)
+    rows = printable_rows(observer, fresh_names(observer))
+    assert [str(row.abbreviation) for row in rows] == ["s", "r"]
+    assert str(rows[0].meaning) == "theta1_hat*sin(x1) + theta2_hat*(x1 - x3)"
+
+
+Arrays = dict[str, np.ndarray]
+
+
+def random_arguments(observer: SymbolicObserver) -> Arrays:
+    """Return one random value for everything the observer depends on."""
+    rng = np.random.default_rng(7)
+    symbolic = observer.symbolic
+    return {
+        "states": rng.normal(size=len(symbolic.states)),
+        "inputs": rng.normal(size=len(symbolic.inputs)),
+        "input_rates": rng.normal(size=len(observer.rates) if observer.input_rates else 0),
+        "observer_states": rng.normal(size=len(symbolic.coefficients)),
+        "gains": rng.uniform(0.5, 2.0, len(observer.gains)),
+        "constants": rng.uniform(0.5, 2.0, len(symbolic.constants)),
+    }
+
+
+def symbolic_values(observer: SymbolicObserver, values: Arrays) -> tuple[list, list]:
+    """Evaluate (2) and (3) from the symbolic observer, integrals by SymPy's own quadrature."""
+    symbolic = observer.symbolic
+    intermediate = [y for row in observer.rows for y in row.intermediate]
+    groups = {
+        "states": symbolic.states,
+        "inputs": symbolic.inputs,
+        "input_rates": observer.rates if observer.input_rates else (),
+        "observer_states": intermediate,
+        "gains": observer.gains,
+        "constants": symbolic.constants,
+    }
+    point = {
+        s: float(v)
+        for name, group in groups.items()
+        for s, v in zip(group, values[name], strict=True)
+    }
+    estimates = [float(e.subs(point).evalf()) for row in observer.rows for e in row.outputs]
+    hats = [p for row in observer.rows for p in row.estimates]
+    point |= dict(zip(hats, estimates, strict=True))
+    rates = [float(e.subs(point).evalf()) for row in observer.rows for e in row.updates]
+    return estimates, rates
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_printed_python_has_the_symbolic_values(name: str):
+    """Assert that the printed Python runs by itself and computes (2) and (3)."""
+    observer = derive_observer(ALL[name])
+    values = random_arguments(observer)
+    namespace: dict = {}
+    exec(compile(python_observer(observer), "printed", "exec"), namespace)
+    arguments = [v.tolist() for v in values.values() if len(v)]
+    estimates, rates = symbolic_values(observer, values)
+    assert namespace["estimates"](*arguments) == pytest.approx(estimates, rel=1e-9)
+    assert namespace["rates"](*arguments) == pytest.approx(rates, rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def compile_c(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ctypes.CDLL]:
+    """Return a function that compiles C99, with warnings as errors, and loads it."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("there is no gcc to compile the printed C with")
+
+    def build(source: str) -> ctypes.CDLL:
+        folder = tmp_path_factory.mktemp("c")
+        (folder / "observer.c").write_text(source, encoding="utf-8")
+        options = "-std=c99 -pedantic -Wall -Wextra -Werror -O1 -shared -fPIC -o observer.so"
+        command = [compiler, *options.split(), "observer.c", "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return ctypes.CDLL(str(folder / "observer.so"))
+
+    return build
+
+
+def call_c(function, values: Arrays, size: int) -> np.ndarray:
+    """Call one printed C function."""
+    result = np.empty(size)
+    pointer = ctypes.POINTER(ctypes.c_double)
+    function.restype = None
+    function(*(a.ctypes.data_as(pointer) for a in (*values.values(), result)))
+    return result
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_printed_c_has_the_symbolic_values(name: str, compile_c: Callable[[str], ctypes.CDLL]):
+    """Assert that the printed C compiles without a warning and computes (2) and (3)."""
+    observer = derive_observer(ALL[name])
+    values = random_arguments(observer)
+    library = compile_c(c_observer(observer))
+    estimates, rates = symbolic_values(observer, values)
+    size = len(estimates)
+    found = call_c(library.observer_estimates, values, size)
+    assert found == pytest.approx(estimates, rel=1e-9)
+    assert call_c(library.observer_rates, values, size) == pytest.approx(rates, rel=1e-9)
+
+
+AWKWARD = ParametricSystem(
+    "awkward names",
+    (
+        Row(
+            "arm",
+            "double",
+            "θ",
+            {"s": "-double*θ", "sum": "gains*sign(θ)", "estimates": "exp(-θ**2)*tanh(θ)"},
+            known="zip*int",
+        ),
+    ),
+    inputs=("zip", "int"),
+    constants={"gains": 1.0},
+)
+
+
+def test_names_of_the_languages_may_be_used_by_a_model(compile_c: Callable[[str], ctypes.CDLL]):
+    """Assert that names which are keywords of C, built-in in Python or Greek do no harm."""
+    observer = derive_observer(AWKWARD)
+    values = random_arguments(observer)
+    estimates, _ = symbolic_values(observer, values)
+    namespace: dict = {}
+    exec(compile(python_observer(observer), "printed", "exec"), namespace)
+    arguments = [v.tolist() for v in values.values() if len(v)]
+    assert namespace["estimates"](*arguments) == pytest.approx(estimates)
+    library = compile_c(c_observer(observer))
+    assert call_c(library.observer_estimates, values, 3) == pytest.approx(estimates)
+
+
+@pytest.mark.parametrize(
+    ("name", "accent", "latex"),
+    [
+        ("x1", "", "x_{1}"),
+        ("theta1", r"\hat", r"\hat{\theta}_{1}"),
+        ("theta_coulomb", r"\hat", r"\hat{\theta}_{\mathrm{coulomb}}"),
+        ("gravity", r"\hat", r"\widehat{\mathrm{gravity}}"),
+        ("u", r"\dot", r"\dot{u}"),
+    ],
+)
+def test_latex_names(name: str, accent: str, latex: str):
+    """Assert that letters, Greek names, words and subscripts are set as such."""
+    assert latex_name(name, accent) == latex
+
+
+def test_large_velocity_does_not_overflow_in_printed_python():
+    """Assert that smoothed Coulomb friction is printed in its stable form."""
+    v = symbol("v")
+    found, _ = immersion(sp.tanh(v), v)
+    printed = sp.lambdify(v, found, "math", printer=ScalarPrinter)
+    assert printed(-5000.0) == pytest.approx(5000.0 - np.log(2.0))

@@ -1,0 +1,128 @@
+"""The whitelist: what an expression may hold, and that nothing else gets through."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexid.errors import ExpressionError
+from flexid.models.expression import FUNCTIONS, check_expression
+
+NAMES = {"x1", "x2", "u"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "-sin(x1) + 2*x2**2",
+        "1.5e-3*u/x1",
+        "x1**-2",
+        "x2**(1/2)",
+        "abs(x1)*Abs(x2)",
+        "pi*x1",
+        " x1 ",
+        *(f"{function}(x1)" for function in FUNCTIONS),
+    ],
+)
+def test_accepted(text: str):
+    """Assert that formulas of the whitelist are accepted."""
+    check_expression(text, NAMES, "here")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "x1.__class__",
+        "x1[0]",
+        "(lambda: 1)()",
+        "[x for x in x1]",
+        "x1 if x2 else u",
+        "x1 and x2",
+        "x1 < x2",
+        "f'{x1}'",
+        "'text'",
+        "True",
+        "None",
+        "...",
+        "1j",
+        "x1 % 2",
+        "x1 // 2",
+        "x1 @ x2",
+        "x1 ^ 2",
+        "~x1",
+        "not x1",
+        "(x1, x2)",
+        "(x1 := 2)",
+        "x1 = 2",
+        "import os",
+        "x1; x2",
+        "sin(x1, x2)",
+        "sin()",
+        "sin(x=x1)",
+        "sin(*x1)",
+        "eval(x1)",
+        "sin.real(x1)",
+        "sin",
+        "x3",
+        "_x1",
+        "",
+        "x1 +",
+        "# x1",
+        "1e999",
+        "9999999999999999999999",
+        "x1**x2",
+        "x1**99",
+        "2**(3**9)",
+        "9**9**9**9",
+        "x1\0",
+        "x1\nx2",
+        "sin(" * 100 + "x1" + ")" * 100,
+        "-" * 3000 + "x1",
+        "+".join(["x1"] * 1900),
+        "x1" * 5000,
+    ],
+)
+def test_refused(text: str):
+    """Assert that everything else is refused in one line that names the place."""
+    with pytest.raises(ExpressionError) as caught:
+        check_expression(text, NAMES, "here")
+    assert str(caught.value).startswith("here: ")
+    assert "\n" not in str(caught.value)
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_accepted_or_refused(text: str):
+    """Assert that no text makes anything but an `ExpressionError`."""
+    assert len(complaint(text).splitlines()) <= 1
+
+
+def complaint(text: str) -> str:
+    """Return what is said against a text; nothing if it is accepted."""
+    try:
+        check_expression(text, NAMES, "here")
+    except ExpressionError as error:
+        return str(error)
+    return ""
+
+
+@given(
+    st.recursive(
+        st.sampled_from(["x1", "u", "2", "0.5", "pi", "x9", "True", "'a'"]),
+        lambda inner: st.one_of(
+            st.tuples(inner, st.sampled_from(["+", "*", "**", "/", "%", "<"]), inner).map("".join),
+            st.tuples(st.sampled_from(["sin", "exp", "open"]), inner).map(
+                lambda p: f"{p[0]}({p[1]})"
+            ),
+            inner.map(lambda text: f"({text})"),
+        ),
+        max_leaves=12,
+    )
+)
+def test_accepted_text_has_only_whitelisted_parts(text: str):
+    """Assert that what is accepted holds no undeclared name, function, operator or literal."""
+    try:
+        check_expression(text, NAMES, "here")
+    except ExpressionError:
+        return
+    for forbidden in ("x9", "open", "%", "<", "True", "'"):
+        assert forbidden not in text

@@ -1,0 +1,54 @@
+"""The flexible joint of eq. (4) and its terms."""
+
+import pytest
+
+from flexid.errors import SettingError
+from flexid.models.flexible_joint import TERMS, flexible_joint
+
+
+def test_paper_s_model():
+    """Assert that the default is eq. (4) with beta1 unknown."""
+    link, motor = flexible_joint().rows
+    assert dict(link.regressors) == {"theta1": "-sin(x1)", "theta2": "-(x1 - x3)"}
+    assert dict(motor.regressors) == {"alpha1": "x1 - x3", "alpha2": "-x4", "beta1": "u"}
+
+
+def test_known_coefficient_moves_to_the_known_part():
+    """Assert that a known beta1 is a constant of the model and no unknown."""
+    system = flexible_joint(known={"beta1": 4.0})
+    assert system.coefficients == ("theta1", "theta2", "alpha1", "alpha2")
+    assert system.rows[1].known == "beta1*(u)"
+    assert system.constants == {"beta1": 4.0}
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_each_term_adds_its_coefficients(term: str):
+    """Assert that a term adds what it declares, and nothing else, to the bare joint."""
+    bare = set(flexible_joint(()).coefficients)
+    added = set(flexible_joint((term,)).coefficients) - bare
+    assert added == {*TERMS[term].link, *TERMS[term].motor}
+
+
+def test_order_of_terms_does_not_matter():
+    """Assert that the same terms in another order declare the same model."""
+    one, other = (
+        flexible_joint(("gravity", "link_viscous")),
+        flexible_joint(("link_viscous", "gravity")),
+    )
+    assert one.digest == other.digest
+
+
+def test_spring_torque_acts_and_reacts():
+    """Assert that every joint term enters the two rows with opposite signs."""
+    for term in ("joint_damping", "cubic_stiffness"):
+        (link,), (motor,) = TERMS[term].link.values(), TERMS[term].motor.values()
+        assert link in (f"-{motor}", f"-({motor})")
+
+
+@pytest.mark.parametrize(
+    ("terms", "known", "word"), [(("magnets",), {}, "magnets"), ((), {"beta2": 1.0}, "beta2")]
+)
+def test_unknown_terms_and_coefficients(terms: tuple[str, ...], known: dict[str, float], word: str):
+    """Assert that a misspelled term or known coefficient is named, with the known ones."""
+    with pytest.raises(SettingError, match=word):
+        flexible_joint(terms, known)

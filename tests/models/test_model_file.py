@@ -1,0 +1,145 @@
+"""Models in TOML: read rightly, and every fault one sentence with file, key and remedy."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from flexid.errors import ExpressionError, FlexidError, ModelError
+from flexid.models.model_file import MAX_BYTES, read_model
+
+GOOD = """
+name = "pendulum"
+inputs = ["u"]
+[constants]
+inertia = 2
+[[rows]]
+name = "arm"
+coordinate = "q"
+velocity = "v"
+known = "u/inertia"
+[rows.coefficients]
+gravity = "-sin(q)"
+friction = "-v"
+"""
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    """Write a model file."""
+    file = folder / "model.toml"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def test_good_file(tmp_path: Path):
+    """Assert that a file declares what it says."""
+    system = read_model(write(tmp_path, GOOD))
+    assert system.name == "pendulum"
+    assert system.states == ("q", "v")
+    assert system.coefficients == ("gravity", "friction")
+    assert system.constants == {"inertia": 2.0}
+    assert system.rows[0].known == "u/inertia"
+
+
+def test_input_and_known_part_may_be_left_out(tmp_path: Path):
+    """Assert that the input is u and the known part 0 where the file is silent."""
+    text = GOOD.replace('inputs = ["u"]', "").replace('known = "u/inertia"', "")
+    system = read_model(write(tmp_path, text))
+    assert (system.inputs, system.rows[0].known) == (("u",), "0")
+
+
+@pytest.mark.parametrize("name", ["pendulum", "three_inertias", "stribeck"])
+def test_examples_are_models(name: str, examples: Path):
+    """Assert that the example models are read."""
+    assert read_model(examples / "models" / f"{name}.toml").coefficients
+
+
+FAULTS = {
+    "empty": ("", "'name' is missing"),
+    "no rows": ('name = "m"', "'rows' is missing"),
+    "empty rows": ('name = "m"\nrows = []', "'rows'"),
+    "unknown key": (GOOD.replace("inputs", "imputs"), "'imputs' is unknown"),
+    "key of a row": (GOOD.replace("velocity", "speed"), "'rows.1."),
+    "type of a name": (GOOD.replace('"pendulum"', "7"), "'name'"),
+    "type of a regressor": (GOOD.replace('"-v"', "-1"), "'rows.1.coefficients.friction'"),
+    "type of a constant": (GOOD.replace("= 2", '= "2"'), "'constants.inertia'"),
+    "constant not a number": (GOOD.replace("= 2", "= nan"), "'constants.inertia'"),
+    "table for a list": (GOOD.replace('["u"]', "{u = 1}"), "'inputs'"),
+    "coefficient twice": (GOOD + 'gravity = "q"\n', "no TOML"),
+    "name twice": (GOOD.replace('"v"\n', '"q"\n'), "declared twice"),
+    "reserved name": (GOOD.replace("friction =", "sin ="), "reserved"),
+    "no TOML": ("name = ", "no TOML"),
+    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "no text"),
+    "null": ("\0\0\0", "no TOML"),
+    "deep array": ("name = " + "[" * 5000, "no TOML"),
+    "too large": (b"#" * 10_000_000, "larger than"),
+    "too large number": ("name = " + "9" * 6000, "no TOML"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_is_one_sentence(fault: str, tmp_path: Path):
+    """Assert that a faulty file is refused in one line with the file, the key and a remedy."""
+    text, words = FAULTS[fault]
+    file = write(tmp_path, text)
+    with pytest.raises(ModelError) as caught:
+        read_model(file)
+    message = str(caught.value)
+    assert message.startswith(f"{file}: ")
+    assert words in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "q.__class__.__mro__",
+        "9**9**9**9",
+        "(" * 500 + "q" + ")" * 500,
+        "open('x')",
+        "missing",
+        "q + ",
+    ],
+)
+def test_hostile_expression_names_file_and_coefficient(text: str, tmp_path: Path):
+    """Assert that a forbidden expression is refused with the file and the coefficient."""
+    file = write(tmp_path, GOOD.replace('"-v"', f'"{text}"'))
+    with pytest.raises(ExpressionError) as caught:
+        read_model(file)
+    assert str(caught.value).startswith(f"{file}: pendulum: arm.friction: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_limit_of_size_is_exact(tmp_path: Path):
+    """Assert that a file is read up to the limit and refused beyond it."""
+    padding = "#" * (MAX_BYTES - len(GOOD))
+    assert read_model(write(tmp_path, GOOD + padding)).name == "pendulum"
+    with pytest.raises(ModelError, match="larger than"):
+        read_model(write(tmp_path, GOOD + padding + "#"))
+
+
+def test_missing_file_and_directory(tmp_path: Path):
+    """Assert that a path without a file is refused with the path."""
+    for path in (tmp_path / "none.toml", tmp_path):
+        with pytest.raises(ModelError, match=path.name):
+            read_model(path)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.binary(max_size=80), st.integers(0, len(GOOD)), st.integers(0, 12))
+def test_any_damage_is_one_sentence(tmp_path: Path, junk: bytes, at: int, removed: int):
+    """Assert that bytes spliced into a file make a model or a one-line error, nothing else."""
+    raw = GOOD.encode()
+    file = write(tmp_path, raw[:at] + junk + raw[at + removed :])
+    assert len(complaint(file).splitlines()) <= 1
+
+
+def complaint(file: Path) -> str:
+    """Return what is said against a file; nothing if it is a model."""
+    try:
+        read_model(file)
+    except FlexidError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,72 @@
+"""Declarations in Python: names, order, digest, and what is refused."""
+
+import pytest
+import sympy as sp
+
+from flexid.errors import ExpressionError, ModelError
+from flexid.models.parametric_system import ParametricSystem, Row
+
+ARM = Row("arm", "q", "v", {"a": "-sin(q)", "b": "-v"}, known="u")
+
+
+def test_order_of_names():
+    """Assert that states and coefficients keep the order of declaration, row by row."""
+    system = ParametricSystem("two", (ARM, Row("motor", "p", "w", {"d": "p - q"})))
+    assert system.states == ("q", "v", "p", "w")
+    assert system.coefficients == ("a", "b", "d")
+    assert [part for _, part in system.row_slices()] == [slice(0, 2), slice(2, 3)]
+
+
+def test_sympy_expressions_are_stored_as_text():
+    """Assert that a SymPy expression and its text declare the same system."""
+    q, v = sp.symbols("q v")
+    row = Row("arm", "q", "v", {"a": -sp.sin(q), "b": -v}, known=sp.Symbol("u"))  # type: ignore[arg-type]
+    assert ParametricSystem("m", (row,)).digest == ParametricSystem("m", (ARM,)).digest
+
+
+def test_digest_ignores_the_values_of_constants():
+    """Assert that a constant's value does not change the digest, and its name does."""
+
+    def system(**constants: float) -> ParametricSystem:
+        return ParametricSystem("m", (ARM,), constants=constants)
+
+    assert system(k=1.0).digest == system(k=2.0).digest
+    assert system(k=1.0).digest != system(kk=1.0).digest
+
+
+def test_digest_sees_every_expression():
+    """Assert that a changed sign in one regressor changes the digest."""
+    other = Row("arm", "q", "v", {"a": "sin(q)", "b": "-v"}, known="u")
+    assert ParametricSystem("m", (ARM,)).digest != ParametricSystem("m", (other,)).digest
+
+
+@pytest.mark.parametrize("name", ["1a", "a b", "_a", "class", "", "sin", "pi", "np", "log", "a.b"])
+def test_names_that_are_none(name: str):
+    """Assert that a coefficient cannot have a name that means something else or nothing."""
+    with pytest.raises(ModelError, match="m: "):
+        ParametricSystem("m", (Row("arm", "q", "v", {name: "q"}),))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        (),
+        (Row("arm", "q", "v", {}),),
+        (Row("arm", "q", "q", {"a": "q"}),),
+        (Row("arm", "q", "v", {"q": "v"}),),
+        (Row("arm", "q", "v", {"u": "v"}),),
+        (ARM, Row("arm", "p", "w", {"d": "p"})),
+        (ARM, Row("motor", "p", "v", {"d": "p"})),
+        (ARM, Row("motor", "p", "w", {"a": "p"})),
+    ],
+)
+def test_inconsistent_rows(rows: tuple[Row, ...]):
+    """Assert that missing rows, missing coefficients and names used twice are refused."""
+    with pytest.raises(ModelError):
+        ParametricSystem("m", rows)
+
+
+def test_expressions_use_declared_names_only():
+    """Assert that a coefficient inside a regressor is refused: the class is linear in them."""
+    with pytest.raises(ExpressionError, match=r"m: arm\.a: .* 'b' is not declared"):
+        ParametricSystem("m", (Row("arm", "q", "v", {"a": "b*q", "b": "v"}),))
