@@ -54,6 +54,7 @@ def _layout(symbolic: SymbolicSystem) -> tuple[list[str], list[str], list[str]]:
 def _advance_function(symbolic: SymbolicSystem) -> str:
     state, sample, settings = _layout(symbolic)
     inputs = [str(name) for name in symbolic.inputs]
+    coefficients = [str(name) for name in symbolic.coefficients]
     rows = _r(symbolic.rows)
     velocities = [str(row.velocity) for row in symbolic.rows]
     ends = [f"_a{i}" for i in _r(symbolic.coefficients)] + [f"_b{j}" for j in rows]
@@ -76,7 +77,7 @@ def _advance_function(symbolic: SymbolicSystem) -> str:
         "\n".join(f"        _i{j} = np.nan" for j in rows),
         "    if _held != 0.0:",
         "\n".join([*current, assignments(ends, expressions, "        ")]),
-        f"    _state = {_tuple(['1.0', *map(str, symbolic.coefficients), *ends, *velocities, *inputs])}",
+        f"    _state = {_tuple(['1.0', *coefficients, *ends, *velocities, *inputs])}",
         f"    return _state, {_tuple([f'_i{j}' for j in rows])}",
     )
 

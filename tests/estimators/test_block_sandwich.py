@@ -1,0 +1,72 @@
+"""Intervals that mean what they say."""
+
+import numpy as np
+import pytest
+from noisy_joint import VALUES, joint_samples
+from scipy.stats import t
+
+from flexid.estimators.block_sandwich import block_lengths, sandwich_covariance
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.models.flexible_joint import flexible_joint
+
+JOINT = flexible_joint()
+
+
+def test_coverage_on_the_noisy_joint():
+    """Assert that nominal 95 % intervals hold the truth in 90 to 99 % of 250 cases.
+
+    Fifty seeds, five coefficients: were the cases independent, the standard error would be 1.4 %.
+    """
+    held = []
+    for seed in range(50):
+        fit = filtered_least_squares([joint_samples(seed)], JOINT)
+        quantile = t.ppf(0.975, np.array(fit.degrees_of_freedom))
+        held.append(np.abs(fit.values - VALUES) <= quantile * fit.standard_deviations)
+    assert 0.90 <= np.mean(held) <= 0.99
+
+
+def test_correlated_residuals_widen_the_interval():
+    """Assert that strong correlation in time raises the variance by its known factor."""
+    generator = np.random.default_rng(7)
+    n, rho = 200_000, 0.95
+    shocks = generator.standard_normal(n)
+    residual = np.empty(n)
+    residual[0] = shocks[0]
+    for i in range(1, n):
+        residual[i] = rho * residual[i - 1] + shocks[i]
+    regressor = np.ones((1, n))
+    covariance, _ = sandwich_covariance(regressor, residual, np.array([[1.0 / n]]), [1000] * 200)
+    # The variance of a mean of an autoregression is that of its shocks over n (1 - rho)^2.
+    assert covariance[0, 0] == pytest.approx(1.0 / (n * (1.0 - rho) ** 2), rel=0.3)
+
+
+def test_no_more_blocks_than_coefficients():
+    """Assert that two blocks say nothing about two coefficients."""
+    covariance, degrees_of_freedom = sandwich_covariance(
+        np.ones((2, 10)), np.ones(10), np.eye(2), [5, 5]
+    )
+    assert np.isinf(np.diag(covariance)).all()
+    assert degrees_of_freedom == 0
+
+
+def test_blocks_last_a_second():
+    """Assert that thirty seconds give thirty blocks which leave no equation out."""
+    blocks = block_lengths([30_000], [1e-3], 20.0, 3)
+    assert len(blocks) == 30
+    assert sum(blocks) == 30_000
+
+
+def test_short_records_get_shorter_blocks():
+    """Assert that ten seconds still give twenty blocks."""
+    assert len(block_lengths([10_000], [1e-3], 20.0, 3)) == 20
+
+
+def test_slow_filters_get_longer_blocks():
+    """Assert that a block spans ten time constants of the filter."""
+    assert len(block_lengths([30_000], [1e-3], 5.0, 3)) == 15
+
+
+def test_blocks_keep_to_their_piece():
+    """Assert that no block crosses from one piece to the next."""
+    edges = np.cumsum(block_lengths([1500, 7, 4000], [1e-3] * 3, 20.0, 3))
+    assert {1500, 1507, 5507} <= set(edges.tolist())

@@ -1,0 +1,188 @@
+"""The paper's observer as an estimator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_joint import TRUTH, VALUES, joint_samples, torque
+from scipy.integrate import solve_ivp
+
+from flexid.errors import SettingError
+from flexid.estimators.parametric_observer import (
+    packed,
+    parametric_observer,
+    suggest_gains,
+)
+from flexid.estimators.samples import Samples
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
+
+JOINT = flexible_joint()
+GAINS = {"link": 30.0, "motor": 30.0}
+START = {name: 0.5 * value for name, value in TRUTH.items()}
+
+
+def explicit_euler(samples, gain, values):
+    """The observer as one would write it first, p + h G r (dv/h - rᵀp); motor row alone."""
+    x1, x3 = samples.positions.T
+    assert samples.velocities is not None
+    regressors = np.column_stack((x1 - x3, -samples.velocities[:, 1], samples.inputs[:, 0]))
+    estimate = np.array(values[2:])
+    for r, change in zip(regressors[:-1], np.diff(samples.velocities[:, 1]), strict=True):
+        estimate = estimate + gain * r * (change - samples.sample_time * (r @ estimate))
+        if np.abs(estimate).max() > 1e12:
+            break
+    return estimate
+
+
+def continuous_estimates(gain, duration, h):
+    """The joint with its observer in continuous time, by SciPy: samples and last estimates."""
+    theta1, theta2, alpha1, alpha2, beta1 = VALUES
+
+    def right_hand_side(time, z):
+        x, p = z[:4], z[4:]
+        u = torque(time)
+        twist = x[0] - x[2]
+        f = np.array([-np.sin(x[0]), -twist])
+        phi = np.array([twist, -x[3], u])
+        link = f @ [theta1, theta2]
+        motor = phi @ [alpha1, alpha2, beta1]
+        link_rate = gain * f * (link - f @ p[:2])
+        motor_rate = gain * phi * (motor - phi @ p[2:])
+        return np.concatenate(([x[1], link, x[3], motor], link_rate, motor_rate))
+
+    time = np.arange(round(duration / h) + 1) * h
+    start = np.concatenate((np.zeros(4), 0.5 * VALUES))
+    z = solve_ivp(
+        right_hand_side, (0.0, time[-1]), start, "DOP853", t_eval=time, rtol=1e-11, atol=1e-11
+    ).y.T
+    samples = Samples(z[:, [0, 2]], z[:, [1, 3]], torque(time)[:, None], h)
+    return samples, z[-1, 4:]
+
+
+def test_replay_is_the_step():
+    """Assert that replay equals stepping, bit for bit, also when taken up in the middle."""
+    observer = parametric_observer(JOINT, GAINS, 1e-3)
+    samples = packed(joint_samples(0))[:400]
+    state = observer.init(START)
+    history = observer.replay(state, samples)
+    for place, sample in enumerate(samples):
+        state, innovation = observer.step(state, sample)
+        assert np.array_equal(observer.coefficients(state), history.coefficients[place])
+        assert np.array_equal(innovation, history.innovations[place], equal_nan=True)
+    assert np.array_equal(state, history.state)
+    first = observer.replay(observer.init(START), samples[:150])
+    second = observer.replay(first.state, samples[150:])
+    assert np.array_equal(second.coefficients[-1], history.coefficients[-1])
+
+
+def test_step_leaves_the_state_alone():
+    """Assert that a step is pure: the state given to it is still the state before."""
+    observer = parametric_observer(JOINT, GAINS, 1e-3)
+    state = observer.init(START)
+    observer.step(state, packed(joint_samples(0))[0])
+    assert np.array_equal(state, observer.init(START))
+
+
+def test_second_order_in_the_sample_time():
+    """Assert that the sampled observer approaches the continuous one as h²."""
+    samples, expected = continuous_estimates(0.2, 1.6, 2e-3)
+    errors = []
+    for stride in (4, 2, 1):
+        observer = parametric_observer(
+            JOINT, {"link": 0.2, "motor": 0.2}, stride * samples.sample_time
+        )
+        record = packed(samples)[::stride]
+        found = observer.replay(observer.init(START), record).coefficients[-1]
+        errors.append(np.abs(found - expected).max())
+    slopes = np.diff(np.log(errors)) / np.log(0.5)
+    assert slopes == pytest.approx([2.0, 2.0], abs=0.15)
+
+
+def test_stable_at_any_gain():
+    """Assert that gain 1e9 keeps the sampled form bounded, where explicit Euler is lost at 1e4."""
+    samples = joint_samples()
+    observer = parametric_observer(JOINT, {"link": 1e9, "motor": 1e9}, samples.sample_time)
+    history = observer.replay(observer.init(START), packed(samples))
+    assert np.abs(history.coefficients - VALUES).max() < 10.0 * np.abs(VALUES).max()
+    euler = explicit_euler(samples, 1e4, list(START.values()))
+    assert np.abs(euler).max() > 1e12
+
+
+def test_errors_never_grow_without_noise():
+    """Assert that the square error falls, as V does in eq. (9), up to the rule's error in h."""
+    samples = joint_samples()
+    observer = parametric_observer(JOINT, GAINS, samples.sample_time)
+    history = observer.replay(observer.init(START), packed(samples))
+    for part in (slice(0, 2), slice(2, 5)):
+        distance = np.sum((history.coefficients[:, part] - VALUES[part]) ** 2, axis=1)
+        assert distance[-1] < distance[0]
+        assert np.diff(distance).max() <= 1e-7 * distance[0]
+
+
+def test_held_input_is_taken_as_held():
+    """Assert that a cart under a held force converges to the truth only with hold "zero"."""
+    h, n = 0.01, 3000
+    force = np.random.default_rng(1).standard_normal(n)
+    velocity = 2.0 * h * (np.cumsum(force) - force)
+    samples = Samples(np.zeros((n, 1)), velocity[:, None], force[:, None], h)
+    cart = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u"}),))
+    last = {}
+    for hold in ("zero", "linear"):
+        observer = parametric_observer(cart, {"cart": 5.0}, h, hold)
+        last[hold] = observer.replay(observer.init(), packed(samples)).coefficients[-1, 0]
+    assert last["zero"] == pytest.approx(2.0, rel=1e-9)
+    assert abs(last["linear"] - 2.0) > 0.01
+
+
+def test_known_part_is_heeded():
+    """Assert that a known input gain gives the paper's observer with its four estimates."""
+    system = flexible_joint(known={"beta1": VALUES[4]})
+    samples = joint_samples()
+    observer = parametric_observer(system, GAINS, samples.sample_time)
+    state = observer.init(dict(zip(system.coefficients, VALUES[:4], strict=True)))
+    history = observer.replay(state, packed(samples))
+    assert history.coefficients[-1] == pytest.approx(VALUES[:4], rel=1e-4)
+
+
+def test_suggested_gains_do_not_depend_on_units():
+    """Assert that a regressor a thousand times larger gets a gain a million times smaller."""
+    small = ParametricSystem("cart", (Row("cart", "q", "v", {"a": "u", "b": "v"}),))
+    large = ParametricSystem("cart", (Row("cart", "q", "v", {"a": "1000*u", "b": "v"}),))
+    generator = np.random.default_rng(1)
+    position, velocity, force = generator.standard_normal((3, 100, 1))
+    samples = Samples(position, velocity, force, 0.01)
+    gains, scaled = suggest_gains(samples, small), suggest_gains(samples, large)
+    assert scaled["a"] == pytest.approx(1e-6 * gains["a"])
+    assert scaled["b"] == gains["b"]
+
+
+def test_suggested_gains_converge_at_their_rate():
+    """Assert that a lone coefficient decays at the rate that was asked for."""
+    h, n, rate = 1e-3, 2001, 3.0
+    time = np.arange(n, dtype=np.float64) * h
+    force = np.ones(n)
+    samples = Samples(np.zeros((n, 1)), 2.0 * time[:, None], force[:, None], h)
+    cart = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u"}),))
+    observer = parametric_observer(cart, suggest_gains(samples, cart, rate), h)
+    last = observer.replay(observer.init(), packed(samples)).coefficients[-1, 0]
+    assert last == pytest.approx(2.0 * (1.0 - np.exp(-rate * time[-1])), rel=1e-5)
+
+
+def test_velocities_are_needed():
+    """Assert that positions alone are refused in one sentence."""
+    with pytest.raises(SettingError, match="velocities"):
+        packed(replace(joint_samples(), velocities=None))
+
+
+@pytest.mark.parametrize("gains", [{"link": 1.0}, {"link": 1.0, "motor": -1.0}])
+def test_gains_that_are_none(gains):
+    """Assert that a missing or a negative gain is refused."""
+    with pytest.raises(SettingError, match="gains"):
+        parametric_observer(JOINT, gains, 1e-3)
+
+
+def test_unknown_initial_estimate():
+    """Assert that an initial estimate of no coefficient is refused."""
+    with pytest.raises(SettingError, match="theta9"):
+        parametric_observer(JOINT, GAINS, 1e-3).init({"theta9": 1.0})

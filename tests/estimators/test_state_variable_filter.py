@@ -1,0 +1,163 @@
+"""Least squares on positions through the state-variable filter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_joint import VALUES, clean_motion, joint_samples, torque, worst_error
+
+from flexid.errors import SettingError
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
+
+JOINT = flexible_joint()
+CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))
+
+
+def positions_only(samples: Samples) -> Samples:
+    """The same record as encoders give it."""
+    return replace(samples, velocities=None)
+
+
+def held_cart(n: int = 400, h: float = 0.01, seed: int = 1) -> Samples:
+    """A cart under a random force, constant over each interval, integrated exactly."""
+    force = np.random.default_rng(seed).standard_normal(n)
+    acceleration = 2.0 * force + 0.3
+    velocity = np.concatenate(([0.7], 0.7 + h * np.cumsum(acceleration[:-1])))
+    position = np.cumsum(np.concatenate(([0.1], (h * velocity + 0.5 * h * h * acceleration)[:-1])))
+    return Samples(position[:, None], None, force[:, None], h)
+
+
+@pytest.mark.parametrize(("first", "median", "largest"), [(0, 0.012, 0.04), (1000, 0.024, 0.08)])
+def test_accuracy_on_the_noisy_joint(first, median, largest):
+    """Assert the accuracy asked for, from rest and on a record that starts in motion."""
+    errors = [
+        worst_error(
+            filtered_least_squares([positions_only(joint_samples(seed, first))], JOINT).values
+        )
+        for seed in range(20)
+    ]
+    assert np.median(errors) <= median
+    assert np.max(errors) <= largest
+
+
+def test_held_input_is_integrated_exactly():
+    """Assert that hold "zero" makes no error at all where only the input accelerates."""
+    fit = filtered_least_squares([held_cart()], CART, hold="zero")
+    assert fit.values == pytest.approx([2.0, 0.3], rel=1e-9)
+
+
+def test_the_wrong_hold_is_wrong():
+    """Assert that a held input taken as linear is off, so that the hold is worth choosing."""
+    fit = filtered_least_squares([held_cart()], CART, hold="linear")
+    assert abs(fit.values[0] / 2.0 - 1.0) > 1e-3
+
+
+def test_linear_input_is_integrated_exactly():
+    """Assert that hold "linear" makes no error where the input runs linearly in between."""
+    h, n = 0.01, 400
+    force = np.random.default_rng(2).standard_normal(n)
+    start, end = force[:-1], force[1:]
+    velocity = np.concatenate(([0.0], h * np.cumsum(start + end)))  # gain 2
+    step = h * velocity[:-1] + 2.0 * h * h * (start / 3.0 + end / 6.0)
+    position = np.concatenate(([0.0], np.cumsum(step)))
+    samples = Samples(position[:, None], None, force[:, None], h)
+    fit = filtered_least_squares([samples], CART)
+    assert fit.values == pytest.approx([2.0, 0.0], abs=1e-9)
+
+
+def test_order_in_the_sample_time():
+    """Assert that smooth regressors are integrated to fourth order: halve h, a 16th remains."""
+    time, states = clean_motion()
+    errors = []
+    for stride in (16, 8, 4):
+        part = slice(0, None, stride)
+        inputs = torque(time[part])[:, None]
+        record = Samples(states[part][:, [0, 2]], None, inputs, 1e-3 * stride)
+        values = filtered_least_squares([record], JOINT).values
+        errors.append(abs(values[1] / VALUES[1] - 1.0))
+    slopes = np.diff(np.log(errors)) / np.log(0.5)
+    assert slopes == pytest.approx([4.0, 4.0], abs=0.25)
+
+
+def test_velocities_are_not_used_where_positions_suffice():
+    """Assert that wrong velocities change nothing on the paper's model."""
+    samples = joint_samples(3)
+    spoiled = replace(samples, velocities=np.full_like(samples.positions, 7.0))
+    assert np.array_equal(
+        filtered_least_squares([samples], JOINT).values,
+        filtered_least_squares([spoiled], JOINT).values,
+    )
+
+
+def test_missing_velocities_are_named():
+    """Assert that a term nonlinear in velocity says that it needs one, and which term it is."""
+    system = flexible_joint(("motor_coulomb",))
+    with pytest.raises(SettingError, match="alpha_coulomb"):
+        filtered_least_squares([positions_only(joint_samples())], system)
+
+
+def test_known_part_moves_to_the_other_side():
+    """Assert that a known input gain leaves the other coefficients where they were."""
+    system = flexible_joint(known={"beta1": VALUES[4]})
+    fit = filtered_least_squares([joint_samples()], system)
+    assert fit.values == pytest.approx(VALUES[:4], rel=2e-5)
+
+
+def test_pieces_need_not_follow_each_other():
+    """Assert that a record in two pieces with a hole between them is fitted as well."""
+    samples = positions_only(joint_samples())
+    pieces = [
+        replace(samples, positions=samples.positions[part], inputs=samples.inputs[part])
+        for part in (slice(0, 9000), slice(14000, None))
+    ]
+    fit = filtered_least_squares(pieces, JOINT)
+    assert worst_error(fit.values) < 1e-3
+    assert len(fit.rows[0].time) == len(pieces[0]) + len(pieces[1]) - 4
+
+
+def test_equal_columns_are_undetermined():
+    """Assert that two equal regressors get infinite variance and share their sum evenly."""
+    twins = ParametricSystem("twins", (Row("cart", "q", "v", {"a": "u", "b": "u", "c": "1"}),))
+    fit = filtered_least_squares([held_cart()], twins, hold="zero")
+    assert fit.rows[0].undetermined == ("a", "b")
+    assert np.isinf(fit.standard_deviations[:2]).all()
+    assert fit.values == pytest.approx([1.0, 1.0, 0.3], rel=1e-6)
+    assert np.isfinite(fit.standard_deviations[2])
+
+
+def test_a_joint_at_rest_determines_nothing():
+    """Assert that a record without motion gives finite values and infinite variances."""
+    still = Samples(np.full((500, 2), 0.3), None, np.zeros((500, 1)), 1e-3)
+    fit = filtered_least_squares([still], flexible_joint(("motor_viscous",)))
+    assert np.isfinite(fit.values).all()
+    assert np.isinf(fit.standard_deviations).all()
+
+
+@pytest.mark.parametrize("n", [0, 2, 4, 5])
+def test_too_few_samples_determine_nothing(n):
+    """Assert that a handful of samples gives infinite variances, not an exception."""
+    samples = positions_only(joint_samples(0))
+    short = replace(samples, positions=samples.positions[:n], inputs=samples.inputs[:n])
+    fit = filtered_least_squares([short], JOINT)
+    assert np.isfinite(fit.values).all()
+    assert np.isinf(fit.standard_deviations).all()
+
+
+def test_projected_gram_is_of_the_reported_series():
+    """Assert that Gram matrix, residual and fitted series belong together."""
+    fit = filtered_least_squares([joint_samples(4)], JOINT)
+    link = fit.rows[0]
+    assert link.total_sum == pytest.approx(np.sum(link.left_hand_side**2))
+    assert link.residual_sum == pytest.approx(np.sum((link.left_hand_side - link.fitted) ** 2))
+    explained = fit.values[:2] @ link.gram @ fit.values[:2]
+    assert explained == pytest.approx(np.sum(link.fitted**2))
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
+def test_a_rate_that_is_none(rate):
+    """Assert that a filter rate that is not a positive number is refused."""
+    with pytest.raises(SettingError, match="filter rate"):
+        filtered_least_squares([joint_samples()], JOINT, filter_rate=rate)
