@@ -64,5 +64,5 @@ def test_validation_decides_on_stiffness(deflection, expected):
 
 def test_parameter_is_as_bad_as_its_worst_coefficient():
     """Assert that the worst of several verdicts wins, in any order."""
-    assert worst("determined", "undetermined", "weak") == "undetermined"
-    assert worst("weak", "determined") == "weak"
+    assert worst(["determined", "undetermined", "weak"]) == "undetermined"
+    assert worst(["weak", "determined"]) == "weak"

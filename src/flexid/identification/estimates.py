@@ -59,7 +59,7 @@ def parameter_estimates(
             value,
             std,
             _interval(value, std, freedom) if std else (value, value),
-            worst(*[coefficients[name].status for name in parameter.exponents]),
+            worst(coefficients[name].status for name in parameter.exponents),
         )
     return estimates
 

@@ -96,7 +96,7 @@ def _state_at(
 def _initial_guess(positions: FloatArray, sample_time: float) -> FloatArray:
     n = min(len(positions), _FEWEST_SAMPLES)
     parabola = np.polynomial.polynomial.polyfit(np.arange(n) * sample_time, positions[:n], 2)
-    return parabola[:2].T.ravel()
+    return np.asarray(parabola[:2].T.ravel(), dtype=np.float64)
 
 
 def _outputs(link: FloatArray, motor: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ Three kinds of evidence count, and the worst decides:
   narrow the interval, because no interval covers a wrong model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import isfinite
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
@@ -73,7 +73,7 @@ def verdict(
     return max(verdicts, key=lambda judged: _RANK[judged[0]])
 
 
-def worst(*statuses: Status) -> Status:
+def worst(statuses: Iterable[Status]) -> Status:
     """The worst of several verdicts: a parameter is no better known than its coefficients."""
     return max(statuses, key=_RANK.__getitem__)
 

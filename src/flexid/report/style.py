@@ -1,10 +1,16 @@
 """One look for all figures, and the way they are saved."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
 
 INK, BLUE, ORANGE, GREEN, RED, GREY = (
     "#1b1f24",
@@ -15,7 +21,7 @@ INK, BLUE, ORANGE, GREEN, RED, GREY = (
     "#8a939c",
 )
 
-STYLE: dict[str, object] = {
+STYLE: dict[RcKeyType, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
