@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import pytest
 import sympy as sp
@@ -63,7 +64,7 @@ def test_closed_form_agrees_with_adaptive_quadrature(text: str):
     regressor = to_sympy(text, {"q", "v", "width"})
     found, kind = immersion(regressor, v, [width])
     assert kind == "closed form"
-    values = {q: 0.7, width: 0.3}
+    values: dict[Any, Any] = {q: 0.7, width: 0.3}
     printed = sp.lambdify(v, found.subs(values), "math", printer=ScalarPrinter)
     integrand = sp.lambdify(v, regressor.subs(values), "math")
     wanted = [_integral(integrand, velocity) for velocity in VELOCITIES]

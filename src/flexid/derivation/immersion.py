@@ -7,7 +7,7 @@ right on paper may still return -inf or lose all digits.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 import sympy as sp
@@ -16,7 +16,7 @@ from sympy.integrals.manualintegrate import manualintegrate
 
 from flexid.derivation.quadrature import graded_rule
 from flexid.derivation.source import ScalarPrinter
-from flexid.derivation.special import LogCosh
+from flexid.derivation.special import LogCosh, log_cosh
 
 Kind = Literal["closed form", "quadrature"]
 """How generated code evaluates an immersion."""
@@ -73,14 +73,15 @@ def _closed_form(
     side = sp.Dummy("side", nonzero=True, real=True)
     smooth = regressor.subs({sp.Abs(velocity): side * velocity, sp.sign(velocity): side})
     nonzero = {c: sp.Dummy(c.name, nonzero=True, real=True) for c in constants}
-    constant, varying = smooth.subs(nonzero).as_independent(velocity, as_Add=True)
+    smooth = cast(sp.Expr, smooth.xreplace(nonzero))
+    constant, varying = smooth.as_independent(velocity, as_Add=True)
     total = constant * velocity
     for term in sp.Add.make_args(varying):
         integral = _integrate_term(term, velocity)
         if integral is None:
             return None
         total += integral
-    total = total.subs({dummy: constant for constant, dummy in nonzero.items()})
+    total = total.xreplace({dummy: constant for constant, dummy in nonzero.items()})
     if total.has(side):
         total = sp.expand(total.subs(side, sp.Abs(velocity) / velocity))
     return total if _is_printable(total) else None
@@ -93,7 +94,7 @@ def _integrate_term(term: sp.Expr, velocity: sp.Symbol) -> sp.Expr | None:
         powers = sp.Poly(rest, velocity).terms()
         return factor * sp.Add(*(a * velocity ** (n + 1) / (n + 1) for (n,), a in powers))
     if isinstance(rest, sp.tanh):
-        return _integrate_tanh(factor, rest.args[0], velocity)
+        return _integrate_tanh(factor, cast(sp.Expr, rest.args[0]), velocity)
     antiderivative = manualintegrate(rest, velocity)
     if antiderivative.has(sp.Integral, sp.Piecewise):
         return None
@@ -105,7 +106,7 @@ def _integrate_tanh(factor: sp.Expr, argument: sp.Expr, velocity: sp.Symbol) -> 
     slope = argument.diff(velocity)
     if slope.has(velocity) or slope.is_nonzero is not True:
         return None
-    return factor * (LogCosh(argument) - LogCosh(argument.subs(velocity, 0))) / slope
+    return factor * (log_cosh(argument) - log_cosh(argument.subs(velocity, 0))) / slope
 
 
 def _is_printable(expression: sp.Expr) -> bool:

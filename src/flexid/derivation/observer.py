@@ -9,6 +9,7 @@ so that p̂' = y' + c (r v' + C) = -c r (rᵀp̂ + k - v') = -c r rᵀ(p̂ - p),
 """
 
 from dataclasses import dataclass
+from typing import cast
 
 import sympy as sp
 
@@ -166,7 +167,7 @@ def error_dynamics(observer: SymbolicObserver) -> tuple[tuple[sp.Expr, ...], ...
         result.append(
             tuple(
                 sp.expand(
-                    update.subs(insert)
+                    cast(sp.Expr, update.xreplace(insert))
                     + sum(rate * output.diff(x) for x, rate in zip(moving, rates, strict=True))
                 )
                 for update, output in zip(row.updates, row.outputs, strict=True)

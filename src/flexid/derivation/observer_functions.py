@@ -1,6 +1,7 @@
 """Source of the observer's own functions, for kernels: immersion and cancelling term."""
 
 from collections.abc import Sequence
+from typing import cast
 
 import sympy as sp
 
@@ -85,7 +86,8 @@ def split_integrals(
     """
     found = sorted({i for e in expressions for i in e.atoms(sp.Integral)}, key=sp.default_sort_key)
     names = {i: sp.Symbol(f"_q{n}", real=True) for n, i in enumerate(found)}
-    return {name: i for i, name in names.items()}, [e.xreplace(names) for e in expressions]
+    plain = [cast(sp.Expr, e.xreplace(names)) for e in expressions]
+    return {name: i for i, name in names.items()}, plain
 
 
 def _rule(observer: SymbolicObserver) -> tuple[str, ...]:
@@ -105,7 +107,9 @@ def _loops(integrals: dict[sp.Symbol, sp.Integral]) -> list[str]:
     """One loop over the nodes for each velocity that is integrated over."""
     loops = []
     for velocity in dict.fromkeys(upper_limit(i) for i in integrals.values()):
-        sums = {q: i.function for q, i in integrals.items() if upper_limit(i) == velocity}
+        sums = {
+            q: cast(sp.Expr, i.function) for q, i in integrals.items() if upper_limit(i) == velocity
+        }
         parts = [f"_f{q}" for q in sums]
         loops.append(
             "\n".join(
@@ -126,4 +130,5 @@ def _loops(integrals: dict[sp.Symbol, sp.Integral]) -> list[str]:
 
 def upper_limit(integral: sp.Integral) -> sp.Expr:
     """The velocity up to which an immersion's integral runs."""
-    return integral.limits[0][2]
+    _, _, upper = cast(tuple[sp.Expr, ...], integral.limits[0])
+    return upper

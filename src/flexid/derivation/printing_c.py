@@ -1,7 +1,8 @@
 """The observer's equations as C99 functions on doubles."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import cast
 
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
@@ -104,7 +105,7 @@ def c_observer(observer: SymbolicObserver) -> str:
     return _front(observer, groups, functions) + functions
 
 
-def _printer(symbols: Sequence[sp.Symbol]):
+def _printer(symbols: Sequence[sp.Symbol]) -> Callable[[sp.Expr], str]:
     """A printer that renames what is no name in C."""
     names = FreshNames([str(s) for s in symbols] + list(_RESERVED))
     renamed = {
@@ -113,7 +114,7 @@ def _printer(symbols: Sequence[sp.Symbol]):
         if str(s) in _RESERVED or not str(s).isascii()
     }
     printer = _CPrinter()
-    return lambda expression: printer.doprint(expression.xreplace(renamed))
+    return lambda expression: str(printer.doprint(expression.xreplace(renamed)))
 
 
 def _front(observer: SymbolicObserver, groups: dict, functions: str) -> str:
@@ -159,13 +160,13 @@ def _constant(name: str, value: str) -> str:
     return f"    const double {name} = {value};"
 
 
-def _sum(name: sp.Symbol, integral: sp.Integral, show) -> list[str]:
+def _sum(name: sp.Symbol, integral: sp.Integral, show: Callable[[sp.Expr], str]) -> list[str]:
     """Lines that integrate over the fixed nodes."""
     upper = show(upper_limit(integral))
     return [
         f"    double {name} = 0.0;",
         f"    for (int n_ = 0; n_ < {len(graded_rule()[0])}; ++n_) {{",
         f"        const double {VARIABLE} = {upper}*NODES[n_];",
-        f"        {name} += {upper}*WEIGHTS[n_]*({show(integral.function)});",
+        f"        {name} += {upper}*WEIGHTS[n_]*({show(cast(sp.Expr, integral.function))});",
         "    }",
     ]

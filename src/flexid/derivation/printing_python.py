@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from typing import cast
 
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
@@ -48,7 +49,11 @@ class _PythonPrinter(PythonCodePrinter):
         return f"(0.0 if {argument} == 0 else copysign(1.0, {argument}))"
 
 
-_show = _PythonPrinter({"fully_qualified_modules": False}).doprint
+_printer = _PythonPrinter({"fully_qualified_modules": False})
+
+
+def _show(expression: sp.Expr) -> str:
+    return str(_printer.doprint(expression))
 
 
 def python_observer(observer: SymbolicObserver) -> str:
@@ -127,7 +132,8 @@ def _functions(observer: SymbolicObserver) -> str:
 def _integrals(integrals: dict[sp.Symbol, sp.Integral], texts: Sequence[str]) -> list[str]:
     """Lines for those integrals that occur in the texts."""
     return [
-        f"{name} = _integrate(lambda {VARIABLE}: {_show(i.function)}, {_show(upper_limit(i))})"
+        f"{name} = _integrate(lambda {VARIABLE}: {_show(cast(sp.Expr, i.function))}, "
+        f"{_show(upper_limit(i))})"
         for name, i in integrals.items()
         if any(re.search(rf"\b{name}\b", text) for text in texts)
     ]

@@ -1,5 +1,7 @@
 """Functions that an observer may need beyond those of a declaration."""
 
+from typing import cast
+
 import sympy as sp
 
 
@@ -9,7 +11,7 @@ class LogCosh(sp.Function):
     nargs = 1
 
     @classmethod
-    def eval(cls, z: sp.Expr) -> sp.Expr | None:
+    def eval(cls, z: sp.Expr) -> sp.Expr | None:  # type: ignore[override]
         """Value at zero; the function is even."""
         if z.is_zero:
             return sp.S.Zero
@@ -25,7 +27,12 @@ class LogCosh(sp.Function):
         return size + sp.log(1 + sp.exp(-2 * size)) - sp.log(2)
 
     def _eval_evalf(self, prec: int) -> sp.Expr:
-        return self.stable()._eval_evalf(prec)
+        return self.stable()._eval_evalf(prec) or self.stable()
 
     def _eval_is_extended_real(self) -> bool | None:
         return self.args[0].is_extended_real
+
+
+def log_cosh(z: sp.Expr) -> sp.Expr:
+    """ln cosh z as a plain expression."""
+    return cast(sp.Expr, LogCosh(z))
