@@ -1,0 +1,118 @@
+"""The stiff integrator, against theory, known solutions and SciPy."""
+
+import numpy as np
+import pytest
+from problems import (
+    EXPLOSION,
+    PROTHERO_ROBINSON,
+    SMOOTH,
+    VAN_DER_POL,
+    WALL,
+    integrate,
+    integrator,
+    smooth_solution,
+)
+from scipy.integrate import solve_ivp
+
+STEPS = 2.0 ** -np.arange(3, 8)
+FIXED = 1e9  # a relative tolerance that accepts every step, so that the longest step is the step
+
+
+def slope(errors: list[float]) -> float:
+    """Return the fitted order of convergence over STEPS."""
+    return float(np.polyfit(np.log(STEPS), np.log(errors), 1)[0])
+
+
+def test_order_is_five() -> None:
+    """Assert that the error at the end falls with the fifth power of the step."""
+    kernel = integrator(SMOOTH, 2)
+    errors = []
+    for step in STEPS:
+        _, _, z, _, counts = integrate(kernel, 1.0, [1.0, 1.0], 0.0, FIXED, longest_step=step)
+        assert counts[0] == round(1.0 / step)
+        errors.append(float(np.max(np.abs(z - smooth_solution(1.0)))))
+    assert 4.8 < slope(errors) < 5.3
+
+
+def test_order_of_dense_output_is_four() -> None:
+    """Assert that between the steps the error falls with the fourth power of the step, at least."""
+    kernel = integrator(SMOOTH, 2)
+    errors = []
+    times = np.arange(1001) / 1000.0
+    for step in STEPS:
+        samples = integrate(
+            kernel, 1.0, [1.0, 1.0], 0.0, FIXED, 1e-9, step, 1000, 1e-3, len(times)
+        )[3]
+        errors.append(float(np.max(np.abs(samples - smooth_solution(times).T))))
+    assert 3.9 < slope(errors) < 5.1
+
+
+def test_tolerance_is_met() -> None:
+    """Assert that the error stays near the tolerance and falls with it."""
+    kernel = integrator(SMOOTH, 2)
+    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
+        z = integrate(kernel, 1.0, [1.0, 1.0], 0.0, tolerance, tolerance)[2]
+        error = np.max(np.abs(z - smooth_solution(1.0)))
+        assert error < 10.0 * tolerance
+
+
+@pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e8])
+def test_no_order_reduction_that_hurts(stiffness: float) -> None:
+    """Assert that Prothero and Robinson's problem is solved in few steps however stiff it is."""
+    kernel = integrator(PROTHERO_ROBINSON, 1)
+    status, _, z, _, counts = integrate(kernel, 10.0, [0.0], stiffness)
+    assert status == kernel.FINISHED
+    assert abs(z[0] - np.sin(10.0)) < 1e-5
+    assert counts[0] < 300
+
+
+def test_van_der_pol_as_scipy_has_it() -> None:
+    """Assert that a relaxation oscillation agrees with SciPy's Radau, also between the steps."""
+    kernel = integrator(VAN_DER_POL, 2)
+    stiffness, times = 1e3, np.linspace(0.0, 2.0, 201)
+    samples = integrate(
+        kernel, 2.0, [2.0, 0.0], stiffness, 1e-8, 1e-10, sample_time=0.01, samples=201
+    )[3]
+
+    def rates(_: float, z: np.ndarray) -> list[float]:
+        return [z[1], stiffness * ((1.0 - z[0] ** 2) * z[1] - z[0])]
+
+    expected = solve_ivp(rates, (0.0, 2.0), [2.0, 0.0], "Radau", times, rtol=1e-10, atol=1e-12).y
+    # The jumps are a thousand times steeper than the rest, so they show the error in time.
+    assert np.max(np.abs(samples[:, 0] - expected[0])) < 2e-5
+
+
+def test_explosion_is_reported() -> None:
+    """Assert that a solution that leaves every bound ends with a status at the right time."""
+    kernel = integrator(EXPLOSION, 1)
+    status, reached, *_ = integrate(kernel, 2.0, [1.0])
+    assert status == kernel.DIVERGED
+    assert reached == pytest.approx(1.0, abs=1e-4)
+
+
+def test_too_many_steps_are_reported() -> None:
+    """Assert that the number of steps is bounded, rejected ones included."""
+    kernel = integrator(SMOOTH, 2)
+    status, reached, _, _, counts = integrate(kernel, 1.0, [1.0, 1.0], 0.0, 1e-12, 1e-14, 1.0, 20)
+    assert status == kernel.TOO_MANY_STEPS
+    assert counts[0] + counts[1] == 20
+    assert reached < 1.0
+
+
+def test_not_finite_is_reported() -> None:
+    """Assert that equations without a value end the run where they lose it."""
+    kernel = integrator(WALL, 1)
+    status, reached, *_ = integrate(kernel, 2.0, [0.0])
+    assert status in (kernel.NOT_FINITE, kernel.STEP_TOO_SMALL)
+    assert reached == pytest.approx(1.0, abs=1e-3)
+
+
+def test_samples_fall_on_both_ends() -> None:
+    """Assert that the first sample is the start and the last the end, exactly."""
+    kernel = integrator(SMOOTH, 2)
+    _, _, z, samples, counts = integrate(
+        kernel, 3 * 0.1, [1.0, 1.0], sample_time=0.1, samples=4
+    )  # fmt: skip
+    assert counts[2] == 4
+    assert samples[0].tolist() == [1.0, 1.0]
+    assert samples[-1] == pytest.approx(z, rel=1e-12)

@@ -1,0 +1,93 @@
+"""The cache of generated kernels."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexid.kernels import store
+
+SIMULATE = """
+import sys
+from flexid.control.references import sinusoid
+from flexid.control.pd_gravity import pd_gravity
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.sampled import simulate_sampled
+from flexid.simulation.loop import ClosedLoop
+loop = ClosedLoop(
+    flexible_joint(known={"beta1": 3.0}),
+    {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.3},
+    pd_gravity(), sinusoid(1.0, 2.0), {"link": 1.0, "motor": 1.0},
+)
+print(repr(simulate_sampled(loop, 0.1).states[-1, 0]), "sympy" in sys.modules)
+"""
+
+
+def run(code: str, cache: Path) -> subprocess.Popen[str]:
+    """Start Python on some code with its own cache."""
+    environment = {**os.environ, store.CACHE_VARIABLE: str(cache)}
+    return subprocess.Popen(
+        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
+    )
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Point the store to an empty folder."""
+    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path))
+    store.cache_directory.cache_clear()
+    yield tmp_path
+    store.cache_directory.cache_clear()
+
+
+def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
+    """Assert that processes that start at once agree, and that a later one never imports SymPy."""
+    both = [run(SIMULATE, tmp_path) for _ in range(2)]
+    first = [process.communicate(timeout=300)[0].split() for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert first[0] == first[1]
+    assert first[0][1] == "True"
+    later = run(SIMULATE, tmp_path).communicate(timeout=300)[0].split()
+    assert later == [first[0][0], "False"]
+    assert len(list(tmp_path.glob("*.py"))) == 1
+    assert not list(tmp_path.glob("*.tmp"))
+
+
+def test_built_once(cache: Path) -> None:
+    """Assert that a kernel is built on its first call only, and lands in the named folder."""
+    built = []
+
+    def build() -> str:
+        built.append(1)
+        return "VALUE = 1\n"
+
+    first = store.load_kernel("test", ["built once"], build)
+    del sys.modules[first.__name__]
+    second = store.load_kernel("test", ["built once"], build)
+    assert second.VALUE == 1
+    assert len(built) == 1
+    assert Path(str(second.__file__)).parent == cache
+
+
+def test_changed_declaration_is_built_anew(cache: Path) -> None:
+    """Assert that another declaration or task is another kernel."""
+    kernels = [
+        store.load_kernel(task, declarations, lambda: "")
+        for task, declarations in [("a", ["x"]), ("a", ["y"]), ("b", ["x"]), ("a", ["x", ""])]
+    ]
+    assert len({kernel.__name__ for kernel in kernels}) == 4
+    assert len(list(cache.glob("*.py"))) == 4
+
+
+def test_failed_build_leaves_nothing(cache: Path) -> None:
+    """Assert that a build that fails neither leaves a file nor a module behind."""
+
+    def build() -> str:
+        raise ValueError("no source")
+
+    with pytest.raises(ValueError, match="no source"):
+        store.load_kernel("broken", ["fails"], build)
+    assert not list(cache.iterdir())
+    assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
