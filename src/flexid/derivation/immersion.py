@@ -81,7 +81,8 @@ def _closed_form(
         if integral is None:
             return None
         total += integral
-    total = total.xreplace({dummy: constant for constant, dummy in nonzero.items()})
+    back = {dummy: constant for constant, dummy in nonzero.items()}
+    total = cast(sp.Expr, total.xreplace(back))
     if total.has(side):
         total = sp.expand(total.subs(side, sp.Abs(velocity) / velocity))
     return total if _is_printable(total) else None
