@@ -37,6 +37,9 @@ class Excitation:
         persistent excitation.
     confounded : tuple of str
         Coefficients that make up the worst direction; empty when there is only one coefficient.
+    direction : (n,) ndarray
+        The worst excited direction, in the coefficients' own units and of arbitrary length: a step
+        along it changes the motion the least.
     correlation : float
         Largest correlation, in absolute value, between the estimates of two coefficients.
     correlated : tuple of str
@@ -48,6 +51,7 @@ class Excitation:
     singular_values: NDArray[np.float64]
     level: float
     confounded: tuple[str, ...]
+    direction: NDArray[np.float64]
     correlation: float
     correlated: tuple[str, ...]
 
@@ -101,6 +105,7 @@ def excitation_of_gram(row: str, coefficients: Sequence[str], gram: ArrayLike) -
         singular_values,
         float(max(np.linalg.eigvalsh(gram)[0], 0.0)),
         confounded,
+        worst / scale,
         correlation,
         correlated,
     )

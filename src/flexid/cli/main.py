@@ -7,6 +7,7 @@ import typer
 
 from flexid.cli.derive import derive
 from flexid.cli.identify import identify
+from flexid.cli.reproduce import reproduce
 from flexid.errors import FlexidError
 
 app = typer.Typer(
@@ -21,6 +22,7 @@ app = typer.Typer(
 # One line per command. Their modules import nothing heavy before they are called.
 app.command()(identify)
 app.command()(derive)
+app.command()(reproduce)
 
 
 def _show_version(wanted: bool) -> None:

@@ -8,12 +8,7 @@ from flexid.analysis.excitation import WEAK_CONDITION
 from flexid.analysis.lyapunov import ALLOWED_RISE
 from flexid.studies.huang2003.design_checks import design_claims
 from flexid.studies.huang2003.evidence import Claim, Finding
-from flexid.studies.huang2003.readings import (
-    SIMULATED,
-    Reading,
-    SteadyRun,
-    reading_name,
-)
+from flexid.studies.huang2003.readings import Reading, SteadyRun
 from flexid.studies.huang2003.sweeps import AttenuationPoint, RatePoint, steady_condition
 from flexid.studies.huang2003.table1 import (
     ATTENUATION,
@@ -30,6 +25,7 @@ NO_INFLUENCE = 0.05
 
 def decide_claims(
     readings: Mapping[str, Reading],
+    runs: Mapping[str, SteadyRun],
     attenuation: Mapping[str, list[AttenuationPoint]],
     peak_torques: Mapping[float, float],
     rates: Mapping[str, list[RatePoint]],
@@ -42,6 +38,8 @@ def decide_claims(
     ----------
     readings : mapping of str to Reading
         All four, by name.
+    runs : mapping of str to SteadyRun
+        Those of the readings (1,2,3) and (1,1,3).
     attenuation : mapping of str to list of AttenuationPoint
         Sweeps over k by the reading's name.
     peak_torques : mapping of float to float
@@ -53,7 +51,6 @@ def decide_claims(
     other_controller_error : float
         Worst relative error of the estimates under a controller that is not the paper's.
     """
-    runs = {reading_name(e): _steady(readings[reading_name(e)]) for e in SIMULATED}
     return (
         *design_claims(runs["1,1,3"]),
         *_theorem_claims(runs, cases),
@@ -158,7 +155,7 @@ def _excitation_claims(runs: Mapping[str, SteadyRun]) -> list[Claim]:
             tuple(
                 Finding(
                     name,
-                    "condition number of the normalised Gram matrix",
+                    "condition number of the Gram matrix",
                     run.excitation[row].condition_number,
                     "<=",
                     WEAK_CONDITION,
@@ -175,7 +172,7 @@ def _excitation_claims(runs: Mapping[str, SteadyRun]) -> list[Claim]:
             (
                 Finding(
                     "0.3 rad",
-                    "condition number of the normalised Gram matrix",
+                    "condition number of the Gram matrix",
                     steady_condition(0.3),
                     "<=",
                     WEAK_CONDITION,
@@ -304,11 +301,6 @@ def _result_claims(
     ]
 
 
-def _steady(reading: Reading) -> SteadyRun:
-    assert reading.simulated is not None
-    return reading.simulated
-
-
 def _rate_finding(subject: str, case: TheoremCase) -> Finding:
     initial = max(abs(limit.first) for limit in case.limits)
     rate = max(limit.largest_rate for limit in case.limits)
@@ -320,7 +312,7 @@ def _worst_remaining(case: TheoremCase) -> float:
 
 
 def _slope(points: list[AttenuationPoint]) -> float:
-    """Slope of log tracking error over log k between the last two decades' ends."""
+    """Slope of the logarithm of the tracking error over that of k."""
     errors = [point.max_tracking_error for point in points]
     return float(np.polyfit(np.log([point.k for point in points]), np.log(errors), 1)[0])
 

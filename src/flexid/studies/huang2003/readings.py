@@ -4,6 +4,7 @@ The print leaves open how the factor k enters the three gains of eq. (11). Four 
 two of them give an unstable loop at once, the other two each support some of the paper's claims.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,10 +36,10 @@ HALF_PERIOD = np.pi / FREQUENCY
 """Window in s after which r rᵀ repeats along the steady state, r being odd in the reference."""
 
 MEANINGS: dict[Exponents, str] = {
-    (1, 1, 0): "literal: k³ cancels in uF",
+    (1, 1, 0): "literal: k³ cancels",
     (1, 1, 1): "one gain k throughout",
     (1, 1, 3): "smallest edit of the print",
-    (1, 2, 3): "each inner loop k times faster",
+    (1, 2, 3): "inner loops k times faster",
 }
 """The four readings and what they stand for."""
 
@@ -133,6 +134,12 @@ class Reading:
 def reading_name(exponents: Exponents) -> str:
     """Text of a reading, for example ``"1,2,3"``."""
     return ",".join(map(str, exponents))
+
+
+def simulated_runs(readings: Mapping[str, Reading]) -> dict[str, SteadyRun]:
+    """Runs of those readings that were simulated over 30 s, by name, (1,2,3) first."""
+    chosen = (readings[reading_name(exponents)] for exponents in SIMULATED)
+    return {reading.name: reading.simulated for reading in chosen if reading.simulated}
 
 
 def study_reading(exponents: Exponents) -> Reading:
