@@ -224,6 +224,6 @@ def _run_called(
         observer, _ = kernel.step(observer, np.concatenate((seen, u)), settings)
         record.estimates[n] = observer[1 : 1 + len(true)]
         kernel.move(x, u, true, constants, h, sampling.substeps)
-        if not np.all(np.abs(x) < 1e12):
+        if not kernel.bounded(x):
             return n + 1, limited
     return len(record.states), limited

@@ -172,7 +172,8 @@ def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, l
     after_rejection = False
     status = FINISHED
     if samples.shape[0] > 0:
-        samples[0, :] = z
+        for i in range(SIZE):  # an array assignment takes three seconds longer to compile
+            samples[0, i] = z[i]
         filled = 1
     rates_and_jacobian(t, z, p, dz, jacobian, slope)
     while t < stop:

@@ -24,18 +24,32 @@ def saturate(u, limit):
 @njit(cache=True, error_model="numpy")
 def move(x, u, p, c, duration, substeps):
     """Move the plant on under a constant input, with the classical Runge-Kutta method."""
-    k1 = np.empty(N_STATES)
-    k2 = np.empty(N_STATES)
-    k3 = np.empty(N_STATES)
-    k4 = np.empty(N_STATES)
     h = duration / substeps
+    slope = np.empty(N_STATES)
+    total = np.empty(N_STATES)
+    trial = np.empty(N_STATES)
     for _ in range(substeps):
-        right_hand_side(x, u, p, c, k1)
-        right_hand_side(x + 0.5 * h * k1, u, p, c, k2)
-        right_hand_side(x + 0.5 * h * k2, u, p, c, k3)
-        right_hand_side(x + h * k3, u, p, c, k4)
         for i in range(N_STATES):
-            x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+            total[i] = 0.0
+            trial[i] = x[i]
+        for stage in range(4):
+            right_hand_side(trial, u, p, c, slope)
+            weight = 1.0 if stage == 0 or stage == 3 else 2.0
+            ahead = h if stage == 2 else 0.5 * h
+            for i in range(N_STATES):
+                total[i] += weight * slope[i]
+                trial[i] = x[i] + ahead * slope[i]
+        for i in range(N_STATES):
+            x[i] += h / 6.0 * total[i]
+
+
+@njit(cache=True, error_model="numpy")
+def bounded(x):
+    """Whether every state is finite and of a size that means something."""
+    for i in range(N_STATES):
+        if not abs(x[i]) < 1e12:
+            return False
+    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -47,22 +61,28 @@ def sampled_run(parameters, p, c, noise, resolution, limit, substeps, start_esti
     h = observer[0]
     settings = as_settings(observer)
     empty = np.zeros(STATE_SIZE)
-    empty[1 : 1 + N_COEFFICIENTS] = start_estimates
+    for i in range(N_COEFFICIENTS):
+        empty[1 + i] = start_estimates[i]
     current = as_state(empty)
-    x = states[0].copy()
+    x = np.empty(N_STATES)
+    for i in range(N_STATES):
+        x[i] = states[0, i]
     sample = np.empty((1, SAMPLE_SIZE))
     clipped = 0
     for n in range(states.shape[0]):
-        states[n] = x
+        for i in range(N_STATES):
+            states[n, i] = x[i]
         measure(x, noise[n], resolution, measured[n])
         control(n * h, measured[n], parameters, inputs[n])
         clipped += saturate(inputs[n], limit)
-        sample[0, :N_STATES] = measured[n]
-        sample[0, N_STATES:] = inputs[n]
+        for i in range(N_STATES):
+            sample[0, i] = measured[n, i]
+        for i in range(N_INPUTS):
+            sample[0, N_STATES + i] = inputs[n, i]
         current, _ = advance(current, as_sample(sample, 0), settings)
         for i in range(N_COEFFICIENTS):
             estimates[n, i] = current[1 + i]
         move(x, inputs[n], p, c, h, substeps)
-        if not np.all(np.abs(x) < 1e12):
+        if not bounded(x):
             return n + 1, clipped
     return states.shape[0], clipped

@@ -1,0 +1,129 @@
+"""Continuous closed loops against independent references."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from table_1 import table_1
+
+from flexid.control.controller import Controller
+from flexid.control.pd_gravity import pd_gravity
+from flexid.control.references import Multisine
+from flexid.errors import SettingError, SimulationError
+from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.simulation.closed_loop import simulate
+from flexid.simulation.loop import ClosedLoop
+
+READINGS = json.loads((Path(__file__).parent / "reference" / "table_1.json").read_text())
+
+
+@pytest.mark.parametrize("exponents", [(1, 2, 3), (1, 1, 3)])
+def test_table_1(exponents: tuple[int, int, int]) -> None:
+    """Assert that both readings agree with SciPy's Radau on equations written by hand."""
+    reference = READINGS[",".join(map(str, exponents))]
+    run = simulate(table_1(exponents), 30.0)
+    expected = np.array(reference["parameter_errors_at_30s"])
+    # 1e-5 of the value, or of 1e-3 where the value is smaller than that.
+    allowed = 1e-5 * np.maximum(np.abs(expected), 1e-3)
+    assert np.all(np.abs(run.parameter_errors[-1] - expected) < allowed)
+    largest = run.largest_tracking_error(20.0, 30.0)
+    assert largest == pytest.approx(reference["max_tracking_error_20_30"], rel=1e-5)
+
+
+@pytest.mark.parametrize("exponents", [(1, 1, 0), (1, 1, 1)])
+def test_unstable_readings_say_so(exponents: tuple[int, int, int]) -> None:
+    """Assert that a loop that diverges raises, with a time, instead of returning numbers."""
+    with pytest.raises(SimulationError, match="largest coordinate has reached") as caught:
+        simulate(table_1(exponents), 30.0, maximum_steps=200_000)
+    assert 0.1 < caught.value.time < 30.0
+
+
+def test_plain_route_agrees() -> None:
+    """Assert that x, y, z integrated as printed end where the error coordinates do."""
+    loop = table_1(controller=pd_gravity())
+    ours = simulate(loop, 10.0, relative_tolerance=1e-9)
+    plain = simulate(loop, 10.0, relative_tolerance=1e-9, plain_coordinates=True)
+    assert np.max(np.abs(ours.states - plain.states)) < 1e-6
+    assert np.max(np.abs(ours.parameter_errors - plain.parameter_errors)) < 1e-6
+
+
+def test_error_falls_with_the_tolerance() -> None:
+    """Assert that a tighter tolerance brings the run nearer to a much tighter one."""
+    loop = table_1(controller=pd_gravity())
+    exact = simulate(loop, 5.0, relative_tolerance=1e-11).states
+    errors = [
+        np.max(np.abs(simulate(loop, 5.0, relative_tolerance=tolerance).states - exact))
+        for tolerance in (1e-5, 1e-7, 1e-9)
+    ]
+    assert errors[0] > 10 * errors[1] > 100 * errors[2]
+
+
+def test_samples_do_not_depend_on_their_distance() -> None:
+    """Assert that coarse samples are every tenth of fine ones, up to the tolerance."""
+    loop = table_1()
+    fine, coarse = simulate(loop, 2.0, 1e-3), simulate(loop, 2.0, 1e-2)
+    assert len(coarse.time) == 201
+    assert coarse.tracking_error == pytest.approx(fine.tracking_error[::10], abs=1e-9)
+
+
+def test_outputs_fit_together() -> None:
+    """Assert that estimates, errors, states and tracking error of a run are consistent."""
+    run = simulate(table_1(), 1.0)
+    true = run.loop.true_coefficients
+    assert run.estimates - true == pytest.approx(run.parameter_errors, abs=1e-11)
+    assert run.states[:, 0] - run.reference[:, 0] == pytest.approx(run.tracking_error, abs=1e-14)
+    assert run.states[0] == pytest.approx([0.0] * 4, abs=1e-9)
+    assert run.estimates[0] == pytest.approx([2.5, 50.0, 166.7, 0.167], rel=1e-12)
+
+
+def test_input_is_what_moves_the_plant() -> None:
+    """Assert that x4' of the run is that of eq. (4) with the run's own input."""
+    run = simulate(table_1(controller=pd_gravity()), 2.0, 1e-3, 1e-9)
+    x1, _, x3, x4 = run.states.T
+    expected = (100.0 * (x1 - x3) - 0.1 * x4 + run.inputs[:, 0]) / 0.3
+    slope = np.gradient(x4, run.time)[1:-1]
+    assert slope == pytest.approx(expected[1:-1], abs=1e-4 * np.max(np.abs(expected)))
+
+
+def test_any_system() -> None:
+    """Assert that three rows with two inputs, observed in the loop, find their coefficients."""
+    system = ParametricSystem(
+        "three inertias",
+        (
+            Row("first", "q1", "v1", {"a1": "q2 - q1", "a2": "-tanh(v1/width)"}, known="u1"),
+            Row("second", "q2", "v2", {"b1": "q1 - q2", "b2": "q3 - q2"}),
+            Row("third", "q3", "v3", {"d1": "q2 - q3", "d2": "-sin(q3)"}, known="u2"),
+        ),
+        inputs=("u1", "u2"),
+        constants={"width": 0.1},
+    )
+    law = Controller(
+        "PD",
+        "q1",
+        {"u1": "stiffness*(qd - q1) + 2*(qd_1 - v1)", "u2": "stiffness*(qd/2 - q3) - 2*v3"},
+        {"stiffness": 20.0},
+    )
+    true = {"a1": 10.0, "a2": 0.5, "b1": 12.0, "b2": 8.0, "d1": 9.0, "d2": 3.0}
+    gains = {"first": 20.0, "second": 20.0, "third": 20.0}
+    reference = Multisine([1.5, 0.8], [2.0, 5.3])
+    run = simulate(ClosedLoop(system, true, law, reference, gains), 200.0, 0.1)
+    assert run.estimates[-1] == pytest.approx(list(true.values()), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "setting", ["duration", "sample_time", "relative_tolerance", "absolute_tolerance"]
+)
+def test_settings_must_be_positive(setting: str) -> None:
+    """Assert that durations and tolerances that are not positive are named."""
+    settings: dict[str, Any] = {"duration": 1.0, setting: -1.0}
+    with pytest.raises(SettingError, match=setting):
+        simulate(table_1(), **settings)
+
+
+def test_missing_coefficient_is_named() -> None:
+    """Assert that a loop without all its true coefficients is refused."""
+    with pytest.raises(SettingError, match="alpha2 missing"):
+        replace(table_1(), coefficients={"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0})
