@@ -129,6 +129,9 @@ def test_small_single_sine_is_undetermined(flexid, tmp_path):
         assert document["coefficients"][name]["status"] == "undetermined"
         assert other in document["coefficients"][name]["reason"]
     assert document["parameters"]["gravity_torque"]["status"] == "undetermined"
+    for name, estimate in document["coefficients"].items():  # none is wrong and called determined
+        lower, upper = estimate["interval"]
+        assert estimate["status"] == "undetermined" or lower <= TRUE[name] <= upper
 
 
 def test_several_logs_are_fitted_jointly(flexid, good_log, tmp_path):

@@ -4,22 +4,33 @@ import numpy as np
 import pytest
 
 from flexid.analysis.excitation import Excitation
-from flexid.identification.verdict import verdict, worst
-
-GOOD_FIT = {"link_position": 95.0, "motor_position": 95.0, "deflection": 90.0}
+from flexid.identification.verdict import Evidence, verdict, worst
 
 
-def excited(condition=2.0, confounded=("theta1", "theta2")):
-    """An excitation with a given condition number."""
-    return Excitation(
+def evidence(
+    name="theta1",
+    value=1.0,
+    std=1e-3,
+    shift=0.0,
+    size=0.5,
+    condition=2.0,
+    direction=(1.0, -1.0, 0.0),
+    deflection_fit=90.0,
+):
+    """Evidence on a row of three coefficients of which two share the worst direction."""
+    names = ("theta1", "theta2", "theta3")
+    excitation = Excitation(
         "link",
-        ("theta1", "theta2"),
-        np.array([1.0, 1.0 / condition]),
+        names,
+        np.array([1.0, 1.0, 1.0 / condition]),
         1.0,
-        confounded,
+        ("theta1", "theta2"),
+        np.array(direction),
         0.5,
         ("theta1", "theta2"),
     )
+    values = {**dict.fromkeys(names, 1.0), name: value}
+    return Evidence(name, values, std, shift, size, excitation, deflection_fit)
 
 
 @pytest.mark.parametrize(
@@ -28,12 +39,12 @@ def excited(condition=2.0, confounded=("theta1", "theta2")):
 )
 def test_interval_decides(std, expected):
     """Assert that the relative standard deviation decides where all else is well."""
-    assert verdict("theta1", 1.0, std, 0.5, excited(), GOOD_FIT)[0] == expected
+    assert verdict(evidence(std=std))[0] == expected
 
 
 def test_negligible_term_is_determined():
     """Assert that a friction known to be nearly zero counts as known."""
-    assert verdict("alpha2", 0.001, 0.01, 0.001, excited(), GOOD_FIT) == ("determined", "")
+    assert verdict(evidence(value=0.001, std=0.01, size=0.1)) == ("determined", "")
 
 
 @pytest.mark.parametrize(
@@ -41,15 +52,34 @@ def test_negligible_term_is_determined():
 )
 def test_excitation_decides(condition, expected):
     """Assert that a narrow interval does not help a coefficient in a lost direction."""
-    status, reason = verdict("theta1", 1.0, 1e-6, 1e-6, excited(condition), GOOD_FIT)
+    status, reason = verdict(evidence(std=1e-6, condition=condition))
     assert status == expected
     assert ("theta2" in reason) == (expected != "determined")
 
 
 def test_excitation_spares_the_others():
-    """Assert that a coefficient outside the lost direction keeps its verdict."""
-    poor = excited(1e7, confounded=("theta2", "theta3"))
-    assert verdict("theta1", 1.0, 1e-3, 1e-3, poor, GOOD_FIT)[0] == "determined"
+    """Assert that a coefficient that a lost direction does not touch keeps its verdict."""
+    assert verdict(evidence("theta3", condition=1e7)) == ("determined", "")
+
+
+def test_small_coefficient_is_tainted_by_a_lost_direction():
+    """Assert that a coefficient of little weight in a lost direction is lost if its value is small.
+
+    A step that doubles theta1 unseen changes theta3 by 0.01: nothing beside 1, all beside 0.02.
+    """
+    touched = {"name": "theta3", "condition": 1e7, "direction": (1.0, -1.0, 0.01)}
+    assert verdict(evidence(value=1.0, **touched))[0] == "determined"
+    assert verdict(evidence(value=0.02, std=1e-6, **touched))[0] == "undetermined"
+
+
+@pytest.mark.parametrize(
+    ("shift", "expected"), [(0.04, "determined"), (0.2, "weak"), (0.4, "undetermined")]
+)
+def test_shift_with_the_filter_decides(shift, expected):
+    """Assert that a coefficient that depends on the filter rate is not called known."""
+    status, reason = verdict(evidence(shift=shift))
+    assert status == expected
+    assert ("filter rate" in reason) == (expected != "determined")
 
 
 @pytest.mark.parametrize(
@@ -57,9 +87,8 @@ def test_excitation_spares_the_others():
 )
 def test_validation_decides_on_stiffness(deflection, expected):
     """Assert that a model that does not repeat the deflection knows no stiffness."""
-    fit = {**GOOD_FIT, "deflection": deflection}
-    assert verdict("theta2", 1.0, 1e-3, 1e-3, excited(), fit)[0] == expected
-    assert verdict("theta1", 1.0, 1e-3, 1e-3, excited(), fit)[0] == "determined"
+    assert verdict(evidence("theta2", deflection_fit=deflection))[0] == expected
+    assert verdict(evidence("theta1", deflection_fit=deflection))[0] == "determined"
 
 
 def test_parameter_is_as_bad_as_its_worst_coefficient():

@@ -1,6 +1,6 @@
 """Intervals and verdicts: from a least-squares fit to coefficients and physical parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import stdtrit
@@ -8,18 +8,21 @@ from scipy.special import stdtrit
 from flexid.analysis.excitation import Excitation
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.result import CoefficientEstimate, ParameterEstimate
-from flexid.identification.verdict import verdict, worst
+from flexid.identification.verdict import Evidence, verdict, worst
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import PhysicalParameter, physical_parameters
 
 CONFIDENCE = 0.95
 """Nominal coverage of every interval."""
 
+_NOISE_DEVIATIONS = 3.0
+
 
 def coefficient_estimates(
     fit: LeastSquaresFit,
+    shifts: Mapping[str, float],
     excitation: Mapping[str, Excitation],
-    fit_percent: Mapping[str, float],
+    deflection_fit: float,
     known: Mapping[str, float],
     input_unit: str,
 ) -> dict[str, CoefficientEstimate]:
@@ -28,20 +31,47 @@ def coefficient_estimates(
     values = dict(zip(fit.names, map(float, fit.values), strict=True))
     estimates = {}
     for row in fit.rows:
-        sizes = np.sqrt(np.diag(row.gram) / row.total_sum) if row.total_sum else np.zeros(0)
+        in_row = {name: values[name] for name in row.coefficients}
+        sizes = np.sqrt(np.diag(row.gram) / max(row.total_sum, np.finfo(float).tiny))
         for name, size in zip(row.coefficients, map(float, sizes), strict=True):
             value, std = values[name], deviations[name]
-            share = std * size if np.isfinite(std) else np.inf
-            status, reason = verdict(name, value, std, share, excitation[row.name], fit_percent)
+            evidence = Evidence(
+                name, in_row, std, shifts[name], size, excitation[row.name], deflection_fit
+            )
             interval = _interval(value, std, row.degrees_of_freedom)
             unit = _unit(COEFFICIENT_UNITS[name], input_unit)
-            estimates[name] = CoefficientEstimate(name, unit, value, std, interval, status, reason)
+            estimates[name] = CoefficientEstimate(
+                name, unit, value, std, interval, *verdict(evidence)
+            )
     for name, value in known.items():
         unit = _unit(COEFFICIENT_UNITS[name], input_unit)
         estimates[name] = CoefficientEstimate(
             name, unit, value, 0.0, (value, value), "determined", "given"
         )
     return estimates
+
+
+def filter_shifts(fit: LeastSquaresFit, others: Sequence[LeastSquaresFit]) -> dict[str, float]:
+    """How far each coefficient moves from a fit to fits at other filter rates, beyond noise.
+
+    Parameters
+    ----------
+    fit, others : LeastSquaresFit
+        Of the same data and model. Their noise is partly the same, so the root of the sum of their
+        variances is a cautious bound on what noise alone can do to the difference.
+
+    Returns
+    -------
+    dict of str to float
+        In the coefficients' units; 0 where noise explains it all.
+    """
+    excess = np.zeros(len(fit.names))
+    for other in others:
+        with np.errstate(invalid="ignore"):
+            noise = np.sqrt(fit.standard_deviations**2 + other.standard_deviations**2)
+        beyond = np.abs(other.values - fit.values) - _NOISE_DEVIATIONS * noise
+        excess = np.fmax(excess, np.where(np.isfinite(beyond), beyond, 0.0))
+    return dict(zip(fit.names, map(float, excess), strict=True))
 
 
 def parameter_estimates(

@@ -11,7 +11,11 @@ from flexid.errors import RecordingError
 from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
-from flexid.identification.estimates import coefficient_estimates, parameter_estimates
+from flexid.identification.estimates import (
+    coefficient_estimates,
+    filter_shifts,
+    parameter_estimates,
+)
 from flexid.identification.observer_stream import stream
 from flexid.identification.result import Identification
 from flexid.identification.settings import Settings
@@ -23,6 +27,7 @@ from flexid.recording.recording import Hold, Log, Recording
 from flexid.recording.velocities import with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
+_RATE_FACTORS = (0.5, 2.0)  # other filter rates at which a right model gives the same answer
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,9 @@ class _Fitter:
     system: ParametricSystem
     filter_rate: float
     hold: Hold
+
+    def at(self, filter_rate: float) -> "_Fitter":
+        return replace(self, filter_rate=filter_rate)
 
     def fit(self, pieces: Sequence[Recording]) -> LeastSquaresFit:
         samples = [samples_of_recording(piece) for piece in pieces]
@@ -80,7 +88,11 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
 
     fit = fitter.fit(pieces)
     excitation = _excitation(fit)
-    coefficients = coefficient_estimates(fit, excitation, validation.fit_percent, known, input_unit)
+    others = [fitter.at(factor * fitter.filter_rate).fit(pieces) for factor in _RATE_FACTORS]
+    deflection_fit = validation.fit_percent["deflection"]
+    coefficients = coefficient_estimates(
+        fit, filter_shifts(fit, others), excitation, deflection_fit, known, input_unit
+    )
     return Identification(
         coefficients=coefficients,
         parameters=parameter_estimates(fit, coefficients, input_unit),
@@ -123,12 +135,23 @@ def _held_out_start(piece: Recording, share: float) -> int:
 
 
 def _choose(training: Sequence[Recording], system: ParametricSystem, settings: Settings) -> _Fitter:
-    """Settle the filter rate and the hold on the training data."""
+    """Settle the hold and the filter rate on the training data.
+
+    Holds are compared at one rate, for residuals at different rates say nothing about the hold;
+    the rate is then chosen for the hold that it will be used with.
+    """
     samples = [samples_of_recording(piece) for piece in training]
-    rate = settings.filter_rate or choose_filter_rate(samples, system)
-    holds: tuple[Hold, ...] = ("linear", "zero") if settings.hold == "auto" else (settings.hold,)
-    candidates = [_Fitter(system, rate, hold) for hold in holds]
-    return min(candidates, key=lambda fitter: _misfit(fitter.fit(training)))
+
+    def best_rate(hold: Hold) -> float:
+        return settings.filter_rate or choose_filter_rate(samples, system, hold)
+
+    if settings.hold != "auto":
+        return _Fitter(system, best_rate(settings.hold), settings.hold)
+    linear = _Fitter(system, best_rate("linear"), "linear")
+    held = replace(linear, hold="zero")
+    if _misfit(linear.fit(training)) <= _misfit(held.fit(training)):
+        return linear
+    return held.at(best_rate("zero"))
 
 
 def _misfit(fit: LeastSquaresFit) -> float:

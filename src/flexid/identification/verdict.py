@@ -1,18 +1,24 @@
 """The verdict on each coefficient: determined, weak or undetermined, and why.
 
-Three kinds of evidence count, and the worst decides:
+Four kinds of evidence count, and the worst decides:
 
 - the interval: a coefficient is known if its standard deviation is small beside its value, or if
   what it could contribute to the motion within its interval is negligible (a friction that is
   zero is determined to be zero);
 - the excitation: where the condition number of a row's normalised Gram matrix is beyond
-  `LOST_CONDITION`, the coefficients that make up the worst direction cannot be told apart;
+  `LOST_CONDITION`, a step along the worst direction goes unseen, and whatever coefficient such a
+  step would change is not known;
+- the filter: in a right model the same coefficients explain the motion at every filter rate; one
+  that moves with the rate by more than noise allows makes up for what the model lacks;
 - the validation: a model that does not repeat the held-out deflection knows no stiffness, however
   narrow the interval, because no interval covers a wrong model.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from math import isfinite
+
+import numpy as np
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
 from flexid.identification.result import Status
@@ -26,38 +32,60 @@ WEAK_DEVIATION = 0.5
 NEGLIGIBLE_SHARE = 0.02
 """Share of the row's acceleration below which the uncertainty of a term does not matter."""
 
+DETERMINED_SHIFT, WEAK_SHIFT = 0.05, 0.3
+"""Relative shift with the filter rate, beyond noise, up to which a coefficient is …"""
+
 WEAK_FIT = 50.0
 """Free-run fit of the deflection in per cent below which the stiffness is doubtful."""
 
 _STIFFNESS = ("theta2", "alpha1")
+_TAINTED = 0.1  # relative change along a lost direction from which on a coefficient is not known
 
 _RANK: dict[Status, int] = {"determined": 0, "weak": 1, "undetermined": 2}
 
 Verdict = tuple[Status, str]
 
+_FINE: Verdict = ("determined", "")
 
-def verdict(
-    name: str,
-    value: float,
-    std: float,
-    share: float,
-    excitation: Excitation,
-    fit_percent: Mapping[str, float],
-) -> Verdict:
-    """Judge one coefficient.
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known about one coefficient.
 
     Parameters
     ----------
     name : str
         Its name.
-    value, std : float
-        Estimate and standard deviation.
-    share : float
-        Root mean square of std times its regressor, over that of the row's acceleration.
+    values : mapping of str to float
+        Estimates of all coefficients of its row.
+    std : float
+        Standard deviation of its estimate.
+    shift : float
+        How far the estimate moves with the filter rate, beyond noise; in its own unit.
+    size : float
+        Root mean square of its regressor over that of the row's acceleration.
     excitation : Excitation
         Of its row.
-    fit_percent : mapping of str to float
-        Free-run fit per channel.
+    deflection_fit : float
+        Free-run fit of the deflection in per cent.
+    """
+
+    name: str
+    values: Mapping[str, float]
+    std: float
+    shift: float
+    size: float
+    excitation: Excitation
+    deflection_fit: float
+
+    def relative(self, amount: float) -> float:
+        """An amount of the coefficient as a share of its value."""
+        value = self.values[self.name]
+        return amount / abs(value) if value else np.inf
+
+
+def verdict(evidence: Evidence) -> Verdict:
+    """Judge one coefficient.
 
     Returns
     -------
@@ -65,12 +93,8 @@ def verdict(
     reason : str
         Empty for a determined coefficient.
     """
-    verdicts = (
-        _by_interval(value, std, share),
-        _by_excitation(name, excitation),
-        _by_validation(name, fit_percent["deflection"]),
-    )
-    return max(verdicts, key=lambda judged: _RANK[judged[0]])
+    rules = (_by_interval, _by_excitation, _by_filter, _by_validation)
+    return max((rule(evidence) for rule in rules), key=lambda judged: _RANK[judged[0]])
 
 
 def worst(statuses: Iterable[Status]) -> Status:
@@ -78,28 +102,48 @@ def worst(statuses: Iterable[Status]) -> Status:
     return max(statuses, key=_RANK.__getitem__)
 
 
-def _by_interval(value: float, std: float, share: float) -> Verdict:
-    if not isfinite(std):
+def _by_interval(evidence: Evidence) -> Verdict:
+    if not isfinite(evidence.std):
         return "undetermined", "the log holds no information on it"
-    relative = std / abs(value) if value else float("inf")
-    if relative <= DETERMINED_DEVIATION or share <= NEGLIGIBLE_SHARE:
-        return "determined", ""
+    relative = evidence.relative(evidence.std)
+    if relative <= DETERMINED_DEVIATION or evidence.std * evidence.size <= NEGLIGIBLE_SHARE:
+        return _FINE
     percent = f"its standard deviation is {100 * relative:.0f} % of its value"
     return ("weak" if relative <= WEAK_DEVIATION else "undetermined"), percent
 
 
-def _by_excitation(name: str, excitation: Excitation) -> Verdict:
+def _by_excitation(evidence: Evidence) -> Verdict:
+    excitation = evidence.excitation
     condition = excitation.condition_number
-    if condition <= WEAK_CONDITION or name not in excitation.confounded:
-        return "determined", ""
-    others = " and ".join(c for c in excitation.confounded if c != name) or "zero"
+    if condition <= WEAK_CONDITION or not _tainted(evidence):
+        return _FINE
+    others = " and ".join(c for c in excitation.confounded if c != evidence.name) or "zero"
     reason = f"confounded with {others} (condition number {condition:.1e})"
     return ("weak" if condition <= LOST_CONDITION else "undetermined"), reason
 
 
-def _by_validation(name: str, fit: float) -> Verdict:
-    if name not in _STIFFNESS or fit >= WEAK_FIT:
-        return "determined", ""
+def _tainted(evidence: Evidence) -> bool:
+    """Whether a step that doubles a confounded coefficient unseen changes this one too."""
+    excitation = evidence.excitation
+    step = dict(zip(excitation.coefficients, excitation.direction, strict=True))
+    value = evidence.values
+    longest = max(abs(step[c]) / max(abs(value[c]), 1e-300) for c in excitation.confounded)
+    unseen = evidence.relative(abs(step[evidence.name]) / longest)
+    return evidence.name in excitation.confounded or unseen >= _TAINTED
+
+
+def _by_filter(evidence: Evidence) -> Verdict:
+    relative = evidence.relative(evidence.shift)
+    if relative <= DETERMINED_SHIFT or evidence.shift * evidence.size <= NEGLIGIBLE_SHARE:
+        return _FINE
+    reason = f"it moves by {100 * relative:.0f} % with the filter rate: the model lacks something"
+    return ("weak" if relative <= WEAK_SHIFT else "undetermined"), reason
+
+
+def _by_validation(evidence: Evidence) -> Verdict:
+    fit = evidence.deflection_fit
+    if evidence.name not in _STIFFNESS or fit >= WEAK_FIT:
+        return _FINE
     if fit > 0:
         return "weak", f"the free run repeats only {fit:.0f} % of the held-out deflection"
     return "undetermined", "the free run predicts the held-out deflection no better than its mean"
