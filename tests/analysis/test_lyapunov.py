@@ -1,0 +1,108 @@
+"""Theorem 1's monitors on motions whose errors are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexid.analysis.histories import RowHistory
+from flexid.analysis.lyapunov import ALLOWED_RISE, monitor
+
+TIME = np.linspace(0.0, 20.0, 4001)
+TOLERANCE = 1e-10
+
+
+def regressors(time):
+    """Return two exciting regressors."""
+    return np.stack([np.sin(time), np.cos(2 * time)], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def history() -> RowHistory:
+    """Return p̃' = -c r rᵀp̃ integrated by SciPy."""
+
+    def rate(t, e):
+        r = regressors(t)
+        return -0.7 * r * (r @ e)
+
+    run = solve_ivp(rate, (0, 20), [1.0, -2.0], "DOP853", TIME, rtol=TOLERANCE, atol=1e-14)
+    return RowHistory("row", ("a", "b"), 0.7, regressors(TIME), run.y.T)
+
+
+def watch(*rows, window=2.0):
+    """Return the monitor at the tolerance of the run."""
+    return monitor(TIME, rows, window, TOLERANCE, 1e-14)
+
+
+def test_value_is_8(history):
+    """Assert that V is half of the squared errors of all rows together."""
+    both = watch(history, history)
+    np.testing.assert_allclose(both.value, np.sum(history.errors**2, axis=1), rtol=1e-14)
+
+
+def test_rate_is_the_derivative_of_the_value(history):
+    """Assert that V' of eq. (9) agrees with central differences of V of eq. (8)."""
+    watched = watch(history)
+    slope = np.gradient(watched.value, TIME, edge_order=2)
+    np.testing.assert_allclose(watched.rate, slope, atol=3e-4)
+
+
+def test_value_never_rises_along_7(history):
+    """Assert that V does not rise above the integrator's error."""
+    assert not watch(history).rises
+    assert watch(history).rise_in_tolerances < ALLOWED_RISE
+
+
+def test_a_rise_of_a_millionth_is_seen(history):
+    """Assert that errors which grow by a millionth after a pause are reported as a rise."""
+    errors = history.errors.copy()
+    errors[2001:] = errors[2000] * (1 + 1e-6)
+    watched = watch(replace(history, errors=errors))
+    assert watched.rises
+    assert watched.largest_rise == pytest.approx(2e-6 * watched.value[2000], rel=1e-3)
+
+
+def test_a_slow_creep_is_seen(history):
+    """Assert that many small rises add up: the comparison is with the smallest value so far."""
+    errors = history.errors[0] * (1 + 1e-9 * np.arange(len(TIME)))[:, None]
+    assert watch(replace(history, errors=errors)).rises
+
+
+def test_dissipation_balances_the_fall_of_the_value(history):
+    """Assert that the integral of V' is the change of V, so that the mismatch is in L2."""
+    assert watch(history).imbalance < 1e-5
+
+
+def test_wrong_gain_breaks_the_balance(history):
+    """Assert that the balance would notice a wrong gain in eq. (9)."""
+    assert watch(replace(history, gain=0.8)).imbalance > 0.1
+
+
+def test_vanishing_errors_settle_at_zero(history):
+    """Assert that errors of an exciting motion are reported as settled and gone."""
+    errors = history.errors * np.exp(-TIME)[:, None]
+    assert all(limit.vanished for limit in watch(replace(history, errors=errors)).limits)
+
+
+def test_constant_errors_settle_but_do_not_vanish(history):
+    """Assert that errors which stop away from zero are settled and not gone."""
+    errors = np.tile([1.0, -2.0], (len(TIME), 1))
+    limits = watch(replace(history, errors=errors)).limits
+    assert [limit.settled for limit in limits] == [True, True]
+    assert [limit.vanished for limit in limits] == [False, False]
+
+
+def test_oscillating_errors_do_not_settle(history):
+    """Assert that errors without a limit are not called settled, which the theorem leaves open."""
+    errors = np.sin(np.log1p(TIME))[:, None] * [1.0, 1.0] + 1.0
+    limits = watch(replace(history, errors=errors), window=5.0).limits
+    assert not any(limit.settled for limit in limits)
+
+
+def test_late_rate_is_that_of_the_window(history):
+    """Assert that the largest late rate is the largest |p̃'| of eq. (7) in the last window."""
+    last = TIME >= 18.0
+    expected = np.abs(history.error_rates[last]).max(axis=0)
+    found = [limit.largest_rate for limit in watch(history).limits]
+    np.testing.assert_allclose(found, expected, rtol=1e-14)

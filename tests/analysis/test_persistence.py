@@ -1,0 +1,125 @@
+"""Persistent excitation and the rate that it guarantees."""
+
+import numpy as np
+import pytest
+
+from flexid.analysis.histories import RowHistory
+from flexid.analysis.persistence import contraction, decay_rate, persistence
+from flexid.errors import SettingError
+
+STEP = 1e-3
+
+
+def history(regressors, gain=1.0, errors=None):
+    """Return a row with the given regressors."""
+    names = tuple("abcd"[: regressors.shape[1]])
+    return RowHistory(
+        "row", names, gain, regressors, np.ones_like(regressors) if errors is None else errors
+    )
+
+
+def random_regressors(seed, coefficients, duration=1.0):
+    """Return a few random sinusoids per coefficient, sampled at STEP, of random sizes."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration + STEP / 2, STEP)
+    waves = rng.normal(size=(coefficients, 3)) * 10 ** rng.uniform(-1, 0.5, (coefficients, 1))
+    phases = rng.uniform(0, 2 * np.pi, (coefficients, 3, 1))
+    frequencies = rng.uniform(0.5, 30.0, (coefficients, 3, 1))
+    return np.einsum("ij,ijk->ki", waves, np.sin(frequencies * time + phases))
+
+
+def transition(regressors, gain):
+    """Return the matrix that takes p̃ over the window, r held over each step."""
+    total = np.eye(regressors.shape[1])
+    for r in regressors:
+        # exp(-c h r rᵀ), which shrinks what lies along r and leaves the rest
+        shrunk = -np.expm1(-gain * STEP * (r @ r)) / (r @ r)
+        total -= shrunk * np.outer(r, r @ total)
+    return total
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("gain", [0.03, 0.3, 3.0, 30.0])
+@pytest.mark.parametrize("coefficients", [1, 2, 3])
+def test_no_error_shrinks_less_than_the_bound(seed, gain, coefficients):
+    """Assert that the largest possible |p̃(t+T)|/|p̃(t)| stays below the bound.
+
+    It is the norm of the transition matrix; with r held over each step, the derivation of the
+    bound holds with the sum in place of the integral.
+    """
+    r = random_regressors(seed, coefficients)[:-1]
+    worst = np.linalg.norm(transition(r, gain), 2)
+    assert worst <= contraction(STEP * r.T @ r, gain) + 1e-12
+
+
+def test_bound_is_sharp_for_small_gains():
+    """Assert that for a small gain the bound is the true contraction to first order."""
+    r = random_regressors(3, 2)[:-1]
+    gain = 1e-4
+    lost = 1 - np.linalg.norm(transition(r, gain), 2)
+    assert 1 - contraction(STEP * r.T @ r, gain) == pytest.approx(lost, rel=2e-2)
+
+
+def test_constant_regressors_guarantee_nothing():
+    """Assert that without excitation in one direction level and guaranteed rate are zero."""
+    r = np.tile([1.0, -2.0], (2001, 1))
+    measured = persistence(history(r), STEP, 0.5)
+    assert measured.smallest == pytest.approx(0.0, abs=1e-12)
+    assert measured.guaranteed_rate(1.0) == pytest.approx(0.0, abs=1e-9)
+    assert measured.worst.confounded == ("a", "b")
+
+
+def test_level_of_sine_and_cosine():
+    """Assert that sine and cosine over full half periods have ∫ r rᵀ = T/2 I in every window."""
+    time = np.arange(0.0, 10.0, STEP)
+    frequency = np.pi / 0.5
+    r = np.column_stack([np.sin(frequency * time), np.cos(frequency * time)])
+    measured = persistence(history(r), STEP, 0.5)
+    assert measured.smallest == pytest.approx(0.25, rel=1e-4)
+    assert measured.averaged_rate(2.0) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_level_is_that_of_the_poorest_window():
+    """Assert that a pause in the motion brings the level to zero though the rest excites."""
+    time = np.arange(0.0, 10.0, STEP)
+    r = np.column_stack([np.sin(12 * time), np.cos(12 * time)])
+    r[4000:6000, 1] = 0.0
+    measured = persistence(history(r), STEP, 1.0)
+    assert measured.smallest == 0.0
+    assert measured.overall.level > 0.3
+    assert measured.worst.confounded == ("b",)
+
+
+@pytest.mark.parametrize("window", [5e-3, 10.0])
+def test_a_window_that_does_not_fit_is_refused(window):
+    """Assert that a window of too few samples or longer than the record is an error."""
+    with pytest.raises(SettingError, match="window"):
+        persistence(history(np.ones((2001, 1))), STEP, window)
+
+
+def test_decay_rate_of_an_exponential():
+    """Assert that the rate of a pure exponential, rippled within the window, is found."""
+    time = np.arange(0.0, 20.0, 0.01)
+    ripple = 1 + 0.3 * np.sin(2 * np.pi * time)
+    errors = (np.exp(-0.4 * time) * ripple)[:, None] * [1.0, -3.0]
+    assert decay_rate(time, errors, 1.0, 0.0) == pytest.approx(0.4, rel=1e-3)
+
+
+def test_decay_rate_ignores_what_lies_below_the_floor():
+    """Assert that an error that ends in the integrator's noise keeps its rate."""
+    time = np.arange(0.0, 20.0, 0.01)
+    errors = np.maximum(np.exp(-2.0 * time), 1e-9)[:, None]
+    assert decay_rate(time, errors, 0.5, 1e-8) == pytest.approx(2.0, rel=1e-3)
+
+
+def test_decay_rate_takes_the_slowest_direction():
+    """Assert that a fast mode in the first half does not colour the rate."""
+    time = np.arange(0.0, 20.0, 0.01)
+    errors = np.column_stack([np.exp(-0.1 * time), 10 * np.exp(-3.0 * time)])
+    assert decay_rate(time, errors, 0.5, 0.0) == pytest.approx(0.1, rel=1e-3)
+
+
+def test_decay_rate_of_too_few_windows_is_no_number():
+    """Assert that two windows give no slope."""
+    time = np.arange(0.0, 2.0, 0.01)
+    assert np.isnan(decay_rate(time, np.ones((200, 1)), 1.0, 0.0))
