@@ -56,7 +56,7 @@ def validate(
         except SimulationError:
             simulated = np.full_like(measured, np.inf)
         runs.append(FreeRun(piece.time[start:], measured, simulated))
-    return Validation(dict(zip(CHANNELS, _fit_percent(runs), strict=True)), tuple(runs))
+    return Validation(dict(zip(CHANNELS, map(float, _fit_percent(runs)), strict=True)), tuple(runs))
 
 
 def _run(
