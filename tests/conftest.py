@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+from flexid.cli.main import main
+from flexid.studies.huang2003.reproduction import Reproduction, reproduce
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Exit status of a command and what it printed."""
+
+    status: int
+    stdout: str
+    stderr: str
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -25,3 +40,28 @@ def shared_data() -> Path:
 def examples() -> Path:
     """Return the folder of the example logs and column maps."""
     return Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="session")
+def reproduction() -> Reproduction:
+    """Return Huang (2003) reproduced, once for all tests."""
+    return reproduce(lambda _: None)
+
+
+@pytest.fixture
+def flexid(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Outcome]:
+    """Return a function that runs ``flexid`` with arguments, as a shell would."""
+
+    def run(*arguments: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["flexid", *map(str, arguments)])
+        status = 0
+        try:
+            main()
+        except SystemExit as stopped:
+            status = int(stopped.code or 0)
+        captured = capsys.readouterr()
+        return Outcome(status, captured.out, captured.err)
+
+    return run
