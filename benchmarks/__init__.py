@@ -1,0 +1,1 @@
+"""Flexid beside other tools on the same jobs: ``python -m benchmarks``."""

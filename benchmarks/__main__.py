@@ -1,0 +1,25 @@
+"""Run all benchmarks from the root of a clone: ``python -m benchmarks [--quick]``.
+
+--quick leaves the slowest peers at one tolerance, repeats less and leaves `RESULTS.md` alone.
+"""
+
+import argparse
+import os
+
+from benchmarks import closed_loop, identify, observer
+from benchmarks.report import show, write
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    quick: bool = parser.parse_args().quick
+    busy = os.getloadavg()[0]
+    outcomes = [benchmark.run(quick) for benchmark in (identify, observer, closed_loop)]
+    show(outcomes)
+    if not quick:
+        write(outcomes, "python -m benchmarks", busy)
+
+
+if __name__ == "__main__":
+    main()

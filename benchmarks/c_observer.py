@@ -1,0 +1,97 @@
+"""The hand-written C of the sampled observer, compiled in several ways and called from Python."""
+
+import ctypes
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Replay = Callable[[], tuple[Array, Array]]
+"""Runs over all samples; returns estimates and innovations."""
+
+SOURCE = Path(__file__).with_name("observer.c")
+
+# -ffast-math is left out: it may reorder sums and would no longer be the same algorithm.
+BUILDS = (
+    ("-O2",),
+    ("-O3",),
+    ("-O3", "-fno-math-errno"),
+    ("-O3", "-march=native"),
+    ("-O3", "-march=native", "-fno-math-errno"),
+    ("-O3", "-march=native", "-funroll-loops"),
+)
+"""Flags of gcc."""
+
+
+class _Estimate(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_double) for name in ("theta1", "theta2", "alpha1", "alpha2")]
+
+
+def compile_replay(
+    flags: tuple[str, ...], folder: Path, samples: Array, step: float, beta1: float, gains: Array
+) -> Replay:
+    """Compile with gcc and bind to one record.
+
+    Parameters
+    ----------
+    flags : tuple of str
+        Of gcc.
+    folder : Path
+        Where the library is put.
+    samples : (n, 5) array
+        x1, x2, x3, x4, u, contiguous.
+    step, beta1 : float
+        Sample time in s; known input gain.
+    gains : (4,) array
+        One per coefficient.
+
+    Returns
+    -------
+    callable
+        Starts from zero estimates and fills new arrays at each call.
+    """
+    library = folder / f"observer{'_'.join(flags)}.so"
+    command = [
+        "gcc",
+        "-std=c99",
+        *flags,
+        "-shared",
+        "-fPIC",
+        "-o",
+        str(library),
+        str(SOURCE),
+        "-lm",
+    ]
+    subprocess.run(command, check=True)
+    function = ctypes.CDLL(str(library)).replay
+    pointer, number = ctypes.c_void_p, ctypes.c_double
+    function.restype = None
+    function.argtypes = [
+        pointer,
+        ctypes.c_size_t,
+        number,
+        number,
+        pointer,
+        _Estimate,
+        pointer,
+        pointer,
+    ]
+
+    def replay() -> tuple[Array, Array]:
+        estimates, innovations = np.empty((len(samples), 4)), np.empty((len(samples), 2))
+        function(
+            samples.ctypes.data,
+            len(samples),
+            step,
+            beta1,
+            gains.ctypes.data,
+            _Estimate(),
+            estimates.ctypes.data,
+            innovations.ctypes.data,
+        )
+        return estimates, innovations
+
+    return replay

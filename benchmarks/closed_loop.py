@@ -1,0 +1,162 @@
+"""The paper's closed loop, 30 s, at equal final accuracy: flexid, SciPy's Radau, CasADi's CVODES.
+
+Every solver starts from a loose tolerance and tightens it until all four parameter errors at 30 s
+agree with an independent reference; that is the tolerance at which it is timed. A solver that does
+not get there is timed where it came closest, and the result says so.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.comparison import AtLeast, AtMost, Comparison, Detail, Outcome, Side, duration
+from benchmarks.peer_solvers import DURATION, GaveUpError, Solver, cvodes, radau
+from benchmarks.timing import Timing, measure, timed
+from flexid.simulation.closed_loop import simulate
+from flexid.studies.huang2003.table1 import Exponents, table1_loop
+
+ACCURACY = 1e-5
+"""Wanted of every parameter error at 30 s, relative to its value, or to 1e-3 where smaller."""
+
+REFERENCE = Path("tests/simulation/reference/table_1.json")
+
+_FINE = (1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+_COARSE = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)  # where a run takes seconds to minutes
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One tolerance that was tried: accuracy and wall time of a single run."""
+
+    tolerance: float
+    accuracy: float
+    seconds: float
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Climb:
+    """A solver on its way to the wanted accuracy."""
+
+    name: str
+    exponents: Exponents
+    make: Callable[[float], Solver]
+    rungs: list[Rung]
+
+    @property
+    def best(self) -> Rung:
+        """Where it is timed: the first rung that is accurate enough, or the most accurate one."""
+        enough = [rung for rung in self.rungs if rung.accuracy <= ACCURACY]
+        return enough[0] if enough else min(self.rungs, key=lambda rung: rung.accuracy)
+
+    @property
+    def label(self) -> str:
+        """Name, tolerance and accuracy."""
+        text = f"{self.name}, rtol {self.best.tolerance:.0e}, accuracy {self.best.accuracy:.1e}"
+        return text if self.best.accuracy <= ACCURACY else f"{text} (its best)"
+
+
+def run(quick: bool) -> Outcome:
+    """Compare all solvers on both readings of the gains.
+
+    Parameters
+    ----------
+    quick : bool
+        Leave the solvers in plain coordinates at one tolerance: minutes become seconds.
+    """
+    high, low = (1, 2, 3), (1, 1, 3)
+    own = climb("flexid", high, lambda t: flexid(high, t), _FINE)
+    own_low = climb("flexid", low, lambda t: flexid(low, t), _FINE)
+    coarse = _COARSE[:1] if quick else _COARSE
+    plain_radau = climb("SciPy Radau, plain", high, lambda t: radau(high, True, t), coarse)
+    plain_cvodes = climb("CVODES, plain", high, lambda t: cvodes(high, True, t), coarse)
+    others = [
+        climb("SciPy Radau, error coordinates", high, lambda t: radau(high, False, t), _FINE),
+        climb("CVODES, error coordinates", high, lambda t: cvodes(high, False, t), _FINE),
+        climb(
+            "CVODES, error coordinates, as C", high, lambda t: cvodes(high, False, t, True), _FINE
+        ),
+        climb("CVODES, error coordinates", low, lambda t: cvodes(low, False, t), _FINE),
+    ]
+    # One round of everything fast, so that all meet the same machine.
+    fast = [own, own_low, *others]
+    jobs = [climber.make(climber.best.tolerance) for climber in fast]
+    sampled = lambda: simulate(table1_loop(high), DURATION, 1e-3, own.best.tolerance)  # noqa: E731
+    *timings, full = measure(*jobs, sampled, repetitions=3 if quick else 15)
+    side = {id(c): Side(c.label, timing) for c, timing in zip(fast, timings, strict=True)}
+    for slow in (plain_radau, plain_cvodes):
+        side[id(slow)] = Side(slow.label, Timing(slow.best.seconds, slow.best.seconds, 1))
+    job = "Table I, gains (1,2,3), 30 s"
+    comparisons = [
+        Comparison(job, side[id(own)], side[id(plain_radau)], AtLeast(3000)),
+        Comparison(job, side[id(own)], side[id(plain_cvodes)], AtLeast(100)),
+        *(Comparison(job, side[id(own)], side[id(other)]) for other in others[:3]),
+        Comparison("Table I, gains (1,1,3), 30 s", side[id(own_low)], side[id(others[3])]),
+        Comparison("gains (1,1,3) beside (1,2,3)", side[id(own_low)], side[id(own)], AtMost(10)),
+        Comparison(
+            "30 001 samples of all signals beside the end alone",
+            Side("flexid, 1 kHz", full),
+            side[id(own)],
+        ),
+    ]
+    return Outcome(
+        comparisons, [_table([own, plain_radau, plain_cvodes, *others[:3], own_low, others[3]])]
+    )
+
+
+def flexid(exponents: Exponents, tolerance: float) -> Solver:
+    """flexid's closed loop; like the others it returns the end alone."""
+    loop = table1_loop(exponents)
+    return lambda: list(simulate(loop, DURATION, DURATION, tolerance).final_errors().values())
+
+
+def climb(
+    name: str, exponents: Exponents, make: Callable[[float], Solver], tolerances: Sequence[float]
+) -> Climb:
+    """Tighten the tolerance until the wanted accuracy is reached, or the solver gives up."""
+    reference = np.array(_reference(exponents))
+    scale = np.maximum(np.abs(reference), 1e-3)
+    rungs: list[Rung] = []
+    for tolerance in tolerances:
+        solve = make(tolerance)
+        try:
+            errors, seconds = timed(solve)
+        except GaveUpError as reason:
+            rungs.append(Rung(tolerance, np.inf, np.nan, str(reason)))
+            break
+        accuracy = float(np.max(np.abs(np.array(errors) - reference) / scale))
+        rungs.append(Rung(tolerance, accuracy, seconds))
+        if accuracy <= ACCURACY:
+            break
+    return Climb(name, exponents, make, rungs)
+
+
+def _reference(exponents: Exponents) -> list[float]:
+    readings = json.loads(REFERENCE.read_text())
+    return readings[",".join(map(str, exponents))]["parameter_errors_at_30s"]
+
+
+def _table(climbs: Sequence[Climb]) -> Detail:
+    lines = [
+        (
+            c.name,
+            ",".join(map(str, c.exponents)),
+            f"{rung.tolerance:.0e}",
+            rung.remark or f"{rung.accuracy:.1e}",
+            "–" if rung.remark else duration(Timing(rung.seconds, rung.seconds, 1)),
+        )
+        for c in climbs
+        for rung in c.rungs
+    ]
+    return Detail(
+        "Closed loop: tolerances tried",
+        ("solver", "gains", "rtol", "accuracy at 30 s", "first run"),
+        lines,
+        f"Accuracy is the worst of the four parameter errors against an independent reference "
+        f"({REFERENCE}), relative to its value, or to 1e-3 where it is smaller; wanted is "
+        f"{ACCURACY:g}. The absolute tolerance is a thousandth of the relative one. First runs may "
+        f"include loading compiled code.",
+    )

@@ -1,0 +1,74 @@
+"""The table on the terminal and `RESULTS.md`."""
+
+import datetime
+import os
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.comparison import HEADINGS, Outcome
+
+RESULTS = Path(__file__).with_name("RESULTS.md")
+
+_PACKAGES = ("flexid", "numpy", "scipy", "numba", "casadi", "filterpy")
+
+
+def show(outcomes: Sequence[Outcome]) -> None:
+    """Print all comparisons as one table."""
+    table = Table(*HEADINGS, title="flexid beside other tools", show_lines=True)
+    for outcome in outcomes:
+        for comparison in outcome.comparisons:
+            table.add_row(*comparison.cells())
+    Console().print(table)
+
+
+def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
+    """Write everything to `RESULTS.md`.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+    command : str
+        That made them.
+    busy : float
+        Load average of the machine before the run.
+    """
+    versions = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    text = [
+        "# Benchmarks",
+        "",
+        f"Made by `{command}` on {datetime.datetime.now(datetime.UTC).date()} in one run.",
+        "",
+        f"- Machine: {_processor()}, {os.cpu_count()} cores, {platform.system()}; load average "
+        f"{busy:.2f} before the run.",
+        f"- Versions: Python {platform.python_version()}, {versions}.",
+        "- Times are medians of wall time, after a warm-up; what is compared runs in turn, and "
+        "ratios are ratios of medians. Why the numbers are what they are: "
+        "[performance](../docs/performance.md).",
+        "",
+        *_markdown(HEADINGS, [c.cells() for outcome in outcomes for c in outcome.comparisons]),
+    ]
+    for outcome in outcomes:
+        for detail in outcome.details:
+            text += ["", f"## {detail.title}", "", *_markdown(detail.headings, detail.lines)]
+            text += ["", detail.remark] if detail.remark else []
+    RESULTS.write_text("\n".join(text) + "\n", encoding="utf-8")
+
+
+def _markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
+    rule = ["---"] * len(headings)
+    return [f"| {' | '.join(line)} |" for line in (headings, rule, *lines)]
+
+
+def _processor() -> str:
+    """Model of the processor, where the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.machine()

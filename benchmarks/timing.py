@@ -1,0 +1,66 @@
+"""Wall time of calls that are to be compared."""
+
+import gc
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long one call took, over several.
+
+    Parameters
+    ----------
+    median, minimum : float
+        In s.
+    repetitions : int
+        Calls that were timed.
+    """
+
+    median: float
+    minimum: float
+    repetitions: int
+
+    def per(self, count: int) -> "Timing":
+        """The same for one of the `count` equal parts of a call."""
+        return Timing(self.median / count, self.minimum / count, self.repetitions)
+
+
+def measure(*calls: Callable[[], object], repetitions: int, warm_up: int = 1) -> tuple[Timing, ...]:
+    """Time calls in turn, so that whatever else the machine does meets all of them alike.
+
+    Parameters
+    ----------
+    *calls : callable
+        Without arguments.
+    repetitions : int
+        Rounds that count.
+    warm_up : int, optional
+        Rounds before, for compilation and caches.
+    """
+    rounds = []
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(warm_up + repetitions):
+            rounds.append([timed(call)[1] for call in calls])
+    finally:
+        gc.enable()
+    return tuple(_timing([r[place] for r in rounds[warm_up:]]) for place in range(len(calls)))
+
+
+def timed(call: Callable[[], Result]) -> tuple[Result, float]:
+    """Result of one call and its wall time in s."""
+    start = time.perf_counter()
+    result = call()
+    return result, time.perf_counter() - start
+
+
+def _timing(seconds: Sequence[float]) -> Timing:
+    return Timing(float(np.median(seconds)), float(np.min(seconds)), len(seconds))
