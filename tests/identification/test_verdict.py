@@ -15,7 +15,8 @@ def evidence(
     size=0.5,
     condition=2.0,
     direction=(1.0, -1.0, 0.0),
-    deflection_fit=90.0,
+    link=95.0,
+    deflection=90.0,
 ):
     """Evidence on a row of three coefficients of which two share the worst direction."""
     names = ("theta1", "theta2", "theta3")
@@ -30,7 +31,8 @@ def evidence(
         ("theta1", "theta2"),
     )
     values = {**dict.fromkeys(names, 1.0), name: value}
-    return Evidence(name, values, std, shift, size, excitation, deflection_fit)
+    fits = {"link_position": link, "motor_position": -10.0, "deflection": deflection}
+    return Evidence(name, values, std, shift, size, excitation, fits)
 
 
 @pytest.mark.parametrize(
@@ -87,8 +89,19 @@ def test_shift_with_the_filter_decides(shift, expected):
 )
 def test_validation_decides_on_stiffness(deflection, expected):
     """Assert that a model that does not repeat the deflection knows no stiffness."""
-    assert verdict(evidence("theta2", deflection_fit=deflection))[0] == expected
-    assert verdict(evidence("theta1", deflection_fit=deflection))[0] == "determined"
+    assert verdict(evidence("theta2", deflection=deflection))[0] == expected
+    assert verdict(evidence("theta1", deflection=deflection))[0] == "determined"
+
+
+@pytest.mark.parametrize(
+    ("link", "expected"), [(80.0, "determined"), (30.0, "weak"), (-np.inf, "undetermined")]
+)
+def test_validation_decides_on_a_row(link, expected):
+    """Assert that a row whose motion the model does not repeat knows none of its coefficients.
+
+    The other row's motion, which the model here never repeats, does not matter to it.
+    """
+    assert verdict(evidence("theta1", link=link))[0] == expected
 
 
 def test_parameter_is_as_bad_as_its_worst_coefficient():

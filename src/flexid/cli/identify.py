@@ -55,7 +55,7 @@ def identify(
         validation_share=validation_share,
     )
     errors = Console(stderr=True)
-    with errors.status("Identifying …"):
+    with errors.status("Identifying … (the first run on a machine compiles for some seconds)"):
         result = run([read_log(log, columns) for log in logs], settings)
         document = to_json(identification_document(result))
         if out is not None:
@@ -65,7 +65,7 @@ def identify(
                 (directory / "estimate.json").write_text(document, encoding="utf-8")
                 save_identification_figures(result, directory)
     for warning in result.warnings:
-        errors.print(f"warning: {warning}", style="yellow", markup=False, highlight=False)
+        errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     if as_json:
         typer.echo(document, nl=False)
     else:

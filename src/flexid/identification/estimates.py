@@ -22,7 +22,7 @@ def coefficient_estimates(
     fit: LeastSquaresFit,
     shifts: Mapping[str, float],
     excitation: Mapping[str, Excitation],
-    deflection_fit: float,
+    fit_percent: Mapping[str, float],
     known: Mapping[str, float],
     input_unit: str,
 ) -> dict[str, CoefficientEstimate]:
@@ -36,7 +36,7 @@ def coefficient_estimates(
         for name, size in zip(row.coefficients, map(float, sizes), strict=True):
             value, std = values[name], deviations[name]
             evidence = Evidence(
-                name, in_row, std, shifts[name], size, excitation[row.name], deflection_fit
+                name, in_row, std, shifts[name], size, excitation[row.name], fit_percent
             )
             interval = _interval(value, std, row.degrees_of_freedom)
             unit = _unit(COEFFICIENT_UNITS[name], input_unit)

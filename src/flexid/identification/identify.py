@@ -89,9 +89,9 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
     fit = fitter.fit(pieces)
     excitation = _excitation(fit)
     others = [fitter.at(factor * fitter.filter_rate).fit(pieces) for factor in _RATE_FACTORS]
-    deflection_fit = validation.fit_percent["deflection"]
+    shifts = filter_shifts(fit, others)
     coefficients = coefficient_estimates(
-        fit, filter_shifts(fit, others), excitation, deflection_fit, known, input_unit
+        fit, shifts, excitation, validation.fit_percent, known, input_unit
     )
     return Identification(
         coefficients=coefficients,

@@ -10,8 +10,8 @@ Four kinds of evidence count, and the worst decides:
   step would change is not known;
 - the filter: in a right model the same coefficients explain the motion at every filter rate; one
   that moves with the rate by more than noise allows makes up for what the model lacks;
-- the validation: a model that does not repeat the held-out deflection knows no stiffness, however
-  narrow the interval, because no interval covers a wrong model.
+- the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
+  not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
 """
 
 from collections.abc import Iterable, Mapping
@@ -36,7 +36,7 @@ DETERMINED_SHIFT, WEAK_SHIFT = 0.05, 0.3
 """Relative shift with the filter rate, beyond noise, up to which a coefficient is …"""
 
 WEAK_FIT = 50.0
-"""Free-run fit of the deflection in per cent below which the stiffness is doubtful."""
+"""Free-run fit in per cent below which what it depends on is doubtful."""
 
 _STIFFNESS = ("theta2", "alpha1")
 _TAINTED = 0.1  # relative change along a lost direction from which on a coefficient is not known
@@ -66,8 +66,8 @@ class Evidence:
         Root mean square of its regressor over that of the row's acceleration.
     excitation : Excitation
         Of its row.
-    deflection_fit : float
-        Free-run fit of the deflection in per cent.
+    fit_percent : mapping of str to float
+        Free-run fit per channel.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Evidence:
     shift: float
     size: float
     excitation: Excitation
-    deflection_fit: float
+    fit_percent: Mapping[str, float]
 
     def relative(self, amount: float) -> float:
         """An amount of the coefficient as a share of its value."""
@@ -141,9 +141,12 @@ def _by_filter(evidence: Evidence) -> Verdict:
 
 
 def _by_validation(evidence: Evidence) -> Verdict:
-    fit = evidence.deflection_fit
-    if evidence.name not in _STIFFNESS or fit >= WEAK_FIT:
+    channels = [f"{evidence.excitation.row}_position"]
+    channels += ["deflection"] * (evidence.name in _STIFFNESS)
+    fit, channel = min((evidence.fit_percent[channel], channel) for channel in channels)
+    name = channel.replace("_", " ")
+    if fit >= WEAK_FIT:
         return _FINE
     if fit > 0:
-        return "weak", f"the free run repeats only {fit:.0f} % of the held-out deflection"
-    return "undetermined", "the free run predicts the held-out deflection no better than its mean"
+        return "weak", f"the free run repeats only {fit:.0f} % of the held-out {name}"
+    return "undetermined", f"the free run predicts the held-out {name} no better than its mean"
