@@ -1,5 +1,6 @@
 """``flexid reproduce``: the paper, run and checked claim by claim."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -26,20 +27,22 @@ def reproduce(
     from flexid.studies.huang2003.reproduction import reproduce as run
 
     columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("first run", total=STEPS + (out is not None))
+    with (
+        nullcontext() if out is None else output_directory(out) as directory,
+        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
+    ):
+        task = progress.add_task("loading", total=STEPS + (directory is not None))
 
         def finished(name: str) -> None:
             progress.update(task, advance=1, description=name)
 
         result = run(finished)
         document = to_json(reproduction_document(result))
-        if out is not None:
+        if directory is not None:
             from flexid.report.huang2003_figures import save_reproduction_figures
 
-            with output_directory(out) as directory:
-                (directory / "result.json").write_text(document, encoding="utf-8")
-                save_reproduction_figures(result, directory)
+            (directory / "result.json").write_text(document, encoding="utf-8")
+            save_reproduction_figures(result, directory)
             finished("figures")
     if as_json:
         typer.echo(document, nl=False)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, new_figure, save
+from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, save
 from flexid.studies.huang2003.readings import TOLERANCE, SteadyRun
 from flexid.studies.huang2003.reproduction import Reproduction
 from flexid.studies.huang2003.sweeps import RatePoint
@@ -21,12 +21,7 @@ NOISE = 1e-3 * TOLERANCE
 
 COLOURS = {"1,2,3": BLUE, "1,1,3": ORANGE}
 
-_SYMBOLS = {
-    "theta1": r"$\tilde\theta_1$",
-    "theta2": r"$\tilde\theta_2$",
-    "alpha1": r"$\tilde\alpha_1$",
-    "alpha2": r"$\tilde\alpha_2$",
-}
+_SYMBOLS = {"theta1": "θ₁", "theta2": "θ₂", "alpha1": "α₁", "alpha2": "α₂"}
 _LAST = 0.5  # s
 _UNITS = {"theta1": "1/s²", "theta2": "1/s²", "alpha1": "1/s²", "alpha2": "1/s"}
 
@@ -35,17 +30,18 @@ def save_reproduction_figures(result: Reproduction, directory: Path) -> None:
     """Write figure1 to figure5 and theorem1, each as PNG and PDF."""
     runs = result.runs
     with mpl.rc_context(STYLE):
-        _save(tracking_figure(runs), directory, "figure1")
+        save(tracking_figure(runs), directory, "figure1", FORMATS)
         for number, coefficient in enumerate(UNKNOWN, start=2):
-            _save(error_figure(runs, coefficient), directory, f"figure{number}")
-        _save(theorem_figure(runs, result.rates), directory, "theorem1")
+            save(error_figure(runs, coefficient), directory, f"figure{number}", FORMATS)
+        save(theorem_figure(runs, result.rates), directory, "theorem1", FORMATS)
 
 
-def _save(figure: Figure, directory: Path, name: str) -> None:
-    # The layout takes longer than the drawing; it is found once for both formats.
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    save(figure, directory, name, FORMATS)
+def _new_figure(height: float, **margins: float) -> Figure:
+    """Figure with fixed margins: to find them anew for each would take as long as the drawing."""
+    with mpl.rc_context({**STYLE, "figure.constrained_layout.use": False}):
+        figure = Figure(figsize=(7.2, height))
+    figure.subplots_adjust(left=0.125, right=0.98, **margins)
+    return figure
 
 
 def tracking_figure(runs: Mapping[str, SteadyRun]) -> Figure:
@@ -53,7 +49,7 @@ def tracking_figure(runs: Mapping[str, SteadyRun]) -> Figure:
 
     One line of axes per reading, for the two differ 300-fold.
     """
-    figure = new_figure(height=4.2)
+    figure = _new_figure(4.2, top=0.94, bottom=0.11, hspace=0.22, wspace=0.05)
     axes = figure.subplots(len(runs), 2, sharex="col", sharey="row", width_ratios=(3, 1))
     for (whole, last), (name, run) in zip(axes, runs.items(), strict=True):
         time, error = run.run.time, run.run.tracking_error
@@ -62,7 +58,7 @@ def tracking_figure(runs: Mapping[str, SteadyRun]) -> Figure:
         swing = f"; first swing {largest:.2g} rad" if largest > limit else ""
         whole.plot(time, error, color=COLOURS[name], linewidth=0.6)
         whole.set_ylim(-limit, limit)
-        whole.set_ylabel(r"$x_1 - q_d$ (rad)")
+        whole.set_ylabel("tracking error (rad)")
         whole.set_title(
             f"gains ({name}): at most {_number(run.max_tracking_error)} rad over 20–30 s{swing}"
         )
@@ -77,7 +73,7 @@ def tracking_figure(runs: Mapping[str, SteadyRun]) -> Figure:
 
 def error_figure(runs: Mapping[str, SteadyRun], coefficient: str) -> Figure:
     """One of Figures 2 to 5: a parameter error over time above, its magnitude below."""
-    figure = new_figure(height=4.6)
+    figure = _new_figure(4.6, top=0.94, bottom=0.1, hspace=0.1)
     whole, magnitude = figure.subplots(2, 1, sharex=True)
     column = UNKNOWN.index(coefficient)
     for name, run in runs.items():
@@ -89,9 +85,9 @@ def error_figure(runs: Mapping[str, SteadyRun], coefficient: str) -> Figure:
     at_end = ", ".join(
         f"{_number(run.parameter_errors[coefficient])} with ({name})" for name, run in runs.items()
     )
-    whole.set_title(f"{symbol} at 30 s: {at_end}")
+    whole.set_title(f"error of {symbol} at 30 s: {at_end}")
     whole.axhline(0.0, color=INK, linewidth=0.6)
-    whole.set_ylabel(f"{symbol} ({unit})")
+    whole.set_ylabel(f"error of {symbol} ({unit})")
     whole.legend(loc="best")
     _limit_to_late_values(whole, runs, column)
     magnitude.set_yscale("log")
@@ -100,7 +96,7 @@ def error_figure(runs: Mapping[str, SteadyRun], coefficient: str) -> Figure:
         magnitude.set_ylim(bottom=0.1 * NOISE)
         magnitude.axhline(NOISE, color=GREY, linestyle="--", label="integrator's tolerance")
         magnitude.legend(loc="center right")
-    magnitude.set_ylabel(f"largest |{symbol}| per 0.1 s ({unit})")
+    magnitude.set_ylabel(f"its size, 0.1 s peaks ({unit})")
     magnitude.set_xlabel("time (s)")
     magnitude.set_xlim(0.0, DURATION)
     return figure
@@ -134,7 +130,7 @@ def _limit_to_late_values(ax: Axes, runs: Mapping[str, SteadyRun], column: int) 
 
 def theorem_figure(runs: Mapping[str, SteadyRun], rates: Mapping[str, list[RatePoint]]) -> Figure:
     """V along both runs, and the exponential rate over the observer's gain against its bound."""
-    figure = new_figure(height=5.2)
+    figure = _new_figure(5.2, top=0.95, bottom=0.09, hspace=0.42, wspace=0.18)
     grid = figure.add_gridspec(2, 2)
     _draw_lyapunov(figure.add_subplot(grid[0, :]), runs)
     for column, (row, points) in enumerate(rates.items()):

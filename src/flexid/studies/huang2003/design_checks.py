@@ -28,7 +28,7 @@ def design_claims(best: SteadyRun) -> list[Claim]:
         Claim(
             "error dynamics",
             "Eq. (7)",
-            "The estimation errors obey p̃' = -c r rᵀp̃, whatever the motion",
+            "The rate of each row's errors is -c r rᵀ times them, whatever the motion",
             (Finding("any", "rates that differ from (7), in symbols", different_rates(), "<=", 0),),
         ),
         Claim(

@@ -120,7 +120,7 @@ def rate_points(gains: Sequence[float] = GAINS) -> dict[str, list[RatePoint]]:
     """
     points: dict[str, list[RatePoint]] = {"link": [], "motor": []}
     for gain in gains:
-        duration = float(np.clip(20.0 / gain, 40.0, 400.0))
+        duration = float(np.clip(20.0 / gain, 40.0, 500.0))
         loop = table1_loop((1, 2, 3), observer_gains=(gain, gain))
         run = simulate(loop, duration, 0.01, SWEEP_TOLERANCE)
         steady = run.between(_STEADY_STATE, duration)
