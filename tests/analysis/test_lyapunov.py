@@ -7,7 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flexid.analysis.histories import RowHistory
-from flexid.analysis.lyapunov import ALLOWED_RISE, monitor
+from flexid.analysis.lyapunov import ALLOWED_RISE, monitor, monitor_run
+from flexid.errors import SettingError
+from flexid.simulation.closed_loop import simulate
+from flexid.studies.huang2003.table1 import sine, table1_loop
 
 TIME = np.linspace(0.0, 20.0, 4001)
 TOLERANCE = 1e-10
@@ -106,3 +109,19 @@ def test_late_rate_is_that_of_the_window(history):
     expected = np.abs(history.error_rates[last]).max(axis=0)
     found = [limit.largest_rate for limit in watch(history).limits]
     np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+def test_dissipation_balances_along_a_closed_loop():
+    """Assert that (9) integrates to (8) along the paper's loop where samples resolve the motion."""
+    loop = table1_loop((1, 2, 3), reference=sine(0.1))
+    watched = monitor_run(simulate(loop, 5.0, 1e-4, 1e-8), 1.0)
+    assert not watched.rises
+    assert watched.imbalance < 1e-6
+
+
+def test_a_sampled_run_is_refused():
+    """Assert that a run without a tolerance is refused with a remedy, not with a KeyError."""
+    loop = table1_loop((1, 2, 3), reference=sine(0.1))
+    run = simulate(loop, 0.1, 1e-2, 1e-6)
+    with pytest.raises(SettingError, match="continuous run"):
+        monitor_run(replace(run, settings={"task": "sampled"}), 0.05)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.analysis.histories import RowHistory, row_histories
+from flexid.errors import SettingError
 from flexid.simulation.run import Run
 
 Array = NDArray[np.float64]
@@ -112,7 +113,14 @@ def monitor_run(run: Run, window: float) -> LyapunovMonitor:
         A continuous run, whose settings tell the integrator's tolerance.
     window : float
         Length in s of the last stretch, over which limits are judged.
+
+    Raises
+    ------
+    SettingError
+        If the run is a sampled one: its discrete observer has no tolerance to compare a rise with.
     """
+    if "relative_tolerance" not in run.settings:
+        raise SettingError("run", "has no tolerance: watch a continuous run, or call `monitor`")
     relative = float(run.settings["relative_tolerance"])
     absolute = float(run.settings["absolute_tolerance"])
     return monitor(run.time, row_histories(run), window, relative, absolute)
