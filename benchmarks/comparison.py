@@ -71,12 +71,11 @@ class Comparison:
 
     def cells(self) -> tuple[str, ...]:
         """Texts of a table's line, in the order of `HEADINGS`."""
-        slower = isinstance(self.goal, AtMost) or self.times_faster < 1
-        ratio = (
-            f"{1 / self.times_faster:.2f} × the time"
-            if slower
-            else f"{self.times_faster:.0f} × faster"
-        )
+        if isinstance(self.goal, AtMost) or self.times_faster < 1:
+            ratio = f"{1 / self.times_faster:.2f} × the time"
+        else:
+            digits = 1 if self.times_faster < 10 else 0
+            ratio = f"{self.times_faster:.{digits}f} × faster"
         goal = {AtLeast: "≥ {:g} × faster", AtMost: "≤ {:g} × the time", type(None): "–"}
         return (
             self.job,
