@@ -233,11 +233,15 @@ def test_bad_input_is_one_sentence(flexid, tmp_path, case):
         ("--known", "motor_inertia"),
         ("--known", "motor_inertia=heavy"),
         ("--known", "motor_inertia=-1"),
+        ("--known", "motor_inertia=1e-320"),
+        ("--known", "beta1=0"),
+        ("--known", "beta1=5", "--known", "motor_inertia=0.2"),
         ("--known", "stiffness=3"),
         ("--terms", "gravity,turbulence"),
         ("--hold", "first"),
         ("--filter-rate", "-3"),
         ("--validation-share", "1.5"),
+        ("--validation-share", "1e-9"),
         ("--columns", "nowhere.toml"),
     ],
 )
@@ -246,6 +250,29 @@ def test_bad_options_are_one_sentence(flexid, good_log, options):
     outcome = flexid("identify", good_log, *options)
     assert outcome.status == 2
     assert len(outcome.stderr.strip().splitlines()) == 1
+
+
+def test_same_log_twice_is_refused(flexid, good_log, tmp_path):
+    """Assert that a copy of a log is refused: counted twice it would narrow every interval."""
+    copy = tmp_path / "copy.csv"
+    copy.write_bytes(good_log.read_bytes())
+    outcome = flexid("identify", good_log, copy)
+    assert outcome.status == 2
+    assert "copy.csv" in outcome.stderr
+    assert "good.csv" in outcome.stderr
+
+
+def test_wrong_sign_of_the_torque_is_unsupported(flexid, good_log, tmp_path):
+    """Assert that a log whose torque has the wrong sign exits 1 and calls no inertia known."""
+    header, *rows = good_log.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    flipped = [",".join([*row[:3], str(-float(row[3]))]) for row in cells]
+    log = tmp_path / "flipped.csv"
+    log.write_text("\n".join([header, *flipped]))
+    outcome = flexid("identify", log, "--json")
+    assert outcome.status == 1
+    assert "sign of the input" in outcome.stderr
+    assert json.loads(outcome.stdout)["parameters"]["motor_inertia"]["status"] == "undetermined"
 
 
 def test_known_inertia_with_a_voltage_is_refused(flexid, good_log, tmp_path):

@@ -75,13 +75,26 @@ def test_small_coefficient_is_tainted_by_a_lost_direction():
 
 
 @pytest.mark.parametrize(
-    ("shift", "expected"), [(0.04, "determined"), (0.2, "weak"), (0.4, "undetermined")]
+    ("shift", "expected"), [(0.04, "determined"), (0.2, "weak"), (2.0, "weak")]
 )
 def test_shift_with_the_filter_decides(shift, expected):
     """Assert that a coefficient that depends on the filter rate is not called known."""
     status, reason = verdict(evidence(shift=shift))
     assert status == expected
     assert ("filter rate" in reason) == (expected != "determined")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("theta2", -1.0, "undetermined"),
+        ("theta2", 1.0, "determined"),
+        ("theta1", -1.0, "determined"),
+    ],
+)
+def test_sign_decides(name, value, expected):
+    """Assert that a negative spring is not called known; gravity may have either sign."""
+    assert verdict(evidence(name, value))[0] == expected
 
 
 @pytest.mark.parametrize(

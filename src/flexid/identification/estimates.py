@@ -15,7 +15,8 @@ from flexid.models.physical import PhysicalParameter, physical_parameters
 CONFIDENCE = 0.95
 """Nominal coverage of every interval."""
 
-_NOISE_DEVIATIONS = 3.0
+# One is enough: where the model lacks something, the same lack widens the standard deviations.
+_NOISE_DEVIATIONS = 1.0
 
 
 def coefficient_estimates(

@@ -7,7 +7,7 @@ import numpy as np
 
 import flexid
 from flexid.analysis.excitation import Excitation, excitation_of_gram
-from flexid.errors import RecordingError
+from flexid.errors import RecordingError, SettingError
 from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
@@ -27,7 +27,10 @@ from flexid.recording.recording import Hold, Log, Recording
 from flexid.recording.velocities import with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
-_RATE_FACTORS = (0.5, 2.0)  # other filter rates at which a right model gives the same answer
+_FEWEST_HELD_OUT_SAMPLES = 10
+# Other filter rates at which a right model gives the same answer. Slower ones see another part of
+# the motion and hardly any noise; beyond twice the rate noise in the regressors biases the answer.
+_RATE_FACTORS = (0.125, 0.25, 0.5, 2.0)
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,7 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
         If a setting does not suit the logs.
     """
     settings = settings or Settings()
+    _check_distinct(logs)
     input_unit = _common_input_unit(logs)
     known = settings.known_coefficients(input_is_torque=input_unit == "N m")
     system = flexible_joint(settings.terms, known)
@@ -110,6 +114,17 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
     )
 
 
+def _check_distinct(logs: Sequence[Log]) -> None:
+    """Refuse the same data twice: counted as independent, they would narrow every interval."""
+    sources: dict[str, str] = {}
+    for log in logs:
+        if log.sha256 and log.sha256 in sources:
+            raise RecordingError(
+                log.source, "", f"holds the same data as {sources[log.sha256]}: give it only once"
+            )
+        sources[log.sha256] = log.source
+
+
 def _common_input_unit(logs: Sequence[Log]) -> str:
     units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
     if len(units) > 1:
@@ -130,6 +145,12 @@ def _held_out_start(piece: Recording, share: float) -> int:
             f"piece from {piece.start_time:g} s",
             f"leaves {start} samples to fit after {share:.0%} are kept out for validation, fewer "
             f"than {_FEWEST_TRAINING_SAMPLES}: record longer",
+        )
+    if len(piece) - start < _FEWEST_HELD_OUT_SAMPLES:
+        raise SettingError(
+            "validation-share",
+            f"{share:g} keeps only {len(piece) - start} samples of {piece.source} out, fewer than "
+            f"{_FEWEST_HELD_OUT_SAMPLES}: raise it, or record longer",
         )
     return start
 

@@ -47,6 +47,8 @@ class Settings:
                 raise SettingError("terms", f"{term!r} is unknown; known are {', '.join(TERMS)}")
         for name, value in self.known.items():
             _check_known(name, value)
+        if {"motor_inertia", "beta1"} <= set(self.known):
+            raise SettingError("known", "motor_inertia and beta1 fix the same: give one of them")
         if self.hold not in ("auto", "zero", "linear"):
             raise SettingError("hold", f"{self.hold!r} is none of auto, zero, linear")
         if self.filter_rate is not None and not 0 < self.filter_rate < float("inf"):
@@ -84,5 +86,7 @@ def _check_known(name: str, value: float) -> None:
             f"{name!r} is unknown; give motor_inertia or a coefficient: "
             f"{', '.join(COEFFICIENT_UNITS)}",
         )
-    if not isfinite(value) or (name == "motor_inertia" and value <= 0):
+    inverted = name in ("motor_inertia", "beta1")  # each is the other's inverse
+    usable = isfinite(value) and not (inverted and (value == 0 or not isfinite(1 / value)))
+    if not usable or (name == "motor_inertia" and value < 0):
         raise SettingError("known", f"{name} = {value:g} is no possible value")

@@ -1,6 +1,6 @@
 """The verdict on each coefficient: determined, weak or undetermined, and why.
 
-Four kinds of evidence count, and the worst decides:
+Five kinds of evidence count, and the worst decides:
 
 - the interval: a coefficient is known if its standard deviation is small beside its value, or if
   what it could contribute to the motion within its interval is negligible (a friction that is
@@ -9,7 +9,8 @@ Four kinds of evidence count, and the worst decides:
   `LOST_CONDITION`, a step along the worst direction goes unseen, and whatever coefficient such a
   step would change is not known;
 - the filter: in a right model the same coefficients explain the motion at every filter rate; one
-  that moves with the rate by more than noise allows makes up for what the model lacks;
+  that moves with the rate by more than noise allows makes up for what the model lacks, and is weak;
+- the sign: no spring and no inertia is negative;
 - the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
   not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
 """
@@ -32,13 +33,14 @@ WEAK_DEVIATION = 0.5
 NEGLIGIBLE_SHARE = 0.02
 """Share of the row's acceleration below which the uncertainty of a term does not matter."""
 
-DETERMINED_SHIFT, WEAK_SHIFT = 0.05, 0.3
-"""Relative shift with the filter rate, beyond noise, up to which a coefficient is …"""
+DETERMINED_SHIFT = 0.05
+"""Relative shift with the filter rate, beyond noise, up to which a coefficient is determined."""
 
 WEAK_FIT = 50.0
 """Free-run fit in per cent below which what it depends on is doubtful."""
 
 _STIFFNESS = ("theta2", "alpha1")
+_POSITIVE = (*_STIFFNESS, "beta1")
 _TAINTED = 0.1  # relative change along a lost direction from which on a coefficient is not known
 
 _RANK: dict[Status, int] = {"determined": 0, "weak": 1, "undetermined": 2}
@@ -93,7 +95,7 @@ def verdict(evidence: Evidence) -> Verdict:
     reason : str
         Empty for a determined coefficient.
     """
-    rules = (_by_interval, _by_excitation, _by_filter, _by_validation)
+    rules = (_by_interval, _by_excitation, _by_filter, _by_sign, _by_validation)
     return max((rule(evidence) for rule in rules), key=lambda judged: _RANK[judged[0]])
 
 
@@ -136,8 +138,15 @@ def _by_filter(evidence: Evidence) -> Verdict:
     relative = evidence.relative(evidence.shift)
     if relative <= DETERMINED_SHIFT or evidence.shift * evidence.size <= NEGLIGIBLE_SHARE:
         return _FINE
-    reason = f"it moves by {100 * relative:.0f} % with the filter rate: the model lacks something"
-    return ("weak" if relative <= WEAK_SHIFT else "undetermined"), reason
+    return "weak", (
+        f"it moves by {100 * relative:.0f} % with the filter rate: the model lacks something"
+    )
+
+
+def _by_sign(evidence: Evidence) -> Verdict:
+    if evidence.name not in _POSITIVE or evidence.values[evidence.name] >= 0:
+        return _FINE
+    return "undetermined", "it came out negative, which no spring or inertia can be"
 
 
 def _by_validation(evidence: Evidence) -> Verdict:
