@@ -40,7 +40,7 @@ class JointFilter(ExtendedKalmanFilter):
 
     def advance(self, measurement: Array, torque: float) -> None:
         """One sample: predict over the interval with its mean torque, then correct."""
-        self.predict(torque)
+        self.predict(torque)  # type: ignore[arg-type] - by its default filterpy seems to want an int
         self.update(measurement, lambda _: _MEASURED, lambda x: x[:4])
 
     def predict_x(self, u: float = 0.0) -> None:
