@@ -50,5 +50,12 @@ def main() -> None:
     except FlexidError as error:
         typer.echo(f"flexid: {error}", err=True)
         sys.exit(2)
+    except OSError as error:  # a full disk or a closed terminal; bad paths are FlexidErrors
+        place = error.filename or "the output"
+        typer.echo(
+            f"flexid: {place} cannot be written ({error.strerror}): make room, or write elsewhere",
+            err=True,
+        )
+        sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
