@@ -21,6 +21,6 @@ def test_full_disk_is_one_sentence():
         )
     assert outcome.returncode == 2
     assert outcome.stderr.splitlines() == [
-        "flexid: the output cannot be written (No space left on device): make room, or write "
-        "elsewhere"
+        "flexid: the output or the cache cannot be written (No space left on device): "
+        "make room, or write elsewhere"
     ]

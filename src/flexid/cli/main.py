@@ -51,10 +51,10 @@ def main() -> None:
         typer.echo(f"flexid: {error}", err=True)
         sys.exit(2)
     except OSError as error:  # a full disk or a closed terminal; bad paths are FlexidErrors
-        place = error.filename or "the output"
+        place = error.filename or "the output or the cache"
+        reason = error.strerror or error
         typer.echo(
-            f"flexid: {place} cannot be written ({error.strerror}): make room, or write elsewhere",
-            err=True,
+            f"flexid: {place} cannot be written ({reason}): make room, or write elsewhere", err=True
         )
         sys.exit(2)
     except KeyboardInterrupt:
