@@ -57,10 +57,13 @@ def block_lengths(
     return blocks
 
 
-def sandwich_covariance(
+def block_influences(
     regressor: FloatArray, residual: FloatArray, inverse: FloatArray, blocks: Sequence[int]
 ) -> tuple[FloatArray, int]:
-    """Covariance of least squares from block sums of the scores.
+    """How far each block's scores move the coefficients of least squares.
+
+    With L the influences of all coefficients, those of other rows over the same blocks among them,
+    L Lᵀ is their covariance.
 
     Parameters
     ----------
@@ -75,16 +78,33 @@ def sandwich_covariance(
 
     Returns
     -------
-    covariance : array, shape (k, k)
-        Infinite on its diagonal if there are no more blocks than coefficients.
+    influences : array, shape (k, n_blocks)
+        Zero if there are no more blocks than coefficients, which then say nothing.
     degrees_of_freedom : int
         Blocks less coefficients, at least 0.
     """
     k, count = regressor.shape[0], len(blocks)
     if count <= k:
-        return np.diag(np.full(k, np.inf)), 0
+        return np.zeros((k, count)), 0
     starts = np.concatenate(([0], np.cumsum(blocks)[:-1]))
     scores = np.add.reduceat(regressor * residual, starts, axis=1)
     # An unbiased spread wants one degree of freedom taken off per fitted coefficient.
-    spread = scores @ scores.T * (count / (count - k))
-    return inverse @ spread @ inverse, count - k
+    return inverse @ scores * np.sqrt(count / (count - k)), count - k
+
+
+def sandwich_covariance(
+    regressor: FloatArray, residual: FloatArray, inverse: FloatArray, blocks: Sequence[int]
+) -> tuple[FloatArray, int]:
+    """Covariance of one least-squares problem; arguments as of `block_influences`.
+
+    Returns
+    -------
+    covariance : array, shape (k, k)
+        Infinite on its diagonal if there are no more blocks than coefficients.
+    degrees_of_freedom : int
+        Blocks less coefficients, at least 0.
+    """
+    influences, degrees_of_freedom = block_influences(regressor, residual, inverse, blocks)
+    if degrees_of_freedom == 0:
+        return np.diag(np.full(len(influences), np.inf)), 0
+    return influences @ influences.T, degrees_of_freedom

@@ -13,7 +13,7 @@ from types import ModuleType
 import numpy as np
 
 from flexid.errors import SettingError
-from flexid.estimators.block_sandwich import block_lengths, sandwich_covariance
+from flexid.estimators.block_sandwich import block_influences, block_lengths
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.kernels.store import load_kernel, template
 from flexid.models.parametric_system import ParametricSystem
@@ -68,7 +68,8 @@ class LeastSquaresFit:
     values : array, shape (n,)
         Their values, in the system's units.
     covariance : array, shape (n, n)
-        Block-diagonal over the rows; infinite variance marks what the data leave free.
+        Rows correlate, since they share the noise of the positions; infinite variance marks what
+        the data leave free.
     rows : tuple of RowFit
         The rows' own results.
     filter_rate : float
@@ -134,16 +135,24 @@ def filtered_least_squares(
     lengths = [len(piece) - 2 for piece in usable]
     sample_times = [piece.sample_time for piece in usable]
     n_coefficients = len(system.coefficients)
+    most = max(len(row.coefficients) for row in system.rows)
+    blocks = block_lengths(lengths, sample_times, filter_rate, most)
     values = np.zeros(n_coefficients)
-    covariance = np.zeros((n_coefficients, n_coefficients))
+    influences = np.zeros((n_coefficients, len(blocks)))
     rows = []
     for place, (row, part) in enumerate(system.row_slices()):
-        k = part.stop - part.start
-        blocks = block_lengths(lengths, sample_times, filter_rate, k)
-        fit, values[part], covariance[part, part] = _fit_row(
+        fit, values[part], influences[part] = _fit_row(
             row.name, row.coefficients, signals[part], signals[n_coefficients + place], blocks, time
         )
         rows.append(fit)
+    covariance = influences @ influences.T
+    free = [
+        row.degrees_of_freedom == 0 or c in row.undetermined
+        for row in rows
+        for c in row.coefficients
+    ]
+    covariance[free, :] = covariance[:, free] = 0.0
+    covariance[free, free] = np.inf
     return LeastSquaresFit(
         system.coefficients, values, covariance, tuple(rows), float(filter_rate), hold
     )
@@ -164,6 +173,11 @@ def filtered_signals(
     array, shape (n_coefficients + n_rows, n_equations)
         Regressors of all coefficients, then left-hand sides of all rows; a piece of n samples
         gives n - 2 equations.
+
+    Raises
+    ------
+    SettingError
+        If a regressor that is nonlinear in velocities meets a piece without velocities.
     """
     kernel = _kernel(system)
     constants = np.array(list(system.constants.values()), dtype=np.float64)
@@ -223,7 +237,7 @@ def _fit_row(
     blocks: Sequence[int],
     time: FloatArray,
 ) -> tuple[RowFit, FloatArray, FloatArray]:
-    """Least squares of one row: its fit, values and covariance."""
+    """Least squares of one row: its fit, values and the blocks' influences on them."""
     gram = regressor @ regressor.T
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -236,10 +250,8 @@ def _fit_row(
     values += inverse @ (regressor @ (left_hand_side - values @ regressor))
     fitted = values @ regressor
     residual = left_hand_side - fitted
-    covariance, degrees_of_freedom = sandwich_covariance(regressor, residual, inverse, blocks)
+    influences, degrees_of_freedom = block_influences(regressor, residual, inverse, blocks)
     free = np.any(np.abs(vectors[:, ~kept]) > 1e-6, axis=1)
-    covariance[free, :] = covariance[:, free] = 0.0
-    covariance[free, free] = np.inf
     fit = RowFit(
         name,
         coefficients,
@@ -252,4 +264,4 @@ def _fit_row(
         left_hand_side,
         fitted,
     )
-    return fit, values, covariance
+    return fit, values, influences
