@@ -89,6 +89,32 @@ def test_energy_is_conserved():
     np.testing.assert_allclose(energy, energy[0], atol=1e-8)
 
 
+def test_steep_friction_is_resolved():
+    """Assert that a stiff model gives the motion of a hundred times the sample rate."""
+    joint = flexible_joint(("gravity", "motor_viscous", "motor_coulomb"))
+    coefficients = {**COEFFICIENTS, "alpha_coulomb": 300.0}
+    ends = []
+    for h in (1e-2, 1e-4):
+        samples = 20 * np.sin(2 * np.arange(round(2 / h) + 1) * h)
+        ends.append(free_run(joint, coefficients, np.zeros(4), samples, h)[-1])
+    # What is left is the input, interpolated between samples.
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-4)
+
+
+def test_strong_damping_is_no_divergence():
+    """Assert that a pole faster than the sampling comes to its steady speed."""
+    cart = ParametricSystem("cart", (Row("cart", "q", "v", {"drag": "-v"}, known="u"),))
+    x = free_run(cart, {"drag": 5000.0}, [0.0, 1.0], np.ones(200), 1e-2)
+    assert x[-1, 1] == pytest.approx(1 / 5000.0, rel=1e-6)
+
+
+def test_hopelessly_fast_model_is_refused():
+    """Assert that absurd coefficients end in an error at once, not in hours of substeps."""
+    cart = ParametricSystem("cart", (Row("cart", "q", "v", {"drag": "-v"}, known="u"),))
+    with pytest.raises(SimulationError, match="too fast"):
+        free_run(cart, {"drag": 1e12}, [0.0, 1.0], np.ones(200), 1e-2)
+
+
 def test_divergence_is_said():
     """Assert that an unstable model ends in an error that tells the time, not in infinities."""
     unstable = ParametricSystem("unstable", (Row("mass", "q", "v", {"k": "q"}),))
