@@ -91,3 +91,16 @@ def test_failed_build_leaves_nothing(cache: Path) -> None:
         store.load_kernel("broken", ["fails"], build)
     assert not list(cache.iterdir())
     assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
+
+
+def test_fallback_is_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that without a writable cache kernels go to a new folder that is the user's alone."""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
+    store.cache_directory.cache_clear()
+    try:
+        directory = store.cache_directory()
+        assert not list(directory.iterdir())
+        assert directory.stat().st_mode & 0o077 == 0
+    finally:
+        store.cache_directory.cache_clear()

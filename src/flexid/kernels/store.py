@@ -5,9 +5,11 @@ disk cache does not notice a change in a function called from another file, so n
 from elsewhere and the file's name covers everything in it.
 """
 
+import atexit
 import hashlib
 import importlib.util
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -57,15 +59,16 @@ def template(name: str) -> str:
 @cache
 def cache_directory() -> Path:
     """Directory of the kernels: ``$FLEXID_CACHE_DIR``, the user's cache, or a temporary one."""
-    wanted = os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_dir("flexid")
-    for directory in (Path(wanted), Path(tempfile.gettempdir()) / f"flexid-{os.getpid()}"):
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=directory):
-                return directory
-        except OSError:  # a read-only home directory: next candidate
-            continue
-    raise OSError("no writable directory for compiled kernels")
+    wanted = Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_dir("flexid"))
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=wanted):
+            return wanted
+    except OSError:  # a read-only home directory
+        # New and private: whatever lies there is run, so nobody else may have put it there.
+        private = tempfile.mkdtemp(prefix="flexid-")
+        atexit.register(shutil.rmtree, private, ignore_errors=True)
+        return Path(private)
 
 
 def _digest(*parts: str) -> str:
@@ -77,9 +80,15 @@ def _digest(*parts: str) -> str:
 
 @cache
 def _generator_digest() -> str:
-    """Hash of the code that generates: a changed derivation or template makes new kernels."""
+    """Hash of the code that generates: a changed derivation or template makes new kernels.
+
+    The declarations' code counts too: it fixes what a text means and the order of the parameters.
+    """
     content = hashlib.sha256()
-    for package in ("flexid.derivation", "flexid.kernels", "flexid.kernels.templates"):
+    for package in (
+        *("flexid.models", "flexid.control"),
+        *("flexid.derivation", "flexid.kernels", "flexid.kernels.templates"),
+    ):
         files = [f for f in resources.files(package).iterdir() if f.name.endswith(".py")]
         for file in sorted(files, key=lambda file: file.name):
             content.update(file.read_bytes())
