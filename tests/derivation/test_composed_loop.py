@@ -11,7 +11,7 @@ from flexid.control.robust import robust_law
 from flexid.derivation.closed_loop import compose_loop
 from flexid.derivation.plain_loop import compose_plain_loop
 from flexid.derivation.symbolic import symbol
-from flexid.errors import ModelError
+from flexid.errors import AccelerationError, ModelError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.closed_loop import loop_kernel
@@ -160,3 +160,10 @@ def test_plain_route_needs_closed_forms() -> None:
     law = Controller("law", "q", {"u": "qd - q - v"})
     with pytest.raises(ModelError, match="because of friction"):
         compose_plain_loop(LoopDeclaration(arm, law, sinusoid(1.0, 1.0)))
+
+
+def test_observer_must_be_free_of_accelerations() -> None:
+    """Assert that no loop is composed with an observer that cannot be built."""
+    damped = flexible_joint(("gravity", "joint_damping"), known={"beta1": 10 / 3})
+    with pytest.raises(AccelerationError, match="theta_damping"):
+        compose_loop(LoopDeclaration(damped, robust_law(), sinusoid(3.0, 5.0)))

@@ -50,7 +50,8 @@ def test_immersion_is_the_integral_of_the_regressor(name: str):
         u = rng.normal(size=module.N_INPUTS)
         b = immersed(module, x, u, c)
         for place in range(module.N_COEFFICIENTS):
-            velocity = 2 * np.searchsorted(module.ROW_START, place, side="right") - 1
+            starts = [part.start for _, part in system.row_slices()]
+            velocity = 2 * int(np.searchsorted(starts, place, side="right")) - 1
 
             def regressor(v: float, place=place, velocity=velocity, x=x, u=u) -> float:
                 r, k = np.empty(module.N_COEFFICIENTS), np.empty(module.N_ROWS)
@@ -120,8 +121,7 @@ def test_lyapunov_function_decreases(system: ParametricSystem):
         module.regressors(x, u, c, r, k)
         module.cancelling_term(x, u, np.zeros(1), c, C)
         hat, dy = estimates(np.concatenate([x, state[n:]])), np.empty(m)
-        for row in range(module.N_ROWS):
-            part = slice(module.ROW_START[row], module.ROW_START[row + 1])
+        for row, (_, part) in enumerate(system.row_slices()):
             dy[part] = -gain * (r[part] * (r[part] @ hat[part] + k[row]) + C[part])
         return np.concatenate([dx, dy])
 

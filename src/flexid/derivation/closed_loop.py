@@ -16,6 +16,7 @@ import sympy as sp
 
 from flexid.control.loop import LoopDeclaration
 from flexid.derivation.loop_signals import Signals, insert
+from flexid.derivation.observer import check_acceleration_free
 from flexid.derivation.symbolic import SymbolicSystem, symbol, symbolic_system, to_sympy
 from flexid.errors import ModelError
 
@@ -65,10 +66,13 @@ def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
 
     Raises
     ------
+    AccelerationError
+        If the observer needs an acceleration, so that its error dynamics cannot be had.
     ModelError
         If a coordinate is not its state plus a function of the states before it.
     """
     symbolic = symbolic_system(declaration.system)
+    check_acceleration_free(symbolic)
     signals, law = control_law(declaration, symbolic)
     coordinates = tuple(symbol(name) for name in declaration.coordinates)
     shifts, states = _invert(declaration, symbolic, coordinates, law)

@@ -96,7 +96,7 @@ parameters   {", ".join(loop.declaration.parameter_names)}
 {IMPORTS}
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 N_STATES = {len(system.states)}
 N_INPUTS = {len(system.inputs)}

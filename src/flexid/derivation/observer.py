@@ -141,6 +141,24 @@ def derive_observer(system: ParametricSystem) -> SymbolicObserver:
     return SymbolicObserver(symbolic, rows, rates)
 
 
+def check_acceleration_free(symbolic: SymbolicSystem) -> None:
+    """Raise `AccelerationError` unless the observer can be built from states and inputs.
+
+    Parameters
+    ----------
+    symbolic : SymbolicSystem
+        The model.
+
+    Raises
+    ------
+    AccelerationError
+        If a regressor depends on the velocity of another row.
+    """
+    for row in symbolic.rows:
+        for coefficient, regressor in zip(row.coefficients, row.regressor, strict=True):
+            _without_other_velocities(symbolic, row, str(coefficient), regressor)
+
+
 def error_dynamics(observer: SymbolicObserver) -> tuple[tuple[sp.Expr, ...], ...]:
     """Differentiate the estimates along the model, eq. (1), and insert the update laws.
 

@@ -21,7 +21,7 @@ from flexid.derivation.quadrature import graded_rule
 from flexid.derivation.special import LogCosh
 
 _MATH = ("asinh", "atan", "copysign", "cos", "cosh", "erf", "exp", "log", "pi")
-_MATH += ("e", "sin", "sqrt", "tan", "tanh")
+_MATH += ("sin", "sqrt", "tan", "tanh")
 
 _LOG_COSH = '''def _log_cosh(z):
     """ln cosh z, without overflow."""
@@ -43,6 +43,9 @@ _WEIGHTS = {weights!r}
 class _PythonPrinter(PythonCodePrinter):
     def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
         return f"_log_cosh({self._print(expr.args[0])})"
+
+    def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802
+        return "exp(1)"  # a model may have its own e
 
     def _print_sign(self, e: sp.Function) -> str:
         argument = self._print(e.args[0])

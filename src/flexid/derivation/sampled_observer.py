@@ -21,9 +21,7 @@ def sampled_observer_functions(system: ParametricSystem, purpose: str) -> str:
     """Header, regressors, and ``advance`` with what turns arrays into its tuples."""
     symbolic = symbolic_system(system)
     state, sample, settings = _layout(symbolic)
-    sizes = (
-        f"STATE_SIZE = {len(state)}\nSAMPLE_SIZE = {len(sample)}\nSETTINGS_SIZE = {len(settings)}\n"
-    )
+    sizes = f"STATE_SIZE = {len(state)}\nSAMPLE_SIZE = {len(sample)}\n"
     return "\n\n".join(
         (
             module_header(system, purpose) + sizes,

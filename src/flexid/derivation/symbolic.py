@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from flexid.errors import ExpressionError
 from flexid.models.expression import fold
 from flexid.models.parametric_system import ParametricSystem
 
@@ -44,9 +45,15 @@ def to_sympy(expression: str, names: Collection[str], place: str = "expression")
     Raises
     ------
     ExpressionError
-        If the text leaves the whitelist.
+        If the text leaves the whitelist, or has no finite real value anywhere, as 1/0 and sqrt(-1).
     """
-    return fold(expression, names, _SymPyAlgebra(), place)
+    folded = fold(expression, names, _SymPyAlgebra(), place)
+    roots = folded.atoms(sp.Pow)
+    if folded.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I) or any(r.is_real is False for r in roots):
+        raise ExpressionError(
+            expression, "has no finite real value: correct the division, root or power", place
+        )
+    return folded
 
 
 class _SymPyAlgebra:

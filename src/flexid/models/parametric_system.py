@@ -19,7 +19,7 @@ from flexid.models.expression import CONSTANTS, FUNCTIONS, check_expression
 
 RESERVED = frozenset(
     {*FUNCTIONS, *CONSTANTS, "t", "Abs", "asinh", "atan", "copysign", "cosh", "erf", "log"}
-    | {"np", "njit", "prange"}
+    | {"len", "np", "njit", "range"}
 )
 """Names that mean something in expressions or in generated code."""
 

@@ -60,6 +60,8 @@ def simulate(
         stiffer than the steps allow.
     SettingError
         If a duration, sample time or tolerance is not positive.
+    AccelerationError
+        If the observer of the model needs an acceleration; a sampled loop does not.
     """
     if absolute_tolerance is None:
         absolute_tolerance = 1e-3 * relative_tolerance
