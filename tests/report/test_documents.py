@@ -60,3 +60,17 @@ def test_output_onto_a_file_is_refused(tmp_path):
         output_directory(tmp_path / "out"),
     ):
         pass
+
+
+def test_directory_in_the_way_of_a_file_is_refused(tmp_path):
+    """Assert that a directory with a file's name stops the output before any file is moved."""
+    (tmp_path / "b.txt").mkdir()
+
+    def write():
+        with output_directory(tmp_path) as staging:
+            (staging / "a.txt").write_text("1")
+            (staging / "b.txt").write_text("1")
+
+    with pytest.raises(SettingError, match="is a directory"):
+        write()
+    assert [file.name for file in tmp_path.iterdir()] == ["b.txt"]

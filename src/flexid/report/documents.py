@@ -95,9 +95,17 @@ def output_directory(out: Path) -> Iterator[Path]:
         raise SettingError("--out", f"{out} cannot be written ({error.strerror})") from None
     try:
         yield staging
-        for file in staging.iterdir():
-            os.replace(file, out / file.name)
+        _move_all(staging, out)
     except BaseException:
         shutil.rmtree(staging if existed else out, ignore_errors=True)
         raise
     staging.rmdir()
+
+
+def _move_all(staging: Path, out: Path) -> None:
+    files = list(staging.iterdir())
+    for file in files:
+        if (out / file.name).is_dir():  # before the first move, so that none is left half done
+            raise SettingError("--out", f"{out / file.name} is a directory: move it away")
+    for file in files:
+        os.replace(file, out / file.name)
