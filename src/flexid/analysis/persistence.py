@@ -60,7 +60,7 @@ class Persistence:
     overall: Excitation
 
     def guaranteed_rate(self, gain: float) -> float:
-        """Rate λ in 1/s with |p̃(t + T)| ≤ exp(-λT) |p̃(t)| for every window start t.
+        """Rate λ in 1/s with |p̃(t + T)| ≤ exp(-λT) |p̃(t)| at every start t of a window.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Persistence:
 
 
 def contraction(gram: ArrayLike, gain: float) -> float:
-    """Largest possible |p̃(t + T)| / |p̃(t)| over a window with Gram matrix G = ∫ r rᵀ dt.
+    """Upper bound of |p̃(t + T)| / |p̃(t)| over a window with Gram matrix G = ∫ r rᵀ dt.
 
     The derivation stands at the head of this module.
     """
