@@ -81,9 +81,12 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
     input_unit = _common_input_unit(logs)
     known = settings.known_coefficients(input_is_torque=input_unit == "N m")
     system = flexible_joint(settings.terms, known)
-    pieces = [with_velocities(piece) for log in logs for piece in log.pieces]
-    starts = [_held_out_start(piece, settings.validation_share) for piece in pieces]
-    training = [piece.window(0, start) for piece, start in zip(pieces, starts, strict=True)]
+    measured, dropped = _long_enough(logs, settings.validation_share)
+    starts = [_held_out_start(piece, settings.validation_share) for piece in measured]
+    parts = [piece.window(0, start) for piece, start in zip(measured, starts, strict=True)]
+    # Derived apart, so that no velocity of the training data knows of the held-out positions.
+    training = [with_velocities(part) for part in parts]
+    pieces = [with_velocities(piece) for piece in measured]
     fitter = _choose(training, system, settings)
 
     trained = fitter.fit(training)
@@ -107,6 +110,7 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
         filter_rate=fitter.filter_rate,
         warnings=(
             *(warning for log in logs for warning in log.warnings),
+            *dropped,
             *sign_warnings(coefficients),
             *validation_warnings(validation.fit_percent),
         ),
@@ -135,6 +139,19 @@ def _common_input_unit(logs: Sequence[Log]) -> str:
             f"is in {second} where {sources[0]} has {first}: identify them one by one",
         )
     return next(iter(units))
+
+
+def _long_enough(logs: Sequence[Log], share: float) -> tuple[list[Recording], list[str]]:
+    """Pieces that leave enough to fit, all if none does, and a warning for each of the others."""
+    pieces = [piece for log in logs for piece in log.pieces]
+    kept = [p for p in pieces if round(len(p) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES] or pieces
+    warnings = [
+        f"{piece.source}: the {len(piece)} samples from {piece.start_time:g} s on are too few to "
+        f"fit and validate, so they were left out: record without gaps"
+        for piece in pieces
+        if piece not in kept
+    ]
+    return kept, warnings
 
 
 def _held_out_start(piece: Recording, share: float) -> int:

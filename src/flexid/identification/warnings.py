@@ -3,9 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from flexid.identification.result import CoefficientEstimate
-
-POOR_FIT = 50.0
-"""Free-run fit in per cent below which a channel earns a warning."""
+from flexid.identification.verdict import WEAK_FIT
 
 _SIGN_ADVICE = {
     "theta2": "the sign of the deflection is probably wrong",
@@ -24,7 +22,7 @@ def sign_warnings(coefficients: Mapping[str, CoefficientEstimate]) -> Iterator[s
 def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
     """Warn of channels that the free run does not repeat."""
     for channel, fit in fit_percent.items():
-        if fit < POOR_FIT:
+        if fit < WEAK_FIT:
             yield (
                 f"the free run repeats {max(fit, 0):.0f} % of the held-out {channel}: the model "
                 f"lacks something the drive has (try further terms), or the coefficients are off"
