@@ -101,6 +101,8 @@ def _write_atomically(path: Path, source: str) -> None:
         "w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8"
     ) as file:
         file.write(source)
+        file.flush()
+        os.fsync(file.fileno())  # or a power failure may leave an empty kernel for good
     Path(file.name).replace(path)
 
 
