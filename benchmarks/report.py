@@ -44,7 +44,7 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
         f"Made by `{command}` on {datetime.datetime.now(datetime.UTC).date()} in one run.",
         "",
         f"- Machine: {_processor()}, {os.cpu_count()} cores, {platform.system()}; load average "
-        f"{busy:.2f} before the run.",
+        f"{busy:.2f} before the run, niceness {os.nice(0)}.",
         f"- Versions: Python {platform.python_version()}, {versions}.",
         "- Times are medians of wall time, after a warm-up; what is compared runs in turn, and "
         "ratios are ratios of medians. What takes many seconds is run once. Why the numbers are "
