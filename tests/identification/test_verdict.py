@@ -7,18 +7,19 @@ from flexid.analysis.excitation import Excitation
 from flexid.identification.verdict import Evidence, verdict, worst
 
 
-def evidence(
+def judged(
     name="theta1",
     value=1.0,
     std=1e-3,
     shift=0.0,
+    moving=None,
     size=0.5,
     condition=2.0,
     direction=(1.0, -1.0, 0.0),
     link=95.0,
     deflection=90.0,
 ):
-    """Evidence on a row of three coefficients of which two share the worst direction."""
+    """Verdict on a coefficient of a row of three, of which two share the worst direction."""
     names = ("theta1", "theta2", "theta3")
     excitation = Excitation(
         "link",
@@ -32,7 +33,15 @@ def evidence(
     )
     values = {**dict.fromkeys(names, 1.0), name: value}
     fits = {"link_position": link, "motor_position": -10.0, "deflection": deflection}
-    return Evidence(name, values, std, shift, size, excitation, fits)
+    row = Evidence(
+        values,
+        {**dict.fromkeys(names, 1e-3), name: std},
+        {**dict.fromkeys(names, 0.0), moving or name: shift},
+        dict.fromkeys(names, size),
+        excitation,
+        fits,
+    )
+    return verdict(name, row)
 
 
 @pytest.mark.parametrize(
@@ -41,12 +50,12 @@ def evidence(
 )
 def test_interval_decides(std, expected):
     """Assert that the relative standard deviation decides where all else is well."""
-    assert verdict(evidence(std=std))[0] == expected
+    assert judged(std=std)[0] == expected
 
 
 def test_negligible_term_is_determined():
     """Assert that a friction known to be nearly zero counts as known."""
-    assert verdict(evidence(value=0.001, std=0.01, size=0.1)) == ("determined", "")
+    assert judged(value=0.001, std=0.01, size=0.1) == ("determined", "")
 
 
 @pytest.mark.parametrize(
@@ -54,14 +63,14 @@ def test_negligible_term_is_determined():
 )
 def test_excitation_decides(condition, expected):
     """Assert that a narrow interval does not help a coefficient in a lost direction."""
-    status, reason = verdict(evidence(std=1e-6, condition=condition))
+    status, reason = judged(std=1e-6, condition=condition)
     assert status == expected
     assert ("theta2" in reason) == (expected != "determined")
 
 
 def test_excitation_spares_the_others():
     """Assert that a coefficient that a lost direction does not touch keeps its verdict."""
-    assert verdict(evidence("theta3", condition=1e7)) == ("determined", "")
+    assert judged("theta3", condition=1e7) == ("determined", "")
 
 
 def test_small_coefficient_is_tainted_by_a_lost_direction():
@@ -70,8 +79,8 @@ def test_small_coefficient_is_tainted_by_a_lost_direction():
     A step that doubles theta1 unseen changes theta3 by 0.01: nothing beside 1, all beside 0.02.
     """
     touched = {"name": "theta3", "condition": 1e7, "direction": (1.0, -1.0, 0.01)}
-    assert verdict(evidence(value=1.0, **touched))[0] == "determined"
-    assert verdict(evidence(value=0.02, std=1e-6, **touched))[0] == "undetermined"
+    assert judged(value=1.0, **touched)[0] == "determined"
+    assert judged(value=0.02, std=1e-6, **touched)[0] == "undetermined"
 
 
 @pytest.mark.parametrize(
@@ -79,9 +88,17 @@ def test_small_coefficient_is_tainted_by_a_lost_direction():
 )
 def test_shift_with_the_filter_decides(shift, expected):
     """Assert that a coefficient that depends on the filter rate is not called known."""
-    status, reason = verdict(evidence(shift=shift))
+    status, reason = judged(shift=shift)
     assert status == expected
     assert ("filter rate" in reason) == (expected != "determined")
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.5, "weak"), (0.05, "determined")])
+def test_a_moving_neighbour_makes_a_row_weak(size, expected):
+    """Assert that a coefficient is weak if another of its row moves, unless that moves little."""
+    status, reason = judged("theta1", shift=0.2, moving="theta3", size=size)
+    assert status == expected
+    assert ("theta3" in reason) == (expected == "weak")
 
 
 @pytest.mark.parametrize(
@@ -94,7 +111,7 @@ def test_shift_with_the_filter_decides(shift, expected):
 )
 def test_sign_decides(name, value, expected):
     """Assert that a negative spring is not called known; gravity may have either sign."""
-    assert verdict(evidence(name, value))[0] == expected
+    assert judged(name, value)[0] == expected
 
 
 @pytest.mark.parametrize(
@@ -102,8 +119,8 @@ def test_sign_decides(name, value, expected):
 )
 def test_validation_decides_on_stiffness(deflection, expected):
     """Assert that a model that does not repeat the deflection knows no stiffness."""
-    assert verdict(evidence("theta2", deflection=deflection))[0] == expected
-    assert verdict(evidence("theta1", deflection=deflection))[0] == "determined"
+    assert judged("theta2", deflection=deflection)[0] == expected
+    assert judged("theta1", deflection=deflection)[0] == "determined"
 
 
 @pytest.mark.parametrize(
@@ -114,7 +131,7 @@ def test_validation_decides_on_a_row(link, expected):
 
     The other row's motion, which the model here never repeats, does not matter to it.
     """
-    assert verdict(evidence("theta1", link=link))[0] == expected
+    assert judged("theta1", link=link)[0] == expected
 
 
 def test_parameter_is_as_bad_as_its_worst_coefficient():

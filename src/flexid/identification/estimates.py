@@ -32,17 +32,22 @@ def coefficient_estimates(
     values = dict(zip(fit.names, map(float, fit.values), strict=True))
     estimates = {}
     for row in fit.rows:
-        in_row = {name: values[name] for name in row.coefficients}
+        names = row.coefficients
         sizes = np.sqrt(np.diag(row.gram) / max(row.total_sum, np.finfo(float).tiny))
-        for name, size in zip(row.coefficients, map(float, sizes), strict=True):
+        evidence = Evidence(
+            {name: values[name] for name in names},
+            {name: deviations[name] for name in names},
+            {name: shifts[name] for name in names},
+            dict(zip(names, map(float, sizes), strict=True)),
+            excitation[row.name],
+            fit_percent,
+        )
+        for name in names:
             value, std = values[name], deviations[name]
-            evidence = Evidence(
-                name, in_row, std, shifts[name], size, excitation[row.name], fit_percent
-            )
             interval = _interval(value, std, row.degrees_of_freedom)
             unit = _unit(COEFFICIENT_UNITS[name], input_unit)
             estimates[name] = CoefficientEstimate(
-                name, unit, value, std, interval, *verdict(evidence)
+                name, unit, value, std, interval, *verdict(name, evidence)
             )
     for name, value in known.items():
         unit = _unit(COEFFICIENT_UNITS[name], input_unit)

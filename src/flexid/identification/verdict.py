@@ -9,7 +9,8 @@ Five kinds of evidence count, and the worst decides:
   `LOST_CONDITION`, a step along the worst direction goes unseen, and whatever coefficient such a
   step would change is not known;
 - the filter: in a right model the same coefficients explain the motion at every filter rate; one
-  that moves with the rate by more than noise allows makes up for what the model lacks, and is weak;
+  that moves with the rate by more than noise allows makes up for what the model lacks, and makes
+  its whole row weak;
 - the sign: no spring and no inertia is negative;
 - the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
   not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
@@ -52,42 +53,41 @@ _FINE: Verdict = ("determined", "")
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known about one coefficient.
+    """What is known about the coefficients of one row.
 
     Parameters
     ----------
-    name : str
-        Its name.
-    values : mapping of str to float
-        Estimates of all coefficients of its row.
-    std : float
-        Standard deviation of its estimate.
-    shift : float
-        How far the estimate moves with the filter rate, beyond noise; in its own unit.
-    size : float
-        Root mean square of its regressor over that of the row's acceleration.
+    values, deviations : mapping of str to float
+        Estimate and standard deviation of each coefficient.
+    shifts : mapping of str to float
+        How far each estimate moves with the filter rate, beyond noise; in its own unit.
+    sizes : mapping of str to float
+        Root mean square of each regressor over that of the row's acceleration.
     excitation : Excitation
-        Of its row.
+        Of the row.
     fit_percent : mapping of str to float
         Free-run fit per channel.
     """
 
-    name: str
     values: Mapping[str, float]
-    std: float
-    shift: float
-    size: float
+    deviations: Mapping[str, float]
+    shifts: Mapping[str, float]
+    sizes: Mapping[str, float]
     excitation: Excitation
     fit_percent: Mapping[str, float]
 
-    def relative(self, amount: float) -> float:
-        """An amount of the coefficient as a share of its value."""
-        value = self.values[self.name]
+    def relative(self, name: str, amount: float) -> float:
+        """An amount of a coefficient as a share of its value."""
+        value = self.values[name]
         return amount / abs(value) if value else np.inf
 
+    def matters(self, name: str, amount: float) -> bool:
+        """Whether an amount of a coefficient is more than a negligible share of the motion."""
+        return amount * self.sizes[name] > NEGLIGIBLE_SHARE
 
-def verdict(evidence: Evidence) -> Verdict:
-    """Judge one coefficient.
+
+def verdict(name: str, row: Evidence) -> Verdict:
+    """Judge one coefficient of a row.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def verdict(evidence: Evidence) -> Verdict:
         Empty for a determined coefficient.
     """
     rules = (_by_interval, _by_excitation, _by_filter, _by_sign, _by_validation)
-    return max((rule(evidence) for rule in rules), key=lambda judged: _RANK[judged[0]])
+    return max((rule(name, row) for rule in rules), key=lambda judged: _RANK[judged[0]])
 
 
 def worst(statuses: Iterable[Status]) -> Status:
@@ -104,58 +104,65 @@ def worst(statuses: Iterable[Status]) -> Status:
     return max(statuses, key=_RANK.__getitem__)
 
 
-def _by_interval(evidence: Evidence) -> Verdict:
-    if not isfinite(evidence.std):
+def _by_interval(name: str, row: Evidence) -> Verdict:
+    std = row.deviations[name]
+    if not isfinite(std):
         return "undetermined", "the log holds no information on it"
-    relative = evidence.relative(evidence.std)
-    if relative <= DETERMINED_DEVIATION or evidence.std * evidence.size <= NEGLIGIBLE_SHARE:
+    relative = row.relative(name, std)
+    if relative <= DETERMINED_DEVIATION or not row.matters(name, std):
         return _FINE
     percent = f"its standard deviation is {100 * relative:.0f} % of its value"
     return ("weak" if relative <= WEAK_DEVIATION else "undetermined"), percent
 
 
-def _by_excitation(evidence: Evidence) -> Verdict:
-    excitation = evidence.excitation
-    condition = excitation.condition_number
-    if condition <= WEAK_CONDITION or not _tainted(evidence):
+def _by_excitation(name: str, row: Evidence) -> Verdict:
+    condition = row.excitation.condition_number
+    if condition <= WEAK_CONDITION or not _tainted(name, row):
         return _FINE
-    others = " and ".join(c for c in excitation.confounded if c != evidence.name) or "zero"
+    others = " and ".join(c for c in row.excitation.confounded if c != name) or "zero"
     reason = f"confounded with {others} (condition number {condition:.1e})"
     return ("weak" if condition <= LOST_CONDITION else "undetermined"), reason
 
 
-def _tainted(evidence: Evidence) -> bool:
+def _tainted(name: str, row: Evidence) -> bool:
     """Whether a step that doubles a confounded coefficient unseen changes this one too."""
-    excitation = evidence.excitation
+    excitation = row.excitation
     step = dict(zip(excitation.coefficients, excitation.direction, strict=True))
-    value = evidence.values
-    longest = max(abs(step[c]) / max(abs(value[c]), 1e-300) for c in excitation.confounded)
-    unseen = evidence.relative(abs(step[evidence.name]) / longest)
-    return evidence.name in excitation.confounded or unseen >= _TAINTED
+    longest = max(abs(step[c]) / max(abs(row.values[c]), 1e-300) for c in excitation.confounded)
+    unseen = row.relative(name, abs(step[name]) / longest)
+    return name in excitation.confounded or unseen >= _TAINTED
 
 
-def _by_filter(evidence: Evidence) -> Verdict:
-    relative = evidence.relative(evidence.shift)
-    if relative <= DETERMINED_SHIFT or evidence.shift * evidence.size <= NEGLIGIBLE_SHARE:
+def _by_filter(name: str, row: Evidence) -> Verdict:
+    moved = {
+        c: row.relative(c, shift)
+        for c, shift in row.shifts.items()
+        if row.relative(c, shift) > DETERMINED_SHIFT and row.matters(c, shift)
+    }
+    if not moved:
         return _FINE
-    return "weak", (
-        f"it moves by {100 * relative:.0f} % with the filter rate: the model lacks something"
+    # What moves one coefficient biases its neighbours too, at every rate alike if need be.
+    most = max(moved, key=moved.__getitem__)
+    who, share = ("it", moved[name]) if name in moved else (f"{most} of its row", moved[most])
+    return (
+        "weak",
+        f"{who} moves by {100 * share:.0f} % with the filter rate: the model lacks something",
     )
 
 
-def _by_sign(evidence: Evidence) -> Verdict:
-    if evidence.name not in _POSITIVE or evidence.values[evidence.name] >= 0:
+def _by_sign(name: str, row: Evidence) -> Verdict:
+    if name not in _POSITIVE or row.values[name] >= 0:
         return _FINE
     return "undetermined", "it came out negative, which no spring or inertia can be"
 
 
-def _by_validation(evidence: Evidence) -> Verdict:
-    channels = [f"{evidence.excitation.row}_position"]
-    channels += ["deflection"] * (evidence.name in _STIFFNESS)
-    fit, channel = min((evidence.fit_percent[channel], channel) for channel in channels)
-    name = channel.replace("_", " ")
+def _by_validation(name: str, row: Evidence) -> Verdict:
+    channels = [f"{row.excitation.row}_position"]
+    channels += ["deflection"] * (name in _STIFFNESS)
+    fit, channel = min((row.fit_percent[channel], channel) for channel in channels)
+    shown = channel.replace("_", " ")
     if fit >= WEAK_FIT:
         return _FINE
     if fit > 0:
-        return "weak", f"the free run repeats only {fit:.0f} % of the held-out {name}"
-    return "undetermined", f"the free run predicts the held-out {name} no better than its mean"
+        return "weak", f"the free run repeats only {fit:.0f} % of the held-out {shown}"
+    return "undetermined", f"the free run predicts the held-out {shown} no better than its mean"
