@@ -41,6 +41,8 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
         yield Text(
             f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
         )
+    excess = ", ".join(f"{row} {ratio:.2f}" for row, ratio in result.residual_excess.items())
+    yield Text(f"Residual over what sensor noise explains: {excess}")
     fits = ", ".join(f"{c} {fit:.1f} %" for c, fit in result.validation.fit_percent.items())
     yield Text(f"Free run over held-out data: {fits}")
     yield Text(
@@ -78,4 +80,4 @@ def format_with_interval(value: float, lower: float, upper: float) -> tuple[str,
     if not isfinite(width) or width <= 0:
         return f"{value:.5g}", f"{lower:.5g}", f"{upper:.5g}"
     decimals = min(12, max(0, 1 - floor(log10(width))))
-    return tuple(f"{number:.{decimals}f}" for number in (value, lower, upper))  # type: ignore[return-value]
+    return f"{value:.{decimals}f}", f"{lower:.{decimals}f}", f"{upper:.{decimals}f}"
