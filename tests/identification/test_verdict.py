@@ -14,6 +14,7 @@ def judged(
     shift=0.0,
     moving=None,
     size=0.5,
+    residual_excess=1.0,
     condition=2.0,
     direction=(1.0, -1.0, 0.0),
     link=95.0,
@@ -38,6 +39,7 @@ def judged(
         {**dict.fromkeys(names, 1e-3), name: std},
         {**dict.fromkeys(names, 0.0), moving or name: shift},
         dict.fromkeys(names, size),
+        residual_excess,
         excitation,
         fits,
     )
@@ -99,6 +101,14 @@ def test_a_moving_neighbour_makes_a_row_weak(size, expected):
     status, reason = judged("theta1", shift=0.2, moving="theta3", size=size)
     assert status == expected
     assert ("theta3" in reason) == (expected == "weak")
+
+
+@pytest.mark.parametrize(("excess", "expected"), [(4.0, "determined"), (9.0, "weak")])
+def test_residual_decides(excess, expected):
+    """Assert that a row that leaves far more than noise explains is not called known."""
+    status, reason = judged(residual_excess=excess)
+    assert status == expected
+    assert ("noise" in reason) == (expected == "weak")
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ _NOISE_DEVIATIONS = 1.0
 def coefficient_estimates(
     fit: LeastSquaresFit,
     shifts: Mapping[str, float],
+    residual_excess: Mapping[str, float],
     excitation: Mapping[str, Excitation],
     fit_percent: Mapping[str, float],
     known: Mapping[str, float],
@@ -39,6 +40,7 @@ def coefficient_estimates(
             {name: deviations[name] for name in names},
             {name: shifts[name] for name in names},
             dict(zip(names, map(float, sizes), strict=True)),
+            residual_excess[row.name],
             excitation[row.name],
             fit_percent,
         )

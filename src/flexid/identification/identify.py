@@ -17,10 +17,11 @@ from flexid.identification.estimates import (
     parameter_estimates,
 )
 from flexid.identification.observer_stream import stream
+from flexid.identification.residuals import residual_excess
 from flexid.identification.result import Identification
 from flexid.identification.settings import Settings
 from flexid.identification.validation import validate
-from flexid.identification.warnings import sign_warnings, validation_warnings
+from flexid.identification.warnings import residual_warnings, sign_warnings, validation_warnings
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold, Log, Recording
@@ -96,14 +97,21 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
     fit = fitter.fit(pieces)
     excitation = _excitation(fit)
     others = [fitter.at(factor * fitter.filter_rate).fit(pieces) for factor in _RATE_FACTORS]
-    shifts = filter_shifts(fit, others)
+    excess = residual_excess(fit, pieces, system)
     coefficients = coefficient_estimates(
-        fit, shifts, excitation, validation.fit_percent, known, input_unit
+        fit,
+        filter_shifts(fit, others),
+        excess,
+        excitation,
+        validation.fit_percent,
+        known,
+        input_unit,
     )
     return Identification(
         coefficients=coefficients,
         parameters=parameter_estimates(fit, coefficients, input_unit),
         excitation=excitation,
+        residual_excess=excess,
         validation=validation,
         observer=stream(pieces, system, fitter.hold),
         hold=fitter.hold,
@@ -112,6 +120,7 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
             *(warning for log in logs for warning in log.warnings),
             *dropped,
             *sign_warnings(coefficients),
+            *residual_warnings(excess),
             *validation_warnings(validation.fit_percent),
         ),
         provenance=_provenance(logs, settings, fitter),

@@ -121,6 +121,8 @@ class Identification:
         By name.
     excitation : mapping of str to Excitation
         By row name.
+    residual_excess : mapping of str to float
+        By row name: residual over what the noise of the positions explains, as root mean squares.
     validation : Validation
         Free run over the held-out end of each piece, with coefficients fitted without it.
     observer : ObserverTrace
@@ -138,6 +140,7 @@ class Identification:
     coefficients: Mapping[str, CoefficientEstimate]
     parameters: Mapping[str, ParameterEstimate]
     excitation: Mapping[str, Excitation]
+    residual_excess: Mapping[str, float]
     validation: Validation
     observer: ObserverTrace
     hold: Hold

@@ -1,6 +1,6 @@
 """The verdict on each coefficient: determined, weak or undetermined, and why.
 
-Five kinds of evidence count, and the worst decides:
+Six kinds of evidence count, and the worst decides:
 
 - the interval: a coefficient is known if its standard deviation is small beside its value, or if
   what it could contribute to the motion within its interval is negligible (a friction that is
@@ -11,6 +11,8 @@ Five kinds of evidence count, and the worst decides:
 - the filter: in a right model the same coefficients explain the motion at every filter rate; one
   that moves with the rate by more than noise allows makes up for what the model lacks, and makes
   its whole row weak;
+- the residual: where a row leaves far more unexplained than the noise of the positions accounts
+  for, the model or the recorded input lacks something, and the row is weak;
 - the sign: no spring and no inertia is negative;
 - the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
   not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
@@ -36,6 +38,9 @@ NEGLIGIBLE_SHARE = 0.02
 
 DETERMINED_SHIFT = 0.05
 """Relative shift with the filter rate, beyond noise, up to which a coefficient is determined."""
+
+NOISE_EXCESS = 5.0
+"""Residual over what noise explains up to which a row's coefficients are determined."""
 
 WEAK_FIT = 50.0
 """Free-run fit in per cent below which what it depends on is doubtful."""
@@ -63,6 +68,8 @@ class Evidence:
         How far each estimate moves with the filter rate, beyond noise; in its own unit.
     sizes : mapping of str to float
         Root mean square of each regressor over that of the row's acceleration.
+    residual_excess : float
+        Residual of the row over what the noise of the positions explains.
     excitation : Excitation
         Of the row.
     fit_percent : mapping of str to float
@@ -73,6 +80,7 @@ class Evidence:
     deviations: Mapping[str, float]
     shifts: Mapping[str, float]
     sizes: Mapping[str, float]
+    residual_excess: float
     excitation: Excitation
     fit_percent: Mapping[str, float]
 
@@ -95,7 +103,7 @@ def verdict(name: str, row: Evidence) -> Verdict:
     reason : str
         Empty for a determined coefficient.
     """
-    rules = (_by_interval, _by_excitation, _by_filter, _by_sign, _by_validation)
+    rules = (_by_interval, _by_excitation, _by_filter, _by_residual, _by_sign, _by_validation)
     return max((rule(name, row) for rule in rules), key=lambda judged: _RANK[judged[0]])
 
 
@@ -148,6 +156,12 @@ def _by_filter(name: str, row: Evidence) -> Verdict:
         "weak",
         f"{who} moves by {100 * share:.0f} % with the filter rate: the model lacks something",
     )
+
+
+def _by_residual(_: str, row: Evidence) -> Verdict:
+    if row.residual_excess <= NOISE_EXCESS:
+        return _FINE
+    return "weak", f"its row leaves {row.residual_excess:.0f} times what sensor noise explains"
 
 
 def _by_sign(name: str, row: Evidence) -> Verdict:

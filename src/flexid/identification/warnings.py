@@ -5,6 +5,9 @@ from collections.abc import Iterator, Mapping
 from flexid.identification.result import CoefficientEstimate
 from flexid.identification.verdict import WEAK_FIT
 
+NOISE_EXCESS = 1.5
+"""Residual over what noise explains from which a row earns a warning."""
+
 _SIGN_ADVICE = {
     "theta2": "the sign of the deflection is probably wrong",
     "alpha1": "the sign of the deflection is probably wrong",
@@ -26,4 +29,15 @@ def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
             yield (
                 f"the free run repeats {max(fit, 0):.0f} % of the held-out {channel}: the model "
                 f"lacks something the drive has (try further terms), or the coefficients are off"
+            )
+
+
+def residual_warnings(residual_excess: Mapping[str, float]) -> Iterator[str]:
+    """Warn of rows that leave more unexplained than the noise of the positions accounts for."""
+    for row, excess in residual_excess.items():
+        if excess > NOISE_EXCESS:
+            yield (
+                f"the {row} row leaves {excess:.1f} times the residual that sensor noise explains: "
+                f"a term is missing, or the input as recorded is not what acted (delayed, noisy, "
+                f"filtered); the intervals do not cover that"
             )

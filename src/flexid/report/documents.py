@@ -40,6 +40,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
             for name, p in result.parameters.items()
         },
         "excitation": {row: _excitation_document(e) for row, e in result.excitation.items()},
+        "residual_excess": dict(result.residual_excess),
         "validation": {"fit_percent": dict(result.validation.fit_percent)},
         "observer": {
             "final": dict(

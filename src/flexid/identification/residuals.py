@@ -1,0 +1,99 @@
+"""What a fit leaves unexplained, beside what the noise of the positions accounts for.
+
+Noise of a position enters a row's filtered equation through the second difference on its left and
+through the regressors on its right. Both ways are linear for small noise, so the residual that
+noise alone would leave can be predicted. A residual far above it means that the model lacks
+something, or that the recorded input is not the one that acted; no interval covers that.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from flexid.estimators.samples import samples_of_recording
+from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Recording
+from flexid.recording.velocities import position_noise
+from flexid.simulation.free_run import free_run_kernel
+
+FloatArray = NDArray[np.float64]
+
+_INSTANTS = 100  # of the motion at which the model is linearised
+_STEP = 1e-5  # rad and rad/s, of the finite differences
+_MEMORY = 40.0  # time constants of the filter after which its response has vanished
+
+
+def residual_excess(
+    fit: LeastSquaresFit, pieces: Sequence[Recording], system: ParametricSystem
+) -> dict[str, float]:
+    """Residual of each row over the residual that noise of the positions would leave.
+
+    Parameters
+    ----------
+    fit : LeastSquaresFit
+        Of these pieces.
+    pieces : sequence of Recording
+        With velocities.
+    system : ParametricSystem
+        The model.
+
+    Returns
+    -------
+    dict of str to float
+        Ratio of root mean squares by row; near 1 for a right model with white noise.
+    """
+    longest = max(pieces, key=len)
+    noise = np.array(
+        [position_noise(longest.link_position), position_noise(longest.motor_position)]
+    )
+    stiffness, damping = _linearised(fit, longest, system)
+    smooth, first, second = _responses(fit.filter_rate, longest.sample_time)
+    excess = {}
+    for place, row in enumerate(fit.rows):
+        variance = 0.0
+        for coordinate, sigma in enumerate(noise):
+            response = -stiffness[place, coordinate] * smooth - damping[place, coordinate] * first
+            if coordinate == place:
+                response = response + second
+            variance += float(sigma**2 * np.sum(response**2))
+        residual = row.residual_sum / max(1, len(row.time))
+        excess[row.name] = float(np.sqrt(residual / max(variance, np.finfo(float).tiny)))
+    return excess
+
+
+def _responses(filter_rate: float, sample_time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Impulse responses of the filter alone, with the first and with the second difference."""
+    pole = np.exp(-filter_rate * sample_time)
+    impulse = np.zeros(int(_MEMORY / (filter_rate * sample_time)) + 10)
+    impulse[2] = 1.0
+    smooth = lfilter([(1 - pole) ** 2], [1.0, -2 * pole, pole**2], impulse)
+    first = lfilter([1.0, 0.0, -1.0], [2 * sample_time], smooth)
+    second = lfilter([1.0, -2.0, 1.0], [sample_time**2], smooth)
+    return np.asarray(smooth), np.asarray(first), np.asarray(second)
+
+
+def _linearised(
+    fit: LeastSquaresFit, piece: Recording, system: ParametricSystem
+) -> tuple[FloatArray, FloatArray]:
+    """Mean derivatives of the accelerations by positions and velocities, each (rows, rows)."""
+    samples = samples_of_recording(piece)
+    assert samples.velocities is not None
+    states = np.empty((len(samples), len(system.states)))
+    states[:, 0::2], states[:, 1::2] = samples.positions, samples.velocities
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    right_hand_side = free_run_kernel(system).right_hand_side
+    total = np.zeros((len(system.states), len(system.states)))
+    instants = np.linspace(0, len(samples) - 1, _INSTANTS).round().astype(int)
+    up, down = np.empty(len(system.states)), np.empty(len(system.states))
+    for instant in instants:
+        for state in range(len(system.states)):
+            for sign, rates in ((1.0, up), (-1.0, down)):
+                x = states[instant].copy()
+                x[state] += sign * _STEP
+                right_hand_side(x, samples.inputs[instant], fit.values, constants, rates)
+            total[:, state] += (up - down) / (2 * _STEP)
+    mean = total[1::2] / len(instants)
+    return mean[:, 0::2], mean[:, 1::2]
