@@ -1,8 +1,9 @@
 """The paper's closed loop, 30 s, at equal final accuracy: flexid, SciPy's Radau, CasADi's CVODES.
 
-Every solver starts from a loose tolerance and tightens it until all four parameter errors at 30 s
+Every peer starts from a loose tolerance and tightens it until all four parameter errors at 30 s
 agree with an independent reference; that is the tolerance at which it is timed. A solver that does
-not get there is timed where it came closest, and the result says so.
+not get there is timed where it came closest, and the result says so. flexid starts from its
+default tolerance, the one that a user gets who sets none.
 """
 
 import json
@@ -24,7 +25,15 @@ ACCURACY = 1e-5
 REFERENCE = Path("tests/simulation/reference/table_1.json")
 
 _FINE = (1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
-_COARSE = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)  # where a run takes seconds to minutes
+_COARSE = (
+    1e-6,
+    1e-7,
+    1e-8,
+    1e-9,
+    1e-10,
+    1e-11,
+    1e-12,
+)  # flexid's default first; peers' runs take minutes
 
 
 @dataclass(frozen=True)
@@ -70,8 +79,8 @@ def run(quick: bool) -> Outcome:
         Leave the solvers in plain coordinates at one tolerance: minutes become seconds.
     """
     high, low = (1, 2, 3), (1, 1, 3)
-    own = climb("flexid", high, lambda t: flexid(high, t), _FINE)
-    own_low = climb("flexid", low, lambda t: flexid(low, t), _FINE)
+    own = climb("flexid", high, lambda t: flexid(high, t), _COARSE)
+    own_low = climb("flexid", low, lambda t: flexid(low, t), _COARSE)
     coarse = _COARSE[:1] if quick else _COARSE
     plain_radau = climb("SciPy Radau, plain", high, lambda t: radau(high, True, t), coarse)
     plain_cvodes = climb("CVODES, plain", high, lambda t: cvodes(high, True, t), coarse)

@@ -9,7 +9,9 @@ from table_1 import table_1
 from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import constant
 from flexid.errors import SettingError, SimulationError
+from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.closed_loop import simulate
+from flexid.simulation.free_run import free_run
 from flexid.simulation.sampled import Sampling, simulate_sampled
 
 LOOP = table_1(controller=pd_gravity())
@@ -121,9 +123,23 @@ def test_divergence_is_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "value"), [("sample_time", 0.0), ("substeps", 0), ("velocity_noise", -1.0)]
+    ("setting", "value"), [("sample_time", 0.0), ("input_limit", 0.0), ("velocity_noise", -1.0)]
 )
 def test_settings_out_of_range(setting: str, value: float) -> None:
     """Assert that a setting out of its range is named."""
     with pytest.raises(SettingError, match=setting):
         replace(Sampling(), **{setting: value})
+
+
+def test_plant_moves_as_in_a_free_run() -> None:
+    """Assert that between samples the plant does what a free run under the held input does.
+
+    Its friction is so steep that a hundredth of a second has to be divided many times.
+    """
+    terms = ("gravity", "motor_viscous", "motor_coulomb")
+    system = flexible_joint(terms, dict(LOOP.system.constants))
+    coefficients = {**LOOP.coefficients, "alpha_coulomb": 300.0}
+    loop = replace(LOOP, system=system, coefficients=coefficients)
+    run = simulate_sampled(loop, 2.0, Sampling(1e-2))
+    alone = free_run(system, coefficients, np.zeros(4), run.inputs, 1e-2, "zero")
+    np.testing.assert_allclose(run.states, alone, atol=1e-9)

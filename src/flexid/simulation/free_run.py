@@ -10,10 +10,7 @@ from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel, template
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-
-_STEPS_PER_TIME_CONSTANT = 20.0  # of the fastest pole; RK4 then errs by 3e-9 per step
-_MOST_SUBSTEPS = 1000  # per sample
-_NUDGE = 1e-6  # rad or rad/s, for the differences of the linearisation
+from flexid.simulation.substeps import runge_kutta_substeps
 
 
 def free_run(
@@ -58,42 +55,14 @@ def free_run(
     x0 = np.asarray(initial_state, dtype=float)
     held = int(hold == "zero")
     kernel = free_run_kernel(system)
-    # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
-    fastest = max(_fastest_rate(kernel, x, u[0], p, c) for x in (np.zeros_like(x0), x0))
-    substeps = max(1.0, np.ceil(_STEPS_PER_TIME_CONSTANT * fastest * sample_time))
-    if substeps > _MOST_SUBSTEPS:
-        raise SimulationError(
-            f"the model has a pole of {fastest:.3g} 1/s, too fast for samples {sample_time:.3g} s "
-            f"apart: check its coefficients",
-            0.0,
-        )
-    written = kernel.free_run(x0, u, p, c, sample_time, held, int(substeps), out)
+    substeps = runge_kutta_substeps(kernel, x0, u[0], p, c, sample_time)
+    written = kernel.free_run(x0, u, p, c, sample_time, held, substeps, out)
     if written < len(u):
         raise SimulationError(
             "the free run of the model diverges: its coefficients make it unstable",
             written * sample_time,
         )
     return out
-
-
-def _fastest_rate(
-    kernel: ModuleType,
-    x: NDArray[np.float64],
-    u: NDArray[np.float64],
-    p: NDArray[np.float64],
-    c: NDArray[np.float64],
-) -> float:
-    """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
-    rates = np.empty((2, len(x), len(x)))
-    for side, nudge in enumerate((_NUDGE, -_NUDGE)):
-        for place in range(len(x)):
-            nudged = x.copy()
-            nudged[place] += nudge
-            kernel.right_hand_side(nudged, u, p, c, rates[side, place])
-    jacobian = (rates[0] - rates[1]) / (2.0 * _NUDGE)
-    if not np.all(np.isfinite(jacobian)):  # the model has no linearisation here
-        return 0.0
-    return float(np.max(np.abs(np.linalg.eigvals(jacobian))))
 
 
 def free_run_kernel(system: ParametricSystem) -> ModuleType:

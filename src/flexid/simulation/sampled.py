@@ -17,6 +17,7 @@ from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel, template
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
+from flexid.simulation.substeps import runge_kutta_substeps
 
 Array = NDArray[np.float64]
 
@@ -41,8 +42,6 @@ class Sampling:
         rad/s; positions get theirs before they are quantised.
     seed : int, optional
         Seed of the noise.
-    substeps : int, optional
-        Runge-Kutta steps of the plant per sample.
 
     Raises
     ------
@@ -56,10 +55,9 @@ class Sampling:
     position_noise: float = 0.0
     velocity_noise: float = 0.0
     seed: int = 0
-    substeps: int = 4
 
     def __post_init__(self) -> None:
-        for name in ("sample_time", "input_limit", "substeps"):
+        for name in ("sample_time", "input_limit"):
             if not getattr(self, name) > 0:
                 raise SettingError(name, f"{getattr(self, name)!r} must be positive")
         for name in ("position_resolution", "position_noise", "velocity_noise"):
@@ -175,6 +173,13 @@ def _constants(loop: ClosedLoop) -> Array:
     return np.array(list(loop.system.constants.values()), dtype=np.float64)
 
 
+def _substeps(kernel: ModuleType, loop: ClosedLoop, sample_time: float) -> int:
+    start = np.array(loop.initial_state)
+    still = np.zeros(kernel.N_INPUTS)
+    p, c = loop.true_coefficients, _constants(loop)
+    return runge_kutta_substeps(kernel, start, still, p, c, sample_time)
+
+
 def _run_compiled(
     kernel: ModuleType, loop: ClosedLoop, sampling: Sampling, record: _Record
 ) -> tuple[int, int]:
@@ -185,7 +190,7 @@ def _run_compiled(
         sampling.noise(*record.states.shape),
         sampling.position_resolution,
         sampling.input_limit,
-        sampling.substeps,
+        _substeps(kernel, loop, sampling.sample_time),
         loop.start_estimates,
         _observer_settings(loop, sampling.sample_time),
         record.states,
@@ -214,6 +219,7 @@ def _run_called(
     observer = np.zeros(kernel.STATE_SIZE)
     observer[1 : 1 + len(true)] = loop.start_estimates
     x = record.states[0].copy()
+    substeps = _substeps(kernel, loop, h)
     limited = 0
     for n in range(len(record.states)):
         record.states[n] = x
@@ -223,7 +229,7 @@ def _run_called(
         limited += kernel.saturate(u, sampling.input_limit)
         observer, _ = kernel.step(observer, np.concatenate((seen, u)), settings)
         record.estimates[n] = observer[1 : 1 + len(true)]
-        kernel.move(x, u, true, constants, h, sampling.substeps)
+        kernel.move(x, u, true, constants, h, substeps)
         if not kernel.bounded(x):
             return n + 1, limited
     return len(record.states), limited

@@ -1,0 +1,64 @@
+"""How finely the classical Runge-Kutta method must divide a sampling interval."""
+
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.errors import SimulationError
+
+Array = NDArray[np.float64]
+
+_STEPS_PER_TIME_CONSTANT = 20.0  # of the fastest pole; the method then errs by 3e-9 per step
+_MOST_SUBSTEPS = 1000  # per sample
+_NUDGE = 1e-6  # rad or rad/s, for the differences of the linearisation
+
+
+def runge_kutta_substeps(
+    kernel: ModuleType, x: Array, u: Array, p: Array, c: Array, sample_time: float
+) -> int:
+    """Steps per sample that resolve a model's fastest pole.
+
+    Parameters
+    ----------
+    kernel : module
+        With the model's ``right_hand_side``.
+    x, u, p, c : ndarray
+        State and input at the start, coefficients and constants.
+    sample_time : float
+        In s.
+
+    Returns
+    -------
+    int
+        At least 1.
+
+    Raises
+    ------
+    SimulationError
+        If the model is too stiff for samples so far apart.
+    """
+    # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
+    fastest = max(_fastest_rate(kernel, at, u, p, c) for at in (np.zeros_like(x), x))
+    substeps = max(1.0, np.ceil(_STEPS_PER_TIME_CONSTANT * fastest * sample_time))
+    if substeps > _MOST_SUBSTEPS:
+        raise SimulationError(
+            f"the model has a pole of {fastest:.3g} 1/s, too fast for samples {sample_time:.3g} s "
+            f"apart: check its coefficients",
+            0.0,
+        )
+    return int(substeps)
+
+
+def _fastest_rate(kernel: ModuleType, x: Array, u: Array, p: Array, c: Array) -> float:
+    """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
+    rates = np.empty((2, len(x), len(x)))
+    for side, nudge in enumerate((_NUDGE, -_NUDGE)):
+        for place in range(len(x)):
+            nudged = x.copy()
+            nudged[place] += nudge
+            kernel.right_hand_side(nudged, u, p, c, rates[side, place])
+    jacobian = (rates[0] - rates[1]) / (2.0 * _NUDGE)
+    if not np.all(np.isfinite(jacobian)):  # the model has no linearisation here
+        return 0.0
+    return float(np.max(np.abs(np.linalg.eigvals(jacobian))))
