@@ -21,6 +21,7 @@ _ALIASES = {"Abs": "abs"}  # how SymPy prints it
 _MAX_LENGTH = 4000
 _MAX_DEPTH = 60
 _MAX_EXPONENT = 12
+_MAX_POWER_LEVELS = 2  # 9e300 to the 12th to the 12th has 43 000 digits; enough is enough
 
 T = TypeVar("T")
 
@@ -149,6 +150,8 @@ class _Folder:
         if operator == "**":
             self.check_exponent(node.right)
         left = self.visit(node.left, depth + 1)
+        if _power_levels(node) > _MAX_POWER_LEVELS:
+            raise self.refuse(f"has powers of powers over {_MAX_POWER_LEVELS} levels deep")
         return self._algebra.operate(operator, left, self.visit(node.right, depth + 1))
 
     def check_exponent(self, node: ast.expr) -> None:
@@ -190,6 +193,11 @@ class _Nothing:
     def negate(self, operand: None) -> None: ...
 
     def call(self, function: str, argument: None) -> None: ...
+
+
+def _power_levels(node: ast.AST) -> int:
+    inner = max((_power_levels(child) for child in ast.iter_child_nodes(node)), default=0)
+    return inner + (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow))
 
 
 def _listed(names: Collection[str]) -> str:
