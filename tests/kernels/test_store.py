@@ -104,3 +104,27 @@ def test_fallback_is_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         assert directory.stat().st_mode & 0o077 == 0
     finally:
         store.cache_directory.cache_clear()
+
+
+KERNEL = """
+from numba import njit
+
+@njit(cache=True)
+def double(x):
+    return 2 * x
+"""
+
+
+@pytest.mark.parametrize("damage", ["source", "index"])
+def test_damaged_files_are_made_anew(cache: Path, damage: str) -> None:
+    """Assert that a source cut short, or an emptied index of compiled code, does no harm."""
+    kernel = store.load_kernel("damage", [damage], lambda: KERNEL)
+    assert kernel.double(2) == 4
+    del sys.modules[kernel.__name__]
+    if damage == "source":
+        path = Path(str(kernel.__file__))
+        path.write_text(path.read_text()[:40])
+    else:
+        (index,) = cache.glob("__pycache__/*.nbi")
+        index.write_bytes(b"")
+    assert store.load_kernel("damage", [damage], lambda: KERNEL).double(3) == 6

@@ -20,6 +20,8 @@ from types import ModuleType
 
 import platformdirs
 
+_END = "\n# The kernel ends here.\n"
+
 CACHE_VARIABLE = "FLEXID_CACHE_DIR"
 """Environment variable that moves the cache of kernels."""
 
@@ -46,9 +48,22 @@ def load_kernel(task: str, declarations: Sequence[str], build: Callable[[], str]
     if name in sys.modules:
         return sys.modules[name]
     path = cache_directory() / f"{name}.py"
+    _discard_damaged(path)
     if not path.exists():
-        _write_atomically(path, build())
+        _write_atomically(path, build() + _END)
     return _import(name, path)
+
+
+def _discard_damaged(path: Path) -> None:
+    """Remove what a full disk or a power failure cut short: it is made anew.
+
+    That is a source without its last line, or an empty file of numba's cache.
+    """
+    if path.exists() and not path.read_text("utf-8").endswith(_END):
+        path.unlink()
+    for compiled in path.parent.glob(f"__pycache__/{path.stem}.*"):
+        if compiled.stat().st_size == 0:
+            compiled.unlink()
 
 
 def template(name: str) -> str:
