@@ -123,3 +123,20 @@ class SettingError(FlexidError):
         self.setting = setting
         self.reason = reason
         super().__init__(f"{setting}: {reason}")
+
+
+class ConvergenceError(FlexidError):
+    """An iterative estimate did not converge, or converged where the data contradict it.
+
+    Parameters
+    ----------
+    estimator : str
+        Which estimator.
+    reason : str
+        What happened and what to change.
+    """
+
+    def __init__(self, estimator: str, reason: str) -> None:
+        self.estimator = estimator
+        self.reason = reason
+        super().__init__(f"{estimator}: {reason}")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flexid.estimators.filter_rate import choose_filter_rate
+from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
@@ -68,3 +69,19 @@ def test_free_run_over_the_second_half(arm: Samples, hold: Hold, rate: float | N
         "deflection": fit_percent(link - motor, simulated[:, 0] - simulated[:, 2]),
     }
     assert all(reached[name] >= required for name, required in REQUIRED.items())
+
+
+@pytest.mark.parametrize("duration", [2.0, 5.0])
+def test_prediction_error_over_the_second_half(arm: Samples, duration: float):
+    """Assert that prediction error predicts the second half at 97.0, 96.9 and 85.0 %."""
+    half = len(arm) // 2
+    training = part_of(arm.positions, arm.inputs, slice(0, half))
+    start = filtered_least_squares([training], ARM, 20.0, "zero")
+    fit = prediction_error([training], ARM, start, duration, "zero")
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    state = state_at(arm, half)
+    simulated = free_run(ARM, values, state, arm.inputs[half:], SAMPLE_TIME, "zero")
+    link, motor = arm.positions[half:].T
+    assert fit_percent(motor, simulated[:, 2]) >= 97.0
+    assert fit_percent(link, simulated[:, 0]) >= 96.9
+    assert fit_percent(link - motor, simulated[:, 0] - simulated[:, 2]) >= 85.0

@@ -1,1 +1,1 @@
-"""Estimators: the paper's parametric observer and batch least squares."""
+"""Estimators: the paper's parametric observer, least squares and segmented prediction error."""

@@ -1,0 +1,118 @@
+"""Accuracy, coverage, starting values and speed of the segmented prediction error.
+
+Run in the repository: ``PYTHONPATH=tests/estimators python benchmarks/prediction_error.py``
+"""
+
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+from noisy_joint import POSITION_NOISE, TRUTH, VALUES, joint_samples, worst_error
+from scipy.signal import lfilter
+from scipy.stats import t
+from segment_bound import cramer_rao_bound
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.models.flexible_joint import flexible_joint
+
+JOINT = flexible_joint()
+SEEDS = range(20)
+
+
+def fit(samples: Samples, duration: float = 1.0, velocities: bool = False) -> PredictionErrorFit:
+    start = filtered_least_squares([samples], JOINT)
+    return prediction_error([samples], JOINT, start, duration, use_velocities=velocities)
+
+
+def accuracy() -> None:
+    print("worst of five coefficients in percent, 20 seeds: median / largest; RMS over bound")
+    for duration in (0.5, 1.0, 2.0, 5.0, 10.0):
+        bound = cramer_rao_bound(round(30.0 / duration))
+        for velocities in (False, True):
+            fits = [fit(joint_samples(seed), duration, velocities) for seed in SEEDS]
+            errors = [worst_error(found.values) for found in fits]
+            rms = np.sqrt(np.mean([(found.values - VALUES) ** 2 for found in fits], axis=0))
+            ratios = " ".join(f"{ratio:.2f}" for ratio in rms / bound)
+            outputs = "positions and velocities" if velocities else "positions"
+            print(
+                f"  {duration:g} s, {outputs}: {np.median(errors):.4f} / {max(errors):.4f};"
+                f" {ratios}, all {np.sqrt(np.mean((rms / bound) ** 2)):.2f}"
+            )
+
+
+def encoder(bits: int, first: int) -> Samples:
+    """The clean record from a sample on, as an encoder with so many bits per turn gives it."""
+    clean, step = joint_samples(first=first), 2 * np.pi / 2**bits
+    return replace(clean, positions=np.round(clean.positions / step) * step, velocities=None)
+
+
+def encoders() -> None:
+    print("encoders only, record cut at 0, 100, ... 1900 ms: median / largest of the worst error")
+    for bits in (16, 14, 12):
+        for duration in (1.0, 5.0):
+            errors = [worst_error(fit(encoder(bits, 100 * i), duration).values) for i in range(20)]
+            print(f"  {bits} bit, {duration:g} s: {np.median(errors):.4f} / {max(errors):.4f}")
+
+
+def correlated(seed: int, rho: float) -> Samples:
+    """Positions in autoregressive noise of the usual standard deviation."""
+    clean = joint_samples()
+    shocks = np.random.default_rng(seed).standard_normal((2000 + len(clean), 2))
+    noise = lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks, axis=0)[2000:]
+    return replace(clean, positions=clean.positions + POSITION_NOISE * noise, velocities=None)
+
+
+def coverage(n_seeds: int = 400) -> None:
+    print(f"coverage of nominal 95 % intervals, {n_seeds} seeds: each coefficient, all")
+    for rho in (0.0, 0.9):
+        fits = [fit(correlated(seed, rho)) for seed in range(1000, 1000 + n_seeds)]
+        for name in ("covariance", "gauss_newton_covariance"):
+            held = []
+            for found in fits:
+                width = np.sqrt(np.diag(getattr(found, name)))
+                width *= t.ppf(0.975, found.segments_less_coefficients)
+                held.append(np.abs(found.values - VALUES) <= width)
+            each = " ".join(f"{share:.3f}" for share in np.mean(held, axis=0))
+            print(f"  rho {rho:g}, {name}: {each}, {np.mean(held):.3f}")
+        white = np.mean([found.whiteness >= 0.05 for found in fits])
+        print(f"  rho {rho:g}: called white at the 5 % level in {100 * white:.1f} %")
+
+
+def starts() -> None:
+    print("starting values wrong by up to a factor, each way: right / refused / wrong of 100")
+    for factor in (2.0, 10.0):
+        counts = {"right": 0, "refused": 0, "wrong": 0}
+        generator = np.random.default_rng(5)
+        for seed in range(100):
+            start = VALUES * factor ** generator.uniform(-1.0, 1.0, len(VALUES))
+            guess = dict(zip(TRUTH, start.tolist(), strict=True))
+            try:
+                found = prediction_error([joint_samples(seed % 20)], JOINT, guess)
+            except ConvergenceError:
+                counts["refused"] += 1
+            else:
+                counts["right" if worst_error(found.values) < 0.05 else "wrong"] += 1
+        print(f"  {factor:g}: {' / '.join(map(str, counts.values()))}")
+
+
+def speed() -> None:
+    samples = joint_samples(0)
+    start = filtered_least_squares([samples], JOINT)
+    for velocities in (False, True):
+        times = []
+        for _ in range(20):
+            begin = time.perf_counter()
+            prediction_error([samples], JOINT, start, use_velocities=velocities)
+            times.append(time.perf_counter() - begin)
+        print(f"30 s at 1 kHz, velocities {velocities}: {min(times):.3f} s, {np.median(times):.3f}")
+
+
+if __name__ == "__main__":
+    parts = (accuracy, encoders, coverage, starts, speed)
+    for part in parts:
+        if len(sys.argv) == 1 or part.__name__ in sys.argv[1:]:
+            part()

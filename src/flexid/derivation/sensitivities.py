@@ -1,0 +1,83 @@
+"""Source of a model's motion together with its exact derivatives: the variational equations.
+
+With x' = f(x, u, p), the derivatives of x with respect to the state s at the start of a segment
+and to the coefficients p obey
+
+    (∂x/∂s)' = (∂f/∂x) ∂x/∂s,    (∂x/∂p)' = (∂f/∂x) ∂x/∂p + ∂f/∂p.
+
+All of them are the columns of one matrix: first x, then ∂x/∂s, then ∂x/∂p.
+"""
+
+from typing import cast
+
+import sympy as sp
+
+from flexid.derivation.model_functions import module_header
+from flexid.derivation.source import assignments, function, unpack
+from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
+from flexid.models.parametric_system import ParametricSystem
+
+
+def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
+    """Header and ``variation_rates(z, u, p, c, dz)``.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        Any model.
+    purpose : str
+        First words of the module's docstring.
+
+    Returns
+    -------
+    str
+        A module with the sizes of the model, N_COLUMNS (1 + N_STATES + N_COEFFICIENTS) and the
+        function, which fills dz = z' for the matrix z of shape (N_STATES, N_COLUMNS).
+    """
+    symbolic = symbolic_system(system)
+    columns = 1 + len(symbolic.states) + len(symbolic.coefficients)
+    header = module_header(system, purpose) + f"N_COLUMNS = {columns}\n"
+    return header + "\n\n" + _variation_rates(symbolic)
+
+
+def _variation_rates(symbolic: SymbolicSystem) -> str:
+    targets: list[str] = []
+    expressions: list[sp.Expr] = []
+    loop, sources = [], []
+    column = 1 + len(symbolic.states)
+    for j, row in enumerate(symbolic.rows):
+        jacobian = {
+            place: _derivative(row.acceleration, state)
+            for place, state in enumerate(symbolic.states)
+            if row.acceleration.has(state)
+        }
+        targets += [f"_dz[{2 * j + 1}, 0]", *(f"_a{j}_{place}" for place in jacobian)]
+        expressions += [row.acceleration, *jacobian.values()]
+        products = [f"_a{j}_{place} * _z[{place}, _j]" for place in jacobian]
+        loop.append(f"        _dz[{2 * j}, _j] = _z[{2 * j + 1}, _j]")
+        loop.append(f"        _dz[{2 * j + 1}, _j] = {' + '.join(products) or '0.0'}")
+        for i, regressor in enumerate(row.regressor):
+            targets.append(f"_r{j}_{i}")
+            expressions.append(regressor)
+            sources.append(f"    _dz[{2 * j + 1}, {column}] += _r{j}_{i}")
+            column += 1
+    states = [f"    {name} = _z[{place}, 0]" for place, name in enumerate(symbolic.states)]
+    return function(
+        "variation_rates(_z, _u, _p, _c, _dz)",
+        "_dz = _z' for the columns x, ∂x/∂s, ∂x/∂p of _z.  # Huang (2003), eq. (1)",
+        "\n".join(states),
+        unpack("_u", symbolic.inputs),
+        unpack("_p", symbolic.coefficients),
+        unpack("_c", symbolic.constants),
+        assignments(targets, expressions),
+        "\n".join(f"    _dz[{2 * j}, 0] = {row.velocity}" for j, row in enumerate(symbolic.rows)),
+        "    for _j in range(1, N_COLUMNS):",
+        "\n".join(loop),
+        "\n".join(sources),
+    )
+
+
+def _derivative(expression: sp.Expr, state: sp.Symbol) -> sp.Expr:
+    """∂/∂state; the jump of a sign has derivative zero on either side, and no other is wanted."""
+    derivative = sp.diff(expression, state).replace(sp.DiracDelta, lambda *_: sp.S.Zero)
+    return cast(sp.Expr, derivative)

@@ -1,0 +1,109 @@
+"""Normal equations in the form of an arrow: common coefficients, and states of segments' own.
+
+The initial state s of a segment touches that segment only. So the normal matrix is block-diagonal
+but for a border,
+
+    [ A_1           B_1 ] [ds_1]   [a_1]
+    [      ...      ... ] [ ...] = [ ...]
+    [ B_1ᵀ ...    Σ C_j ] [ dp ]   [Σ b_j]
+
+and eliminating the initial states leaves (Σ C_j - B_jᵀ A_j⁻¹ B_j) dp = Σ b_j - B_jᵀ A_j⁻¹ a_j: as
+many equations as there are coefficients, at a cost that grows with the number of segments only.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.estimators.samples import FloatArray
+
+_NULL = 1e-12  # eigenvalue of a normalised matrix that counts as zero
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What is left for the coefficients once the initial states are eliminated.
+
+    Parameters
+    ----------
+    information : array, shape (k, k)
+        Matrix of the reduced equations.
+    scores : array, shape (k, n_segments)
+        Right-hand side, segment by segment.
+    inverse : array, shape (k, k)
+        Inverse of the information on the directions that the data determine.
+    free : array of bool, shape (k,)
+        Coefficients that have a part in a direction that the data leave open.
+    values_step : array, shape (k,)
+        Solution for the coefficients, zero along open directions.
+    states_step : array, shape (n_segments, n_states)
+        Solution for the initial states.
+    decrement : float
+        Fall of the sum of squares that the equations predict for this step, if undamped.
+    """
+
+    information: FloatArray
+    scores: FloatArray
+    inverse: FloatArray
+    free: NDArray[np.bool_]
+    values_step: FloatArray
+    states_step: FloatArray
+    decrement: float
+
+
+def solve_arrow(
+    normal: FloatArray, gradient: FloatArray, n_states: int, damping: float = 0.0
+) -> Reduced:
+    """Solve the segments' normal equations together.
+
+    Parameters
+    ----------
+    normal : array, shape (n_segments, n, n)
+        Normal matrix of each segment, its initial state first, then the coefficients.
+    gradient : array, shape (n_segments, n)
+        Right-hand sides.
+    n_states : int
+        How many of the n belong to the initial state.
+    damping : float, optional
+        λ of Levenberg and Marquardt: the diagonal is multiplied by 1 + λ.
+    """
+    diagonal = np.einsum("sii->si", normal)
+    own = normal[:, :n_states, :n_states].copy()
+    border = normal[:, :n_states, n_states:]
+    common = normal[:, n_states:, n_states:].sum(axis=0)
+    scale = np.sqrt(np.diag(common))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    if damping:
+        places = np.arange(n_states)
+        own[:, places, places] += damping * diagonal[:, :n_states]
+        common = common + damping * np.diag(np.diag(common))
+    own_inverse = _inverses(own)
+    weights = own_inverse @ border
+    states_alone = np.einsum("sij,sj->si", own_inverse, gradient[:, :n_states])
+    information = common - np.einsum("sij,sik->jk", border, weights)
+    information = 0.5 * (information + information.T)
+    scores = (gradient[:, n_states:] - np.einsum("sij,si->sj", border, states_alone)).T
+    # Scaled by the border's own size: what the initial states explain in full is lost in rounding.
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    kept = eigenvalues > _NULL
+    inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
+    total = scores.sum(axis=1)
+    values_step = inverse @ total
+    return Reduced(
+        information,
+        scores,
+        inverse,
+        np.any(np.abs(vectors[:, ~kept]) > 1e-6, axis=1),
+        values_step,
+        states_alone - weights @ values_step,
+        float(total @ values_step + np.sum(states_alone * gradient[:, :n_states])),
+    )
+
+
+def _inverses(matrices: FloatArray) -> FloatArray:
+    """Pseudo-inverses of symmetric matrices, each scaled to a unit diagonal first."""
+    scale = np.sqrt(np.einsum("sii->si", matrices))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    scales = scale[:, :, None] * scale[:, None, :]
+    return np.linalg.pinv(matrices / scales, rcond=_NULL, hermitian=True) / scales

@@ -1,0 +1,268 @@
+"""Gauss-Newton over segments, damped after Levenberg and Marquardt where a full step fails."""
+
+from dataclasses import dataclass, replace
+from types import ModuleType
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.arrow import Reduced, solve_arrow
+from flexid.estimators.samples import FloatArray
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, first_states
+from flexid.kernels.store import load_kernel, template
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+
+_ITERATIONS = 30  # far beyond the five or so that a good start takes
+_HALVINGS = 4  # of segments too long to be fitted from the start at once
+_DAMPINGS = 8  # attempts at a step that makes nothing worse
+_FIRST_DAMPING = 1e-3
+_LEAST_DAMPING = 1e-6  # less than this is none
+_ROUNDING = 1e-11  # relative length of a step that is lost in rounding
+_SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
+_MOST_SUBSTEPS = 100.0  # per sample; a model still faster is fitted badly, and then refused
+_LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The unknowns: coefficients, shape (k,), and initial states, (n_segments, n_states)."""
+
+    values: FloatArray
+    initial_states: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Normal equations at a point; an infinite cost says that the motion diverged."""
+
+    cost: float
+    normal: FloatArray
+    gradient: FloatArray
+    residuals: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedMotion:
+    """A model's motion over segments, beside the measured one; made by `segmented_motion`.
+
+    Parameters
+    ----------
+    segments : Segments
+        What was measured.
+    constants : array
+        Values of the model's constants.
+    held : bool
+        Whether inputs are constant over each interval.
+    substeps : int
+        Steps of Runge-Kutta 4 per sampling interval.
+    weights : array, shape (n_outputs,)
+        One over the standard deviation of each output's noise.
+    """
+
+    segments: Segments
+    constants: FloatArray
+    held: bool
+    substeps: int
+    weights: FloatArray
+    _kernel: ModuleType
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Measured numbers less unknowns, at least 1."""
+        unknowns = len(self.segments) * self._kernel.N_STATES + self._kernel.N_COEFFICIENTS
+        return max(1, self.segments.outputs.size - unknowns)
+
+    def at(self, point: Point, weights: FloatArray) -> "SegmentedMotion":
+        """The same with weights, and with steps short enough for the motion about a point."""
+        resting = point.initial_states.copy()
+        resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
+        fastest = max(
+            self._fastest_rate(state, self.segments.inputs[first], point.values)
+            for states in (point.initial_states, resting)
+            for first, state in zip(self.segments.starts, states, strict=True)
+        )
+        phase = fastest * float(self.segments.sample_times.max())
+        substeps = max(1, int(np.ceil(min(_SUBSTEPS_PER_RADIAN * phase, _MOST_SUBSTEPS))))
+        return replace(self, substeps=substeps, weights=weights)
+
+    def _fastest_rate(self, state: FloatArray, inputs: FloatArray, values: FloatArray) -> float:
+        """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
+        kernel = self._kernel
+        states = slice(1, 1 + kernel.N_STATES)
+        columns = np.zeros((kernel.N_STATES, kernel.N_COLUMNS))
+        columns[:, 0] = state
+        columns[:, states] = np.eye(kernel.N_STATES)
+        rates = np.empty_like(columns)
+        kernel.variation_rates(columns, inputs, values, self.constants, rates)
+        jacobian = rates[:, states]
+        if not np.isfinite(jacobian).all():  # the model has no linearisation here
+            return 0.0
+        return float(np.abs(np.linalg.eigvals(jacobian)).max())
+
+    def equations(self, point: Point) -> Equations:
+        """Run the model from a point and put up the normal equations."""
+        segments, kernel = self.segments, self._kernel
+        size = kernel.N_STATES + kernel.N_COEFFICIENTS
+        normal = np.empty((len(segments), size, size))
+        gradient = np.empty((len(segments), size))
+        residuals = np.zeros_like(segments.outputs)
+        cost, done = kernel.segment_equations(
+            segments.starts,
+            segments.lengths,
+            segments.sample_times,
+            point.initial_states,
+            segments.measured,
+            segments.outputs,
+            self.weights,
+            segments.inputs,
+            point.values,
+            self.constants,
+            self.held,
+            self.substeps,
+            normal,
+            gradient,
+            residuals,
+        )
+        if done < len(segments) or not np.all(np.abs(normal) < _LARGEST):
+            cost = np.inf
+        return Equations(cost, normal, gradient, residuals)
+
+    def solve(self, equations: Equations, damping: float = 0.0) -> Reduced:
+        """The step that the equations ask for."""
+        n_states = self._kernel.N_STATES
+        return solve_arrow(equations.normal, equations.gradient, n_states, damping)
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the iteration ended: converged, or `minimise` raises.
+
+    Parameters
+    ----------
+    point : Point
+        The unknowns.
+    equations : Equations
+        Normal equations there.
+    reduced : Reduced
+        The same without the initial states.
+    iterations : int
+        Steps taken.
+    last_step : float
+        Length of the step that was not taken any more, in standard deviations.
+    """
+
+    point: Point
+    equations: Equations
+    reduced: Reduced
+    iterations: int
+    last_step: float
+
+    def variance(self, problem: SegmentedMotion) -> float:
+        """Variance of the weighted residuals: 1 if the weights are right."""
+        return self.equations.cost / problem.degrees_of_freedom
+
+    def noise(self, problem: SegmentedMotion) -> FloatArray:
+        """Standard deviation of each output's noise, shape (n_outputs,)."""
+        squares = np.sum(self.equations.residuals**2, axis=0)
+        return np.sqrt(squares * self.equations.residuals.shape[1] / problem.degrees_of_freedom)
+
+
+def segmented_motion(system: ParametricSystem, segments: Segments, hold: Hold) -> SegmentedMotion:
+    """The motion of a model over segments, all outputs of the same weight."""
+
+    def build() -> str:
+        from flexid.derivation.sensitivities import sensitivity_functions
+
+        source = sensitivity_functions(system, "Segmented prediction error")
+        return source + "\n\n" + template("prediction_error")
+
+    kernel = load_kernel("prediction_error", [system.digest], build)
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    weights = np.ones(len(segments.measured))
+    return SegmentedMotion(segments, constants, hold == "zero", 1, weights, kernel)
+
+
+def approach(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimum:
+    """As `minimise`; where that fails, by way of segments of half the length.
+
+    Over a long segment a wrong start leads far from the measured motion, and the sum of squares
+    has other minima there. What a shorter segment tells starts a longer one well.
+    """
+    return _approach(problem, point, tolerance, _HALVINGS)
+
+
+def _approach(problem: SegmentedMotion, point: Point, tolerance: float, halvings: int) -> Minimum:
+    try:
+        return minimise(problem, point, tolerance)
+    except ConvergenceError:
+        if halvings == 0 or problem.segments.lengths.min() < 2 * FEWEST_SAMPLES:
+            raise
+    halves = problem.segments.halved()
+    start = Point(point.values, first_states(halves))
+    found = _approach(replace(problem, segments=halves), start, tolerance, halvings - 1).point
+    return minimise(problem, Point(found.values, found.initial_states[::2]), tolerance)
+
+
+def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimum:
+    """Least sum of squares near a point.
+
+    Parameters
+    ----------
+    problem : SegmentedMotion
+        What to fit.
+    point : Point
+        Where to start.
+    tolerance : float
+        The iteration ends where the next step is shorter than this, in standard deviations.
+
+    Raises
+    ------
+    ConvergenceError
+        If the motion diverges at the start, no step helps, or the steps do not end.
+    """
+    equations = problem.equations(point)
+    if not np.isfinite(equations.cost):
+        raise ConvergenceError(
+            "prediction error",
+            "the model's motion diverges from the starting values: start from a least-squares fit, "
+            "or shorten the segments",
+        )
+    damping = 0.0
+    for iterations in range(_ITERATIONS):
+        reduced = problem.solve(equations)
+        variance = equations.cost / problem.degrees_of_freedom
+        last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
+        if last_step <= tolerance or _is_rounding(reduced, point):
+            return Minimum(point, equations, reduced, iterations, float(last_step))
+        point, equations, damping = _descend(problem, point, equations, damping)
+    raise ConvergenceError(
+        "prediction error",
+        f"the steps do not end within {_ITERATIONS}: start from a least-squares fit, shorten the "
+        f"segments, or drop terms that the record does not show",
+    )
+
+
+def _descend(
+    problem: SegmentedMotion, point: Point, equations: Equations, damping: float
+) -> tuple[Point, Equations, float]:
+    """One step that makes nothing worse, damped as much as it takes; and the damping to go on."""
+    for _ in range(_DAMPINGS):
+        step = problem.solve(equations, damping)
+        trial = Point(point.values + step.values_step, point.initial_states + step.states_step)
+        tried = problem.equations(trial)
+        if tried.cost <= equations.cost * (1.0 + 1e-12):
+            return trial, tried, 0.1 * damping if damping > _LEAST_DAMPING else 0.0
+        damping = max(10.0 * damping, _FIRST_DAMPING)
+    raise ConvergenceError(
+        "prediction error",
+        "no step brings the model closer to the record: start from a least-squares fit, or shorten "
+        "the segments",
+    )
+
+
+def _is_rounding(step: Reduced, point: Point) -> bool:
+    values = np.abs(step.values_step) <= _ROUNDING * np.abs(point.values)
+    largest = np.abs(point.initial_states).max(axis=0)
+    states = np.abs(step.states_step) <= _ROUNDING * largest
+    return bool(values.all() and states.all())

@@ -1,0 +1,286 @@
+"""Segmented prediction error: the model's own motion, fitted to the measured one.
+
+The record is cut into segments. Each starts from an initial state of its own, which is unknown;
+from there the model runs freely under the recorded input, and coefficients and initial states are
+sought for which all the motions come closest to the measured positions. With white noise this is
+maximum likelihood. It needs starting values, which least squares gives, and is checked against it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.block_sandwich import sandwich_covariance
+from flexid.estimators.filter_rate import choose_filter_rate
+from flexid.estimators.gauss_newton import (
+    Minimum,
+    Point,
+    SegmentedMotion,
+    approach,
+    minimise,
+    segmented_motion,
+)
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.segments import divide, first_states
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.whiteness import whiteness
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+from flexid.recording.velocities import position_noise, velocity
+
+_COARSE, _FINE = 1.0, 1e-2  # length of a step, in standard deviations, that ends the iteration
+_FINEST = 1e-9  # noise over the largest output that is still told from none: a 30 bit encoder's
+_AGREEMENT = 10.0  # standard deviations of least squares within which an estimate may end
+_SLACK = 1.0  # and this part of the value besides, for what the model leaves out
+_EFFECT = 0.05  # and this part of the row's acceleration, for coefficients that are about zero
+_WORSE = 1e-3  # rise of the misfit that shows a minimum to be another one
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionErrorFit:
+    """Coefficients fitted by segmented prediction error. There is none that did not converge.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Coefficients, row by row.
+    values : array, shape (k,)
+        Their values, in the system's units.
+    covariance : array, shape (k, k)
+        From the spread of the segments' scores; right for correlated residuals too. Infinite
+        variance marks what the data leave free, or too few segments.
+    gauss_newton_covariance : array, shape (k, k)
+        From the residuals' size alone; right for white residuals only.
+    whiteness : float
+        Probability of residuals as correlated as these, were the noise white.
+    segments_less_coefficients : int
+        Degrees of freedom of the covariance, for Student's t; 0 where there is no covariance.
+    undetermined : tuple of str
+        Coefficients that the data leave free.
+    information : array, shape (k, k)
+        What residuals of the size `noise` tell about the coefficients, the initial states unknown.
+    noise : array, shape (n_outputs,)
+        Standard deviation of the residuals of each position (and velocity, if fitted, in turn).
+    initial_states : array, shape (n_segments, n_states)
+        Fitted state at the start of every segment.
+    start_times : array, shape (n_segments,)
+        When the segments start, in s.
+    residuals : array, shape (n_samples, n_outputs)
+        Measured less fitted outputs, all segments in turn.
+    iterations : int
+        Steps taken.
+    last_step : float
+        Length of the step that was not taken any more, in standard deviations.
+    segment_duration : float
+        Wanted length of a segment in s.
+    hold : {"linear", "zero"}
+        Hold of the inputs.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    covariance: FloatArray
+    gauss_newton_covariance: FloatArray
+    whiteness: float
+    segments_less_coefficients: int
+    undetermined: tuple[str, ...]
+    information: FloatArray
+    noise: FloatArray
+    initial_states: FloatArray
+    start_times: FloatArray
+    residuals: FloatArray
+    iterations: int
+    last_step: float
+    segment_duration: float
+    hold: Hold
+
+    @property
+    def standard_deviations(self) -> FloatArray:
+        """Standard deviation of each value, shape (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def degrees_of_freedom(self) -> tuple[int, ...]:
+        """Degrees of freedom of each value's interval."""
+        return (self.segments_less_coefficients,) * len(self.names)
+
+
+def prediction_error(
+    pieces: Sequence[Samples],
+    system: ParametricSystem,
+    start: Mapping[str, float] | LeastSquaresFit,
+    segment_duration: float = 1.0,
+    hold: Hold = "linear",
+    use_velocities: bool = False,
+) -> PredictionErrorFit:
+    """Fit the model's free motion over segments to measured positions.
+
+    Parameters
+    ----------
+    pieces : sequence of Samples
+        One or more contiguous pieces of motion.
+    system : ParametricSystem
+        The model; its constants have the values declared in it.
+    start : LeastSquaresFit or mapping of str to float
+        Where to start: a least-squares fit of the same record, or a value for each coefficient. The
+        second is fitted from least squares as well, which must not explain the record better.
+    segment_duration : float, optional
+        Wanted length of a segment in s. Longer segments tell more and forgive less: what the model
+        leaves out adds up over a segment.
+    hold : {"linear", "zero"}, optional
+        Whether the inputs run linearly between samples or are constant until the next one.
+    use_velocities : bool, optional
+        Fit measured velocities beside the positions. Do so only if a sensor gave them.
+
+    Returns
+    -------
+    PredictionErrorFit
+        Coefficients that the data leave free have infinite variance.
+
+    Raises
+    ------
+    SettingError
+        If the segment duration, the start or the samples cannot be used.
+    ConvergenceError
+        If the iteration does not converge, or converges to values that least squares contradicts:
+        there are local minima, and a value from one is worth nothing.
+    """
+    segments = divide(pieces, segment_duration, use_velocities)
+    check = _least_squares(pieces, system, hold) if isinstance(start, Mapping) else start
+    problem = segmented_motion(system, segments, hold)
+    problem, found, iterations = _best_fit(problem, _start_values(system, start))
+    if isinstance(start, Mapping):
+        rival_problem, rival, _ = _best_fit(problem, _start_values(system, check))
+        if _misfit(problem, found) > _misfit(rival_problem, rival) + _WORSE:
+            raise ConvergenceError(
+                "prediction error",
+                "another minimum explains the record better than the one that the starting values "
+                "lead to: start from a least-squares fit",
+            )
+    _compare(system, found.point.values, check)
+    return _described(system, problem, found, iterations, float(segment_duration), hold)
+
+
+def _described(
+    system: ParametricSystem,
+    problem: SegmentedMotion,
+    found: Minimum,
+    iterations: int,
+    segment_duration: float,
+    hold: Hold,
+) -> PredictionErrorFit:
+    """What a minimum says about the coefficients."""
+    reduced, segments, residuals = found.reduced, problem.segments, found.equations.residuals
+    count = len(segments)
+    # A segment's score is already a sum over a block: blocks of one.
+    covariance, degrees_of_freedom = sandwich_covariance(
+        reduced.scores, np.ones(count), reduced.inverse, [1] * count
+    )
+    states = found.point.initial_states
+    return PredictionErrorFit(
+        names=system.coefficients,
+        values=found.point.values,
+        covariance=_infinite(covariance, reduced.free),
+        gauss_newton_covariance=_infinite(reduced.inverse * found.variance(problem), reduced.free),
+        whiteness=whiteness(segments.of(residuals), states.size + len(system.coefficients)),
+        segments_less_coefficients=degrees_of_freedom,
+        undetermined=tuple(
+            name for name, free in zip(system.coefficients, reduced.free, strict=True) if free
+        ),
+        information=reduced.information,
+        noise=found.noise(problem),
+        initial_states=states,
+        start_times=segments.start_times,
+        residuals=residuals,
+        iterations=iterations,
+        last_step=found.last_step,
+        segment_duration=segment_duration,
+        hold=hold,
+    )
+
+
+def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMotion, Minimum, int]:
+    """Fit twice: with the noise guessed from the signals, then with that of the residuals."""
+    outputs = problem.segments.outputs
+    guess = np.array([position_noise(column) for column in outputs.T])
+    point = Point(values, first_states(problem.segments))
+    problem = problem.at(point, _weights(guess, outputs))
+    coarse = approach(problem, point, _COARSE)
+    problem = problem.at(coarse.point, _weights(coarse.noise(problem), outputs))
+    found = minimise(problem, coarse.point, _FINE)
+    return problem, found, coarse.iterations + found.iterations
+
+
+def _start_values(
+    system: ParametricSystem, start: Mapping[str, float] | LeastSquaresFit
+) -> FloatArray:
+    if isinstance(start, LeastSquaresFit):
+        if start.names != system.coefficients:
+            raise SettingError("start", "it is a fit of another model: fit this one first")
+        start = dict(zip(start.names, start.values.tolist(), strict=True))
+    if set(start) != set(system.coefficients):
+        names = ", ".join(system.coefficients)
+        raise SettingError("start", f"give one value for each coefficient of the model: {names}")
+    values = np.array([start[name] for name in system.coefficients], dtype=np.float64)
+    if not np.isfinite(values).all():
+        raise SettingError("start", "not every value is a finite number: correct it")
+    return values
+
+
+def _least_squares(
+    pieces: Sequence[Samples], system: ParametricSystem, hold: Hold
+) -> LeastSquaresFit:
+    """Least squares of the record at its own filter rate; it needs no starting values."""
+    complete = [
+        replace(
+            piece,
+            velocities=np.column_stack([velocity(q, piece.sample_time) for q in piece.positions.T]),
+        )
+        if piece.velocities is None
+        else piece
+        for piece in pieces
+        if len(piece) > 4
+    ]
+    return filtered_least_squares(
+        complete, system, choose_filter_rate(complete, system, hold), hold
+    )
+
+
+def _weights(noise: FloatArray, outputs: FloatArray) -> FloatArray:
+    floor = _FINEST * float(np.max(np.abs(outputs)))
+    return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)
+
+
+def _misfit(problem: SegmentedMotion, found: Minimum) -> float:
+    """Log of the residuals' mean squares, summed over the outputs: what only noise explains."""
+    return -2.0 * float(np.sum(np.log(_weights(found.noise(problem), problem.segments.outputs))))
+
+
+def _infinite(covariance: FloatArray, free: np.ndarray) -> FloatArray:
+    """Covariance with infinite variance for free coefficients."""
+    covariance = covariance.copy()
+    covariance[free, :] = covariance[:, free] = 0.0
+    covariance[free, free] = np.inf
+    return covariance
+
+
+def _compare(system: ParametricSystem, values: FloatArray, check: LeastSquaresFit) -> None:
+    """Refuse values that least squares of the same record contradicts."""
+    deviations = check.standard_deviations
+    effects = [
+        np.sqrt(row.total_sum / gram) if gram > 0.0 else np.inf
+        for row in check.rows
+        for gram in np.diag(row.gram)
+    ]
+    for place, (name, value) in enumerate(zip(system.coefficients, values.tolist(), strict=True)):
+        reference = float(check.values[place])
+        allowed = _AGREEMENT * deviations[place] + _SLACK * abs(reference)
+        allowed += _EFFECT * effects[place]
+        if abs(value - reference) > allowed:
+            raise ConvergenceError(
+                "prediction error",
+                f"{name!r} ended at {value:.4g} where least squares finds {reference:.4g}, so one "
+                f"of them is wrong: start from a least-squares fit, or shorten the segments",
+            )

@@ -1,0 +1,144 @@
+"""Pieces of motion cut into segments, each of which starts anew from a state of its own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.errors import SettingError
+from flexid.estimators.samples import FloatArray, Samples
+
+FEWEST_SAMPLES = 20
+"""Samples that a segment has at least: enough for an initial state and something beyond it."""
+
+_START_DURATION = 0.03  # s at the start of a segment that a cubic follows well on a drive
+_START_SAMPLES = 8  # but at least these: a cubic has four coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """All samples in one array each, and where the segments lie.
+
+    Parameters
+    ----------
+    starts, lengths : array of int, shape (n_segments,)
+        First sample and number of samples of every segment; none crosses from piece to piece.
+    sample_times : array, shape (n_segments,)
+        Time between samples in s.
+    start_times : array, shape (n_segments,)
+        Time of the first sample in s.
+    measured : array of int, shape (n_outputs,)
+        The state that each output measures.
+    outputs : array, shape (n_samples, n_outputs)
+        Measured states.
+    inputs : array, shape (n_samples, n_inputs)
+        Inputs.
+    """
+
+    starts: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    sample_times: FloatArray
+    start_times: FloatArray
+    measured: NDArray[np.int64]
+    outputs: FloatArray
+    inputs: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def halved(self) -> "Segments":
+        """Every segment cut in two; the even ones then start where the whole ones did."""
+        first = self.lengths // 2
+        return replace(
+            self,
+            starts=np.column_stack((self.starts, self.starts + first)).ravel(),
+            lengths=np.column_stack((first, self.lengths - first)).ravel(),
+            sample_times=np.repeat(self.sample_times, 2),
+            start_times=np.column_stack(
+                (self.start_times, self.start_times + first * self.sample_times)
+            ).ravel(),
+        )
+
+    def of(self, samples: FloatArray) -> list[FloatArray]:
+        """Rows of an array over samples, segment by segment."""
+        return [samples[a : a + n] for a, n in zip(self.starts, self.lengths, strict=True)]
+
+
+def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = False) -> Segments:
+    """Cut pieces into segments of about equal length.
+
+    Parameters
+    ----------
+    pieces : sequence of Samples
+        Contiguous pieces; those with fewer than `FEWEST_SAMPLES` samples are left out.
+    duration : float
+        Wanted length of a segment in s. Segments have at least `FEWEST_SAMPLES` samples, and a
+        shorter piece is one segment.
+    use_velocities : bool, optional
+        Whether velocities are measured outputs too.
+
+    Raises
+    ------
+    SettingError
+        If the duration is not positive, no piece is long enough, or velocities are wanted but
+        missing.
+    """
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise SettingError("segment duration", f"{duration} is no duration: give seconds above 0")
+    usable = [piece for piece in pieces if len(piece) >= FEWEST_SAMPLES]
+    if not usable:
+        raise SettingError(
+            "samples", f"no piece has {FEWEST_SAMPLES} samples in a row: give a longer record"
+        )
+    starts, lengths, sample_times, start_times, outputs = [], [], [], [], []
+    first = 0
+    for piece in usable:
+        wanted = round(len(piece) * piece.sample_time / duration)
+        count = max(1, min(wanted, len(piece) // FEWEST_SAMPLES))
+        edges = np.linspace(0, len(piece), count + 1).round().astype(np.int64)
+        starts.append(first + edges[:-1])
+        lengths.append(np.diff(edges))
+        sample_times.append(np.full(count, piece.sample_time))
+        start_times.append(piece.start_time + piece.sample_time * edges[:-1])
+        outputs.append(_outputs(piece, use_velocities))
+        first += len(piece)
+    n_rows = usable[0].positions.shape[1]
+    return Segments(
+        np.concatenate(starts),
+        np.concatenate(lengths),
+        np.concatenate(sample_times),
+        np.concatenate(start_times),
+        np.arange(0, 2 * n_rows, 1 if use_velocities else 2),
+        np.ascontiguousarray(np.concatenate(outputs), dtype=np.float64),
+        np.ascontiguousarray(np.concatenate([p.inputs for p in usable]), dtype=np.float64),
+    )
+
+
+def first_states(segments: Segments) -> FloatArray:
+    """Initial state of every segment from cubics through its first positions.
+
+    Returns
+    -------
+    array, shape (n_segments, n_states)
+        Coordinate and velocity of each row in turn.
+    """
+    positions = segments.outputs[:, segments.measured % 2 == 0]
+    states = np.empty((len(segments), 2 * positions.shape[1]))
+    for s, part in enumerate(segments.of(positions)):
+        sample_time = segments.sample_times[s]
+        n = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
+        cubic = np.polynomial.polynomial.polyfit(np.arange(n), part[:n], 3)
+        states[s, ::2], states[s, 1::2] = cubic[0], cubic[1] / sample_time
+    return states
+
+
+def _outputs(piece: Samples, use_velocities: bool) -> FloatArray:
+    if not use_velocities:
+        return piece.positions
+    if piece.velocities is None:
+        raise SettingError(
+            "velocities", "there are none to fit: give some, or fit the positions alone"
+        )
+    both = np.stack((piece.positions, piece.velocities), axis=2)
+    return both.reshape(len(piece), -1)

@@ -1,0 +1,81 @@
+# Template: needs variation_rates, N_STATES, N_INPUTS, N_COEFFICIENTS, N_COLUMNS.
+
+NODES = (0.0, 0.5, 0.5, 1.0)  # the classical Runge-Kutta method
+WEIGHTS = (1.0 / 6.0, 2.0 / 6.0, 2.0 / 6.0, 1.0 / 6.0)
+BOUND = 1e12  # a residual beyond it means that the segment diverged
+
+
+@njit(cache=True, error_model="numpy")
+def advance(z, first, change, p, c, h, substeps, rate, trial, total, u):
+    """Bring z over one sampling interval, in place; the input runs from first by change."""
+    step = h / substeps
+    for s in range(substeps):
+        total[:] = z
+        trial[:] = z
+        for stage in range(4):
+            place = (s + NODES[stage]) / substeps
+            for j in range(N_INPUTS):
+                u[j] = first[j] + place * change[j]
+            variation_rates(trial, u, p, c, rate)
+            weight = step * WEIGHTS[stage]
+            reach = step * NODES[min(stage + 1, 3)]
+            for i in range(N_STATES):
+                for j in range(N_COLUMNS):
+                    total[i, j] += weight * rate[i, j]
+                    trial[i, j] = z[i, j] + reach * rate[i, j]
+        z[:] = total
+
+
+@njit(cache=True, error_model="numpy")
+def segment_equations(
+    starts, lengths, sample_times, initial_states, measured, outputs, weights,
+    inputs, p, c, held, substeps, normal, gradient, residuals,
+):
+    """Normal equations of every segment for its initial state and the coefficients.
+
+    Segment s begins at sample starts[s]. Column a of `outputs` measures the state measured[a] and
+    weighs weights[a] (one over its standard deviation). Fills `normal`, shape
+    (n_segments, n, n) with n = N_STATES + N_COEFFICIENTS, `gradient`, shape (n_segments, n), and
+    `residuals`, shape of `outputs`. Returns the weighted sum of squares and the number of segments
+    done: fewer than there are if the motion of one diverged.
+    """
+    size = N_STATES + N_COEFFICIENTS
+    z = np.empty((N_STATES, N_COLUMNS))
+    rate = np.empty((N_STATES, N_COLUMNS))
+    trial = np.empty((N_STATES, N_COLUMNS))
+    total = np.empty((N_STATES, N_COLUMNS))
+    u = np.empty(N_INPUTS)
+    change = np.zeros(N_INPUTS)
+    normal[:] = 0.0
+    gradient[:] = 0.0
+    cost = 0.0
+    for s in range(starts.shape[0]):
+        z[:] = 0.0
+        for i in range(N_STATES):
+            z[i, 0] = initial_states[s, i]
+            z[i, 1 + i] = 1.0
+        for k in range(starts[s], starts[s] + lengths[s]):
+            if k > starts[s]:
+                if not held:
+                    for j in range(N_INPUTS):
+                        change[j] = inputs[k, j] - inputs[k - 1, j]
+                advance(
+                    z, inputs[k - 1], change, p, c, sample_times[s], substeps, rate, trial, total, u
+                )
+            for a in range(measured.shape[0]):
+                row = z[measured[a]]
+                residual = outputs[k, a] - row[0]
+                if not abs(residual) < BOUND:
+                    return np.inf, s
+                residuals[k, a] = residual
+                square = weights[a] * weights[a]
+                cost += square * residual * residual
+                for j in range(size):
+                    weighted = square * row[1 + j]
+                    gradient[s, j] += weighted * residual
+                    for l in range(j + 1):
+                        normal[s, j, l] += weighted * row[1 + l]
+        for j in range(size):
+            for l in range(j):
+                normal[s, l, j] = normal[s, j, l]
+    return cost, starts.shape[0]

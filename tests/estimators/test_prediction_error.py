@@ -1,0 +1,232 @@
+"""Segmented prediction error on problems whose answer is known."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_joint import (
+    POSITION_NOISE,
+    TRUTH,
+    VALUES,
+    clean_motion,
+    joint_samples,
+    worst_error,
+)
+from scipy.signal import lfilter
+from scipy.stats import t
+from segment_bound import cramer_rao_bound, segment_derivatives
+
+from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.gauss_newton import Point, segmented_motion
+from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
+from flexid.estimators.samples import Samples
+from flexid.estimators.segments import divide
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.recording.recording import Hold
+from flexid.simulation.free_run import free_run
+
+JOINT = flexible_joint()
+CART = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u", "push": "1"}),))
+
+
+def fit(samples: Samples, duration: float = 1.0, velocities: bool = False) -> PredictionErrorFit:
+    """From least squares of the same record."""
+    start = filtered_least_squares([samples], JOINT)
+    return prediction_error([samples], JOINT, start, duration, use_velocities=velocities)
+
+
+def simulated(hold: Hold = "linear", n: int = 8000) -> Samples:
+    """The joint's own free run under a random input, positions only."""
+    torque = np.repeat(np.random.default_rng(9).normal(0.0, 30.0, n // 50), 50)[:, None]
+    x = free_run(JOINT, TRUTH, [0.1, 0.0, 0.2, 0.5], torque, 1e-3, hold)
+    return Samples(x[:, ::2], None, torque, 1e-3)
+
+
+def held_cart(n: int = 600, h: float = 0.01) -> Samples:
+    """A cart under a random force, constant over each interval, integrated exactly."""
+    force = np.random.default_rng(1).standard_normal(n)
+    acceleration = 2.0 * force + 0.3
+    velocity = np.concatenate(([0.7], 0.7 + h * np.cumsum(acceleration[:-1])))
+    position = np.cumsum(np.concatenate(([0.1], (h * velocity + 0.5 * h * h * acceleration)[:-1])))
+    return Samples(position[:, None], None, force[:, None], h)
+
+
+def correlated(seed: int, rho: float = 0.9) -> Samples:
+    """Positions in autoregressive noise of the usual standard deviation."""
+    clean = joint_samples()
+    shocks = np.random.default_rng(seed).standard_normal((2000 + len(clean), 2))
+    noise = np.asarray(lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], shocks, axis=0))[2000:]
+    return replace(clean, positions=clean.positions + POSITION_NOISE * noise, velocities=None)
+
+
+def test_derivatives_along_a_segment():
+    """Assert that a segment's normal matrix is that of derivatives by finite differences."""
+    segments = divide([joint_samples()], 1.0)
+    problem = segmented_motion(JOINT, segments, "linear")
+    equations = problem.equations(Point(VALUES, clean_motion()[1][segments.starts]))
+    part = slice(segments.starts[7], segments.starts[8])
+    columns = segment_derivatives(part)
+    size = np.linalg.norm(columns, axis=0)
+    difference = equations.normal[7] - columns.T @ columns
+    assert np.abs(difference / np.outer(size, size)).max() < 1e-6
+
+
+def test_gradient_is_that_of_the_sum_of_squares():
+    """Assert that the right-hand side is minus half the slope of the sum of squares."""
+    segments = divide([joint_samples(1)], 3.0)
+    problem = segmented_motion(JOINT, segments, "linear")
+    states = clean_motion()[1][segments.starts]
+    gradient = problem.equations(Point(VALUES, states)).gradient[:, 4:].sum(axis=0)
+    for place, value in enumerate(VALUES):
+        step = np.zeros(5)
+        step[place] = 1e-5 * value
+        high = problem.equations(Point(VALUES + step, states)).cost
+        low = problem.equations(Point(VALUES - step, states)).cost
+        assert gradient[place] == pytest.approx((low - high) / (4e-5 * value), rel=1e-3)
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_exact_on_its_own_motion(hold):
+    """Assert that a clean record of the model itself gives the truth to rounding, either hold."""
+    samples = simulated(hold)
+    start = {name: 1.05 * value for name, value in TRUTH.items()}
+    found = prediction_error([samples], JOINT, start, hold=hold)
+    assert found.values == pytest.approx(VALUES, rel=1e-8)
+
+
+def test_held_input_is_integrated_exactly():
+    """Assert that hold "zero" makes no error on a motion known in closed form; "linear" does."""
+    start = {"gain": 1.9, "push": 0.2}
+    found = prediction_error([held_cart()], CART, start, hold="zero")
+    assert found.values == pytest.approx([2.0, 0.3], rel=1e-9)
+    wrong = prediction_error([held_cart()], CART, start, hold="linear")
+    assert abs(wrong.values[0] / 2.0 - 1.0) > 1e-4
+
+
+@pytest.mark.parametrize("velocities", [False, True])
+def test_accuracy_at_one_second(velocities):
+    """Assert a median worst coefficient below 0.003 % and RMS errors within 1.2 of the bound."""
+    fits = [fit(joint_samples(seed), 1.0, velocities) for seed in range(10)]
+    assert np.median([worst_error(found.values) for found in fits]) <= 0.003
+    bound = cramer_rao_bound(30)
+    ratios = np.array([(found.values - VALUES) / bound for found in fits])
+    assert np.sqrt(np.mean(ratios**2)) < 1.2
+
+
+def test_longer_segments_tell_more():
+    """Assert a median of the worst coefficient below 0.001 % at 5 s."""
+    errors = [worst_error(fit(joint_samples(seed), 5.0).values) for seed in range(10)]
+    assert np.median(errors) <= 0.001
+
+
+def test_predicted_standard_deviation_is_the_bound():
+    """Assert that in white noise the Gauss-Newton covariance is the Cramér-Rao bound."""
+    found = fit(replace(joint_samples(3), velocities=None))
+    deviations = np.sqrt(np.diag(found.gauss_newton_covariance))
+    assert deviations == pytest.approx(cramer_rao_bound(30), rel=0.02)
+    assert found.noise == pytest.approx([POSITION_NOISE] * 2, rel=0.02)
+
+
+def test_fourteen_bit_encoders():
+    """Assert a median below 0.003 % where rounding to 14 bits per turn is the only noise."""
+    step = 2 * np.pi / 2**14
+    errors = []
+    for first in (0, 300, 600, 900, 1200):
+        clean = joint_samples(first=first)
+        rounded = np.round(clean.positions / step) * step
+        errors.append(worst_error(fit(replace(clean, positions=rounded)).values))
+    assert np.median(errors) <= 0.003
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.9])
+def test_coverage(rho):
+    """Assert that nominal 95 % intervals hold the truth in 88 to 99.5 % of 200 cases.
+
+    Forty seeds, five coefficients: were the cases independent, the standard error would be 1.5 %.
+    """
+    held = []
+    for seed in range(40):
+        found = fit(correlated(seed, rho))
+        quantile = t.ppf(0.975, np.array(found.degrees_of_freedom))
+        held.append(np.abs(found.values - VALUES) <= quantile * found.standard_deviations)
+    assert 0.88 <= np.mean(held) <= 0.995
+
+
+def test_correlated_noise_is_told():
+    """Assert that correlated residuals are told from white ones, and widen the interval."""
+    white, coloured = fit(correlated(0, 0.0)), fit(correlated(0, 0.9))
+    assert white.whiteness > 0.01
+    assert coloured.whiteness < 1e-6
+    naive = np.sqrt(np.diag(coloured.gauss_newton_covariance))
+    assert np.all(coloured.standard_deviations > 1.5 * naive)
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+@pytest.mark.parametrize("which", [*TRUTH, "all"])
+def test_a_wrong_start_is_never_a_wrong_answer(which, factor):
+    """Assert that starting values ten times wrong give the right answer or an error."""
+    start = {n: v * (factor if which in (n, "all") else 1.0) for n, v in TRUTH.items()}
+    try:
+        found = prediction_error([joint_samples(0)], JOINT, start)
+    except ConvergenceError:
+        return
+    assert worst_error(found.values) < 0.02
+
+
+def test_a_wrong_fit_to_start_from_is_refused():
+    """Assert that an answer far from the least squares that it started from is an error."""
+    start = filtered_least_squares([joint_samples(0)], JOINT)
+    wrong = replace(start, values=VALUES * np.array([1.0, 0.45, 0.45, 1.0, 0.45]))
+    with pytest.raises(ConvergenceError):
+        prediction_error([joint_samples(0)], JOINT, wrong)
+
+
+def test_pieces_need_not_follow_each_other():
+    """Assert that a record in two pieces with a hole between them is fitted as well."""
+    samples = replace(joint_samples(), velocities=None)
+    pieces = [
+        replace(samples, positions=samples.positions[part], inputs=samples.inputs[part])
+        for part in (slice(0, 9000), slice(14000, None))
+    ]
+    found = prediction_error(pieces, JOINT, filtered_least_squares(pieces, JOINT))
+    assert worst_error(found.values) < 1e-3
+    assert len(found.initial_states) == len(found.start_times) == 25
+
+
+def test_equal_columns_are_undetermined():
+    """Assert that two equal regressors get infinite variance and keep their sum."""
+    twins = ParametricSystem("twins", (Row("cart", "q", "v", {"a": "u", "b": "u", "c": "1"}),))
+    start = filtered_least_squares([held_cart()], twins, hold="zero")
+    found = prediction_error([held_cart()], twins, start, hold="zero")
+    assert found.undetermined == ("a", "b")
+    assert np.isinf(found.standard_deviations[:2]).all()
+    assert found.values[0] + found.values[1] == pytest.approx(2.0, rel=1e-8)
+    assert np.isfinite(found.standard_deviations[2])
+
+
+def test_too_few_segments_for_an_interval():
+    """Assert that no covariance is claimed from fewer segments than coefficients."""
+    found = fit(joint_samples(0), 10.0)
+    assert found.degrees_of_freedom == (0,) * 5
+    assert np.isinf(found.standard_deviations).all()
+    assert np.isfinite(found.gauss_newton_covariance).all()
+
+
+def test_a_segment_that_diverges_is_said():
+    """Assert that a start from which the motion runs away is an error, not a number."""
+    start: Mapping[str, float] = TRUTH | {"theta2": -1e5, "alpha2": -1e4}
+    with pytest.raises(ConvergenceError):
+        prediction_error([joint_samples(0)], JOINT, start)
+
+
+@pytest.mark.parametrize(
+    "start",
+    [{"theta1": 5.0}, {**TRUTH, "gamma": 1.0}, {**TRUTH, "theta1": np.nan}],
+)
+def test_a_start_that_is_none(start):
+    """Assert that missing, unknown and infinite starting values are refused."""
+    with pytest.raises(SettingError, match="start"):
+        prediction_error([joint_samples(0)], JOINT, start)

@@ -1,0 +1,87 @@
+"""Records cut into segments."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_joint import clean_motion, joint_samples
+
+from flexid.errors import SettingError
+from flexid.estimators.samples import Samples
+from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states
+
+
+def record(n: int, sample_time: float = 0.01, start_time: float = 0.0) -> Samples:
+    """One row whose position is the number of the sample."""
+    position = np.arange(n, dtype=np.float64)[:, None]
+    return Samples(position, 10.0 * position, np.zeros((n, 1)), sample_time, start_time)
+
+
+def test_segments_cover_every_piece_and_cross_none():
+    """Assert that segments follow each other without a gap, and that pieces are borders."""
+    segments = divide([record(1050), record(250, start_time=100.0)], 3.0)
+    assert segments.lengths.sum() == 1300
+    assert np.array_equal(segments.starts[1:], np.cumsum(segments.lengths)[:-1])
+    assert 1050 in segments.starts
+    assert len(segments) == 5
+    assert segments.start_times[-1] == 100.0
+
+
+def test_short_pieces_are_left_out():
+    """Assert that a piece of too few samples is left out, and one of enough is one segment."""
+    pieces = [record(FEWEST_SAMPLES - 1), record(FEWEST_SAMPLES)]
+    segments = divide(pieces, 1.0)
+    assert segments.lengths.tolist() == [FEWEST_SAMPLES]
+    assert len(segments.outputs) == FEWEST_SAMPLES
+
+
+def test_no_segment_is_too_short():
+    """Assert that a duration below the fewest samples is lengthened to them."""
+    assert divide([record(400)], 0.01).lengths.min() >= FEWEST_SAMPLES
+
+
+def test_outputs_alternate_with_velocities():
+    """Assert that every output column stands beside the state that it measures."""
+    with_velocities = divide([record(40)], 1.0, use_velocities=True)
+    assert with_velocities.measured.tolist() == [0, 1]
+    assert with_velocities.outputs[3].tolist() == [3.0, 30.0]
+    assert divide([record(40)], 1.0).outputs[3].tolist() == [3.0]
+
+
+def test_halves_start_where_the_whole_did():
+    """Assert that halving keeps the samples and that every other start is an old one."""
+    segments = divide([record(1001, start_time=5.0)], 2.5)
+    halves = segments.halved()
+    assert np.array_equal(halves.starts[::2], segments.starts)
+    assert np.array_equal(halves.start_times[::2], segments.start_times)
+    assert halves.lengths.sum() == segments.lengths.sum()
+    assert halves.start_times[1] == pytest.approx(5.0 + 0.01 * halves.starts[1])
+
+
+def test_first_states_are_near_the_truth():
+    """Assert that initial states come from positions alone, to a few per cent of the motion."""
+    samples = replace(joint_samples(0), velocities=None)
+    segments = divide([samples], 1.0)
+    _, states = clean_motion()
+    error = first_states(segments) - states[segments.starts]
+    assert np.abs(error[:, ::2]).max() < 1e-3
+    assert np.abs(error[:, 1::2]).max() < 0.1
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
+def test_a_duration_that_is_none(duration):
+    """Assert that a segment duration that is not a positive number is refused."""
+    with pytest.raises(SettingError, match="segment duration"):
+        divide([record(100)], duration)
+
+
+def test_too_short_a_record():
+    """Assert that a record without any usable piece is refused, with the number it lacks."""
+    with pytest.raises(SettingError, match=str(FEWEST_SAMPLES)):
+        divide([record(5)], 1.0)
+
+
+def test_missing_velocities():
+    """Assert that velocities that are wanted but not there are named."""
+    with pytest.raises(SettingError, match="velocities"):
+        divide([replace(record(100), velocities=None)], 1.0, use_velocities=True)
