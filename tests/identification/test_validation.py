@@ -73,3 +73,19 @@ def test_several_pieces_are_pooled(recording):
     twice = validate([(recording, 4000)] * 2, flexible_joint(), wrong, "linear")
     assert twice.fit_percent == pytest.approx(dict(once.fit_percent))
     assert len(twice.runs) == 2
+
+
+def test_rest_is_not_tested(recording):
+    """Assert that a joint that stands still while it is held out gives no fit, good or bad."""
+    standing = np.minimum(np.arange(6001), 3000)
+    noise = 1e-5 * np.random.default_rng(3).standard_normal((2, 6001))
+    rested = Recording(
+        1e-3,
+        0.0,
+        recording.link_position[standing] + noise[0],
+        recording.motor_position[standing] + noise[1],
+        recording.input,
+        "N m",
+    )
+    fit = validate([(rested, 4000)], flexible_joint(), TRUE, "linear").fit_percent
+    assert all(np.isnan(value) for value in fit.values())

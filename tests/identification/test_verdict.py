@@ -134,7 +134,13 @@ def test_validation_decides_on_stiffness(deflection, expected):
 
 
 @pytest.mark.parametrize(
-    ("link", "expected"), [(80.0, "determined"), (30.0, "weak"), (-np.inf, "undetermined")]
+    ("link", "expected"),
+    [
+        (80.0, "determined"),
+        (30.0, "weak"),
+        (-np.inf, "undetermined"),
+        (np.nan, "determined"),
+    ],
 )
 def test_validation_decides_on_a_row(link, expected):
     """Assert that a row whose motion the model does not repeat knows none of its coefficients.

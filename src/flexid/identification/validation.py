@@ -16,6 +16,7 @@ CHANNELS = ("link_position", "motor_position", "deflection")
 
 _WARM_UP = 1.0  # s of data before the held-out stretch from which its first state is taken
 _FEWEST_SAMPLES = 20
+_REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
 
 FloatArray = NDArray[np.float64]
 
@@ -46,17 +47,20 @@ def validate(
     Returns
     -------
     Validation
-        With fit −inf per cent in every channel if the free run diverges.
+        With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
+        hardly moves in the held-out stretches, where a fit would test nothing.
     """
-    runs = []
+    runs, fitted = [], []
     for piece, start in pieces:
+        fitted.append(_outputs(piece.link_position, piece.motor_position)[:start])
         measured = _outputs(piece.link_position, piece.motor_position)[start:]
         try:
             simulated = _run(piece, start, system, coefficients, hold)
         except SimulationError:
             simulated = np.full_like(measured, np.inf)
         runs.append(FreeRun(piece.time[start:], measured, simulated))
-    return Validation(dict(zip(CHANNELS, map(float, _fit_percent(runs)), strict=True)), tuple(runs))
+    fits = np.where(_at_rest(runs, fitted), np.nan, _fit_percent(runs))
+    return Validation(dict(zip(CHANNELS, map(float, fits), strict=True)), tuple(runs))
 
 
 def _run(
@@ -105,6 +109,18 @@ def _outputs(link: FloatArray, motor: FloatArray) -> FloatArray:
 
 def _fit_percent(runs: Sequence[FreeRun]) -> FloatArray:
     error = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
-    spread = sum(np.sum((run.measured - run.measured.mean(axis=0)) ** 2, axis=0) for run in runs)
-    with np.errstate(divide="ignore"):  # a channel at rest has no spread: its fit is -inf
-        return 100 * (1 - np.sqrt(np.asarray(error) / np.asarray(spread)))
+    spread = _spread([run.measured for run in runs])
+    with np.errstate(divide="ignore"):
+        return 100 * (1 - np.sqrt(np.asarray(error) / spread))
+
+
+def _at_rest(runs: Sequence[FreeRun], fitted: Sequence[FloatArray]) -> NDArray[np.bool_]:
+    """Channels whose held-out motion is next to nothing beside the motion that was fitted."""
+    measured = [run.measured for run in runs]
+    held_out = _spread(measured) / sum(map(len, measured))
+    return held_out < _REST**2 * _spread(fitted) / sum(map(len, fitted))
+
+
+def _spread(stretches: Sequence[FloatArray]) -> FloatArray:
+    """Sum of squares about each stretch's mean, per channel."""
+    return np.asarray(sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in stretches))

@@ -20,7 +20,7 @@ Six kinds of evidence count, and the worst decides:
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, isnan
 
 import numpy as np
 
@@ -173,7 +173,12 @@ def _by_sign(name: str, row: Evidence) -> Verdict:
 def _by_validation(name: str, row: Evidence) -> Verdict:
     channels = [f"{row.excitation.row}_position"]
     channels += ["deflection"] * (name in _STIFFNESS)
-    fit, channel = min((row.fit_percent[channel], channel) for channel in channels)
+    # NaN marks a channel that rests while it is held out: it says nothing for or against.
+    tested = {c: row.fit_percent[c] for c in channels if not isnan(row.fit_percent[c])}
+    if not tested:
+        return _FINE
+    channel = min(tested, key=tested.__getitem__)
+    fit = tested[channel]
     shown = channel.replace("_", " ")
     if fit >= WEAK_FIT:
         return _FINE

@@ -1,6 +1,7 @@
 """What the user should know before trusting the numbers."""
 
 from collections.abc import Iterator, Mapping
+from math import isnan
 
 from flexid.identification.result import CoefficientEstimate
 from flexid.identification.verdict import WEAK_FIT
@@ -25,7 +26,12 @@ def sign_warnings(coefficients: Mapping[str, CoefficientEstimate]) -> Iterator[s
 def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
     """Warn of channels that the free run does not repeat."""
     for channel, fit in fit_percent.items():
-        if fit < WEAK_FIT:
+        if isnan(fit):
+            yield (
+                f"the held-out {channel} hardly moves, so the free run tests nothing there: choose "
+                f"another --validation-share, or record motion to the end"
+            )
+        elif fit < WEAK_FIT:
             yield (
                 f"the free run repeats {max(fit, 0):.0f} % of the held-out {channel}: the model "
                 f"lacks something the drive has (try further terms), or the coefficients are off"

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
 from flexid.identification.result import CoefficientEstimate, Identification
 from flexid.identification.validation import CHANNELS
+from flexid.report.identification_table import format_fit
 from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, new_figure, save
 
 _FLOOR = 1e-7  # below which a relative singular value is drawn as this
@@ -40,7 +41,7 @@ def fit_figure(result: Identification) -> Figure:
         ax.set_ylim(spread.min() - margin, spread.max() + margin)
         label = name.replace("_", " ")
         ax.set_ylabel(f"{label} (rad)")
-        ax.set_title(f"{label}: fit {result.validation.fit_percent[name]:.1f} %")
+        ax.set_title(f"{label}: fit {format_fit(result.validation.fit_percent[name])}")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles[:2], labels[:2], loc="outside upper right", ncols=2)
     axes[-1].set_xlabel("time (s), data kept out of the fit")

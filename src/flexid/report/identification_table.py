@@ -1,7 +1,7 @@
 """The printed answer of an identification, at most 100 columns wide."""
 
 from collections.abc import Iterable, Iterator
-from math import floor, isfinite, log10
+from math import floor, isfinite, isnan, log10
 
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -43,7 +43,9 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
         )
     excess = ", ".join(f"{row} {ratio:.2f}" for row, ratio in result.residual_excess.items())
     yield Text(f"Residual over what sensor noise explains: {excess}")
-    fits = ", ".join(f"{c} {fit:.1f} %" for c, fit in result.validation.fit_percent.items())
+    fits = ", ".join(
+        f"{channel} {format_fit(fit)}" for channel, fit in result.validation.fit_percent.items()
+    )
     yield Text(f"Free run over held-out data: {fits}")
     yield Text(
         f"Input hold: {result.hold}; filter rate: {result.filter_rate:.3g} 1/s; 95 % intervals"
@@ -64,6 +66,11 @@ def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEs
         interval = f"[{lower}, {upper}]" if lower != upper else "given"
         table.add_row(e.name, value, interval, e.unit, Text(e.status, _COLOURS[e.status]))
     return table
+
+
+def format_fit(fit: float) -> str:
+    """A free-run fit as text."""
+    return "not tested (at rest)" if isnan(fit) else f"{fit:.1f} %"
 
 
 def format_with_interval(value: float, lower: float, upper: float) -> tuple[str, str, str]:
