@@ -67,23 +67,22 @@ class Persistence:
         gain : float
             The observer's gain c.
         """
-        factors = [contraction(gram, gain) for gram in self.grams]
-        return float(-np.log(max(factors)) / self.window)
+        return float(-np.log(contraction(self.grams, gain).max()) / self.window)
 
     def averaged_rate(self, gain: float) -> float:
         """Rate in 1/s that averaging predicts for a small gain: c times the mean Gram's least."""
         return gain * self.overall.level
 
 
-def contraction(gram: ArrayLike, gain: float) -> float:
+def contraction(gram: ArrayLike, gain: float) -> Array:
     """Upper bound of |p̃(t + T)| / |p̃(t)| over a window with Gram matrix G = ∫ r rᵀ dt.
 
-    The derivation stands at the head of this module.
+    The derivation stands at the head of this module. Takes one matrix or a stack of them.
     """
     gram = np.asarray(gram, dtype=float)
-    least = max(float(np.linalg.eigvalsh(gram)[0]), 0.0)
-    size = 1.0 + gain * float(np.linalg.norm(gram)) / np.sqrt(2.0)
-    return float(np.sqrt(1.0 - 2.0 * gain * least / size**2))
+    least = np.maximum(np.linalg.eigvalsh(gram)[..., 0], 0.0)
+    size = 1.0 + gain * np.linalg.norm(gram, axis=(-2, -1)) / np.sqrt(2.0)
+    return np.sqrt(1.0 - 2.0 * gain * least / size**2)
 
 
 def persistence(history: RowHistory, sample_time: float, window: float) -> Persistence:

@@ -56,3 +56,4 @@ def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("
             # Without a date the same result gives the same file
             metadata = {"CreationDate": None} if extension == "pdf" else None
             figure.savefig(directory / f"{name}.{extension}", metadata=metadata)
+            figure.set_layout_engine("none")  # laid out once, the same for every format
