@@ -95,7 +95,10 @@ def run(quick: bool) -> Outcome:
     # One round of everything fast, so that all meet the same machine.
     fast = [own, own_low, *others]
     jobs = [climber.make(climber.best.tolerance) for climber in fast]
-    sampled = lambda: simulate(table1_loop(high), DURATION, 1e-3, own.best.tolerance)  # noqa: E731
+
+    def sampled() -> object:
+        return simulate(table1_loop(high), DURATION, 1e-3, own.best.tolerance)
+
     *timings, full = measure(*jobs, sampled, repetitions=3 if quick else 15)
     side = {id(c): Side(c.label, timing) for c, timing in zip(fast, timings, strict=True)}
     for slow in (plain_radau, plain_cvodes):

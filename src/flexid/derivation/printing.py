@@ -51,6 +51,18 @@ def fresh_names(observer: SymbolicObserver) -> FreshNames:
     return FreshNames(used)
 
 
+def argument_groups(observer: SymbolicObserver) -> tuple[tuple[sp.Symbol, ...], ...]:
+    """What a printed function takes: states, inputs, their rates, own states, gains, constants."""
+    return (
+        observer.symbolic.states,
+        observer.symbolic.inputs,
+        observer.rates if observer.input_rates else (),
+        tuple(y for row in observer.rows for y in row.intermediate),
+        observer.gains,
+        observer.symbolic.constants,
+    )
+
+
 def printable_rows(observer: SymbolicObserver, names: FreshNames) -> tuple[PrintableRow, ...]:
     """Group the equations of every row, taking the abbreviations from the free names."""
     letters = ["s", "r", *(f"s{number}" for number in range(3, len(observer.rows) + 1))]

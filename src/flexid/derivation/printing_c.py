@@ -12,6 +12,7 @@ from flexid.derivation.names import FreshNames
 from flexid.derivation.observer import SymbolicObserver
 from flexid.derivation.observer_functions import upper_limit
 from flexid.derivation.printing import (
+    argument_groups,
     estimate_texts,
     fresh_names,
     printable_rows,
@@ -20,6 +21,8 @@ from flexid.derivation.printing import (
 )
 from flexid.derivation.quadrature import graded_rule
 from flexid.derivation.special import LogCosh
+
+_ARGUMENTS = ("state", "input", "input_rate", "observer_state", "gain", "constant")
 
 _RESERVED_WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int
@@ -44,15 +47,15 @@ class _CPrinter(C99CodePrinter):
     def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
         return f"log_cosh_({self._print(expr.args[0])})"
 
-    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802
+    def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802, the same
         return repr(float(expr))
 
-    def _print_Pow(self, expr: sp.Pow) -> str:  # noqa: N802
+    def _print_Pow(self, expr: sp.Pow) -> str:  # noqa: N802, the same
         base, exponent = expr.args
-        if exponent.is_Integer and 2 <= int(exponent) <= 4:  # type: ignore[arg-type]
+        if isinstance(exponent, sp.Integer) and 2 <= int(exponent) <= 4:
             factor = self._print(base)
             factor = factor if base.is_Symbol else f"({factor})"
-            return "(" + "*".join([factor] * int(exponent)) + ")"  # type: ignore[arg-type]
+            return "(" + "*".join([factor] * int(exponent)) + ")"
         return super()._print_Pow(expr)
 
 
@@ -73,16 +76,8 @@ def c_observer(observer: SymbolicObserver) -> str:
     """
     names = fresh_names(observer)
     integrals, rows = without_integrals(printable_rows(observer, names))
-    symbolic = observer.symbolic
     hats = [p for row in observer.rows for p in row.estimates]
-    groups = {
-        "state": symbolic.states,
-        "input": symbolic.inputs,
-        "input_rate": observer.rates if observer.input_rates else (),
-        "observer_state": tuple(y for row in observer.rows for y in row.intermediate),
-        "gain": observer.gains,
-        "constant": symbolic.constants,
-    }
+    groups = dict(zip(_ARGUMENTS, argument_groups(observer), strict=True))
     abbreviations = [row.abbreviation for row in rows]
     show = _printer([*hats, *abbreviations, *(s for group in groups.values() for s in group)])
     estimates = estimate_texts(rows, show)

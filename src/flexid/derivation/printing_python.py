@@ -11,6 +11,7 @@ from flexid.derivation.immersion import VARIABLE
 from flexid.derivation.observer import SymbolicObserver
 from flexid.derivation.observer_functions import upper_limit
 from flexid.derivation.printing import (
+    argument_groups,
     estimate_texts,
     fresh_names,
     printable_rows,
@@ -19,6 +20,8 @@ from flexid.derivation.printing import (
 )
 from flexid.derivation.quadrature import graded_rule
 from flexid.derivation.special import LogCosh
+
+_ARGUMENTS = ("states", "inputs", "input_rates", "observer_states", "gains", "constants")
 
 _MATH = ("asinh", "atan", "copysign", "cos", "cosh", "erf", "exp", "log", "pi")
 _MATH += ("sin", "sqrt", "tan", "tanh")
@@ -44,7 +47,7 @@ class _PythonPrinter(PythonCodePrinter):
     def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
         return f"_log_cosh({self._print(expr.args[0])})"
 
-    def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802
+    def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802, the same
         return "exp(1)"  # a model may have its own e
 
     def _print_sign(self, e: sp.Function) -> str:
@@ -92,15 +95,7 @@ def python_observer(observer: SymbolicObserver) -> str:
 def _functions(observer: SymbolicObserver) -> str:
     names = fresh_names(observer)
     integrals, rows = without_integrals(printable_rows(observer, names))
-    symbolic = observer.symbolic
-    groups = {
-        "states": symbolic.states,
-        "inputs": symbolic.inputs,
-        "input_rates": observer.rates if observer.input_rates else (),
-        "observer_states": tuple(y for row in observer.rows for y in row.intermediate),
-        "gains": observer.gains,
-        "constants": symbolic.constants,
-    }
+    groups = dict(zip(_ARGUMENTS, argument_groups(observer), strict=True))
     arguments = {str(names.take(name)): group for name, group in groups.items() if group}
     unpacking = [f"{_tuple(group)} = {name}" for name, group in arguments.items()]
     estimates = [f"{p} = {text}" for p, text in estimate_texts(rows, _show)]

@@ -39,8 +39,8 @@ class ScalarPrinter(PythonCodePrinter):
 
     def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
         base, exponent = expr.args
-        if exponent.is_Integer and abs(int(exponent)) <= 4:  # type: ignore[arg-type]
-            product = "*".join([f"({self._print(base)})"] * abs(int(exponent)))  # type: ignore[arg-type]
+        if isinstance(exponent, sp.Integer) and abs(int(exponent)) <= 4:
+            product = "*".join([f"({self._print(base)})"] * abs(int(exponent)))
             return f"({product})" if exponent.is_positive else f"(1.0/({product}))"
         if exponent == sp.S.Half:
             return f"sqrt({self._print(base)})"

@@ -11,7 +11,7 @@ class LogCosh(sp.Function):
     nargs = 1
 
     @classmethod
-    def eval(cls, z: sp.Expr) -> sp.Expr | None:  # type: ignore[override]
+    def eval(cls, z: sp.Expr) -> sp.Expr | None:  # type: ignore[override] - SymPy takes any arity
         """Value at zero; the function is even."""
         if z.is_zero:
             return sp.S.Zero

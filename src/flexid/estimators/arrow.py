@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.estimators.samples import FloatArray
-
-_NULL = 1e-12  # eigenvalue of a normalised matrix that counts as zero
+from flexid.estimators.scaled_inverse import NULL, scaled_inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,16 +84,14 @@ def solve_arrow(
     information = 0.5 * (information + information.T)
     scores = (gradient[:, n_states:] - np.einsum("sij,si->sj", border, states_alone)).T
     # Scaled by the border's own size: what the initial states explain in full is lost in rounding.
-    eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    kept = eigenvalues > _NULL
-    inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
+    inverse, free = scaled_inverse(information, scale)
     total = scores.sum(axis=1)
     values_step = inverse @ total
     return Reduced(
         information,
         scores,
         inverse,
-        np.any(np.abs(vectors[:, ~kept]) > 1e-6, axis=1),
+        free,
         values_step,
         states_alone - weights @ values_step,
         float(total @ values_step + np.sum(states_alone * gradient[:, :n_states])),
@@ -106,4 +103,4 @@ def _inverses(matrices: FloatArray) -> FloatArray:
     scale = np.sqrt(np.einsum("sii->si", matrices))
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[:, :, None] * scale[:, None, :]
-    return np.linalg.pinv(matrices / scales, rcond=_NULL, hermitian=True) / scales
+    return np.linalg.pinv(matrices / scales, rcond=NULL, hermitian=True) / scales

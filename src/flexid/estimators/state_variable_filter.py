@@ -15,12 +15,12 @@ import numpy as np
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_influences, block_lengths
 from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.kernels.store import load_kernel, template
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 _MEMORY = 40.0  # time constants of the filter after which its past has vanished: exp(-40) = 4e-18
-_NULL = 1e-12  # eigenvalue of the normalised Gram matrix that counts as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,18 +240,13 @@ def _fit_row(
     """Least squares of one row: its fit, values and the blocks' influences on them."""
     gram = regressor @ regressor.T
     scale = np.sqrt(np.diag(gram))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    eigenvalues, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    kept = eigenvalues > _NULL
-    # The inverse on the kept subspace, in the coefficients' own units.
-    inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
+    inverse, free = scaled_inverse(gram, np.where(scale > 0.0, scale, 1.0))
     values = inverse @ (regressor @ left_hand_side)
     # One refinement brings the normal equations to the accuracy of an orthogonal factorisation.
     values += inverse @ (regressor @ (left_hand_side - values @ regressor))
     fitted = values @ regressor
     residual = left_hand_side - fitted
     influences, degrees_of_freedom = block_influences(regressor, residual, inverse, blocks)
-    free = np.any(np.abs(vectors[:, ~kept]) > 1e-6, axis=1)
     fit = RowFit(
         name,
         coefficients,

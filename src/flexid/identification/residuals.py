@@ -18,11 +18,11 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import position_noise
 from flexid.simulation.free_run import free_run_kernel
+from flexid.simulation.linearisation import jacobian
 
 FloatArray = NDArray[np.float64]
 
 _INSTANTS = 100  # of the motion at which the model is linearised
-_STEP = 1e-5  # rad and rad/s, of the finite differences
 _MEMORY = 40.0  # time constants of the filter after which its response has vanished
 
 
@@ -84,16 +84,10 @@ def _linearised(
     states = np.empty((len(samples), len(system.states)))
     states[:, 0::2], states[:, 1::2] = samples.positions, samples.velocities
     constants = np.array(list(system.constants.values()), dtype=np.float64)
-    right_hand_side = free_run_kernel(system).right_hand_side
-    total = np.zeros((len(system.states), len(system.states)))
+    kernel = free_run_kernel(system)
     instants = np.linspace(0, len(samples) - 1, _INSTANTS).round().astype(int)
-    up, down = np.empty(len(system.states)), np.empty(len(system.states))
-    for instant in instants:
-        for state in range(len(system.states)):
-            for sign, rates in ((1.0, up), (-1.0, down)):
-                x = states[instant].copy()
-                x[state] += sign * _STEP
-                right_hand_side(x, samples.inputs[instant], fit.values, constants, rates)
-            total[:, state] += (up - down) / (2 * _STEP)
-    mean = total[1::2] / len(instants)
+    about = (
+        jacobian(kernel, states[i], samples.inputs[i], fit.values, constants) for i in instants
+    )
+    mean = np.mean(list(about), axis=0)[1::2]
     return mean[:, 0::2], mean[:, 1::2]

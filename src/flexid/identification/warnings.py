@@ -6,7 +6,7 @@ from math import isnan
 from flexid.identification.result import CoefficientEstimate
 from flexid.identification.verdict import WEAK_FIT
 
-NOISE_EXCESS = 1.5
+WARNED_EXCESS = 1.5
 """Residual over what noise explains from which a row earns a warning."""
 
 _SIGN_ADVICE = {
@@ -41,7 +41,7 @@ def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
 def residual_warnings(residual_excess: Mapping[str, float]) -> Iterator[str]:
     """Warn of rows that leave more unexplained than the noise of the positions accounts for."""
     for row, excess in residual_excess.items():
-        if excess > NOISE_EXCESS:
+        if excess > WARNED_EXCESS:
             yield (
                 f"the {row} row leaves {excess:.1f} times the residual that sensor noise explains: "
                 f"a term is missing, or the input as recorded is not what acted (delayed, noisy, "

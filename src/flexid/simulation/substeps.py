@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SimulationError
+from flexid.simulation.linearisation import jacobian
 
 Array = NDArray[np.float64]
 
 _STEPS_PER_TIME_CONSTANT = 20.0  # of the fastest pole; the method then errs by 3e-9 per step
 _MOST_SUBSTEPS = 1000  # per sample
-_NUDGE = 1e-6  # rad or rad/s, for the differences of the linearisation
 
 
 def runge_kutta_substeps(
@@ -52,13 +52,7 @@ def runge_kutta_substeps(
 
 def _fastest_rate(kernel: ModuleType, x: Array, u: Array, p: Array, c: Array) -> float:
     """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
-    rates = np.empty((2, len(x), len(x)))
-    for side, nudge in enumerate((_NUDGE, -_NUDGE)):
-        for place in range(len(x)):
-            nudged = x.copy()
-            nudged[place] += nudge
-            kernel.right_hand_side(nudged, u, p, c, rates[side, place])
-    jacobian = (rates[0] - rates[1]) / (2.0 * _NUDGE)
-    if not np.all(np.isfinite(jacobian)):  # the model has no linearisation here
+    matrix = jacobian(kernel, x, u, p, c)
+    if not np.all(np.isfinite(matrix)):  # the model has no linearisation here
         return 0.0
-    return float(np.max(np.abs(np.linalg.eigvals(jacobian))))
+    return float(np.max(np.abs(np.linalg.eigvals(matrix))))

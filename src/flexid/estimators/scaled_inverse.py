@@ -1,0 +1,34 @@
+"""Inverse of normal equations on what the data determine, in the coefficients' own units."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.estimators.samples import FloatArray
+
+NULL = 1e-12
+"""Eigenvalue of a matrix scaled to a unit diagonal that counts as zero."""
+
+_PART = 1e-6  # of a coefficient in an open direction, from which on it is free
+
+
+def scaled_inverse(matrix: FloatArray, scale: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Invert a symmetric matrix on the directions that are not lost in rounding.
+
+    Parameters
+    ----------
+    matrix : array, shape (k, k)
+        Of the normal equations.
+    scale : array, shape (k,)
+        Positive size of each coefficient's column, by which the matrix is made dimensionless.
+
+    Returns
+    -------
+    inverse : array, shape (k, k)
+        Zero along open directions.
+    free : array of bool, shape (k,)
+        Coefficients that have a part in an open direction.
+    """
+    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    kept = eigenvalues > NULL
+    inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
+    return inverse, np.any(np.abs(vectors[:, ~kept]) > _PART, axis=1)
