@@ -52,3 +52,18 @@ def test_unknown_terms_and_coefficients(terms: tuple[str, ...], known: dict[str,
     """Assert that a misspelled term or known coefficient is named, with the known ones."""
     with pytest.raises(SettingError, match=word):
         flexible_joint(terms, known)
+
+
+def test_smoothing_is_a_constant_only_where_there_is_friction():
+    """Assert that models without Coulomb friction keep the constants they had."""
+    assert flexible_joint(coulomb_velocity=0.02).constants == {}
+    assert flexible_joint(("motor_coulomb",), coulomb_velocity=0.02).constants == {
+        "coulomb_velocity": 0.02
+    }
+
+
+@pytest.mark.parametrize("velocity", [0.0, -0.1, float("nan"), float("inf")])
+def test_impossible_smoothing(velocity: float):
+    """Assert that a Coulomb velocity that divides by zero or smooths everything is refused."""
+    with pytest.raises(SettingError, match="coulomb_velocity"):
+        flexible_joint(("motor_coulomb",), coulomb_velocity=velocity)

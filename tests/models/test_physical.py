@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, TERMS, flexible_joint
-from flexid.models.physical import lumped_coefficients, physical_parameters
+from flexid.models.physical import (
+    PhysicalParameter,
+    lumped_coefficients,
+    physical_parameters,
+    rigid_parameters,
+)
+from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
 
 TRUTH = {
     "gravity_torque": 5.0,
@@ -12,6 +18,20 @@ TRUTH = {
     "joint_stiffness": 100.0,
     "motor_inertia": 0.3,
     "motor_viscous_friction": 0.1,
+}
+
+OFF_ZERO = {
+    **lumped_coefficients(**TRUTH),
+    "theta1": 5.0 / 1.3 * np.cos(0.2),
+    "theta_cosine": -5.0 / 1.3 * np.sin(0.2),
+}
+RIGID = {
+    "gamma1": 5.0 / 1.6 * np.cos(0.3),
+    "gamma_cosine": 5.0 / 1.6 * np.sin(0.3),
+    "gamma_viscous": 0.1 / 1.6,
+    "gamma_coulomb": 0.4 / 1.6,
+    "gamma_offset": 0.05 / 1.6,
+    "beta1": 1 / 1.6,
 }
 
 
@@ -61,8 +81,65 @@ def test_every_coefficient_has_a_unit_and_a_meaning():
     """Assert that each coefficient of each term has a unit and enters some physical parameter."""
     system = flexible_joint(tuple(TERMS))
     assert set(system.coefficients) == set(COEFFICIENT_UNITS)
-    used = {c for p in physical_parameters(system.coefficients, True) for c in p.exponents} | {
+    used = {c for p in physical_parameters(system.coefficients, True) for c in p.coefficients} | {
         "theta_damping",
         "theta_cubic",
     }  # the link's view of what the motor row already gives
     assert used == set(system.coefficients)
+
+
+def test_gravity_off_the_encoder_s_zero():
+    """Assert that a link encoder 0.2 rad off gives the whole gravity torque and the 0.2 rad."""
+    found = {p.name: p.value(OFF_ZERO) for p in physical_parameters(OFF_ZERO, True)}
+    assert found["gravity_torque"] == pytest.approx(5.0, rel=1e-14)
+    assert found["gravity_angle"] == pytest.approx(0.2, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "table"),
+    [
+        (OFF_ZERO, physical_parameters(OFF_ZERO, True)),
+        (OFF_ZERO, physical_parameters(OFF_ZERO, False)),
+        (RIGID, rigid_parameters(RIGID, True)),
+        (RIGID, rigid_parameters(RIGID, False)),
+    ],
+)
+def test_gradients_of_gravity_in_two_coefficients(
+    coefficients: dict[str, float], table: tuple[PhysicalParameter, ...]
+):
+    """Assert that amplitude and angle have the derivatives that differences show."""
+    names = list(coefficients)
+    for parameter in table:
+        numeric = []
+        for name in names:
+            step = 1e-6 * abs(coefficients[name])
+            up = parameter.value({**coefficients, name: coefficients[name] + step})
+            down = parameter.value({**coefficients, name: coefficients[name] - step})
+            numeric.append((up - down) / (2 * step))
+        gradient = parameter.gradient(coefficients, names)
+        np.testing.assert_allclose(gradient, numeric, rtol=1e-7, atol=1e-9)
+
+
+def test_rigid_joint_s_parameters():
+    """Assert that inertia, gravity and friction of the rigid joint follow from its coefficients."""
+    found = {p.name: p.value(RIGID) for p in rigid_parameters(RIGID, True)}
+    assert found == pytest.approx(
+        {
+            "gravity_torque": 5.0,
+            "gravity_angle": -0.3,
+            "inertia": 1.6,
+            "viscous_friction": 0.1,
+            "coulomb_friction": 0.4,
+            "offset_torque": 0.05,
+        },
+        rel=1e-14,
+    )
+
+
+def test_every_rigid_coefficient_has_a_unit_and_a_meaning():
+    """Assert that each coefficient of the rigid joint has a unit and enters some parameter."""
+    names = rigid_joint(RIGID_TERMS).coefficients
+    assert set(names) == set(RIGID_UNITS)
+    for input_is_torque in (True, False):
+        used = {c for p in rigid_parameters(names, input_is_torque) for c in p.coefficients}
+        assert used == set(names)

@@ -97,7 +97,7 @@ def parameter_estimates(
             value,
             std,
             _interval(value, std, freedom) if std else (value, value),
-            worst(coefficients[name].status for name in parameter.exponents),
+            worst(coefficients[name].status for name in parameter.coefficients),
         )
     return estimates
 
@@ -106,7 +106,7 @@ def _propagated(
     parameter: PhysicalParameter, values: Mapping[str, float], fit: LeastSquaresFit
 ) -> tuple[float, int]:
     """Standard deviation by the delta method, and the fewest degrees of freedom involved."""
-    places = [i for i, name in enumerate(fit.names) if name in parameter.exponents]
+    places = [i for i, name in enumerate(fit.names) if name in parameter.coefficients]
     if not places:  # follows from what the user gave
         return 0.0, 0
     gradient = parameter.gradient(values, [fit.names[i] for i in places])

@@ -10,28 +10,26 @@ gear, u is the motor torque (or the voltage or current that causes it).
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
-from flexid.errors import SettingError
-from flexid.models.parametric_system import ParametricSystem, Row
-
-COULOMB_VELOCITY = 0.1
-"""Velocity in rad/s over which the smoothed Coulomb friction, a tanh, changes sign."""
-
-
-@dataclass(frozen=True)
-class Term:
-    """A term of the model: the coefficients it adds to each row, with their regressors."""
-
-    description: str
-    link: Mapping[str, str]
-    motor: Mapping[str, str]
-
+from flexid.models.parametric_system import ParametricSystem
+from flexid.models.terms import (
+    COULOMB_VELOCITY,
+    SMOOTHING,
+    Term,
+    check_terms,
+    declared_row,
+    model_constants,
+)
 
 _COMPLIANCE = Term("joint spring", {"theta2": "-(x1 - x3)"}, {"alpha1": "x1 - x3"})
 
 TERMS: dict[str, Term] = {
     "gravity": Term("gravity on the link", {"theta1": "-sin(x1)"}, {}),
+    "gravity_cosine": Term(
+        "gravity where the link encoder's zero is not straight down",
+        {"theta_cosine": "-cos(x1)"},
+        {},
+    ),
     "motor_viscous": Term("viscous friction of the motor", {}, {"alpha2": "-x4"}),
     "link_viscous": Term("viscous friction of the link", {"theta_viscous": "-x2"}, {}),
     "joint_damping": Term(
@@ -40,14 +38,10 @@ TERMS: dict[str, Term] = {
         {"alpha_damping": "x2 - x4"},
     ),
     "motor_coulomb": Term(
-        "Coulomb friction of the motor, smoothed",
-        {},
-        {"alpha_coulomb": f"-tanh(x4/{COULOMB_VELOCITY})"},
+        "Coulomb friction of the motor, smoothed", {}, {"alpha_coulomb": f"-tanh(x4/{SMOOTHING})"}
     ),
     "link_coulomb": Term(
-        "Coulomb friction of the link, smoothed",
-        {"theta_coulomb": f"-tanh(x2/{COULOMB_VELOCITY})"},
-        {},
+        "Coulomb friction of the link, smoothed", {"theta_coulomb": f"-tanh(x2/{SMOOTHING})"}, {}
     ),
     "cubic_stiffness": Term(
         "cubic hardening of the joint spring",
@@ -62,6 +56,7 @@ TERMS: dict[str, Term] = {
 COEFFICIENT_UNITS: dict[str, str] = {
     "theta1": "1/s^2",
     "theta2": "1/s^2",
+    "theta_cosine": "1/s^2",
     "theta_viscous": "1/s",
     "theta_damping": "1/s",
     "theta_coulomb": "rad/s^2",
@@ -82,7 +77,9 @@ PAPER_TERMS = ("gravity", "motor_viscous")
 
 
 def flexible_joint(
-    terms: Collection[str] = PAPER_TERMS, known: Mapping[str, float] | None = None
+    terms: Collection[str] = PAPER_TERMS,
+    known: Mapping[str, float] | None = None,
+    coulomb_velocity: float = COULOMB_VELOCITY,
 ) -> ParametricSystem:
     """Declare a flexible joint.
 
@@ -93,6 +90,9 @@ def flexible_joint(
     known : mapping of str to float, optional
         Coefficients whose value is known, for example ``{"beta1": 1 / 0.3}``; they move from the
         unknown coefficients to the known part.
+    coulomb_velocity : float, optional
+        Velocity in rad/s over which Coulomb friction changes sign. Where there is any, it is a
+        constant of the model: another value needs no other kernel.
 
     Returns
     -------
@@ -103,41 +103,20 @@ def flexible_joint(
     Raises
     ------
     SettingError
-        If a term or a known coefficient does not exist.
+        If a term or a known coefficient does not exist, or the velocity is not positive.
     """
     known = dict(known or {})
-    for term in terms:
-        if term not in TERMS:
-            raise SettingError("terms", f"{term!r} is unknown; known are {', '.join(TERMS)}")
+    check_terms(terms, TERMS)
     # Huang (2003) numbers theta1 before theta2, so gravity comes before the spring.
     chosen = [TERMS["gravity"]] * ("gravity" in terms) + [_COMPLIANCE]
     chosen += [term for name, term in TERMS.items() if name in terms and name != "gravity"]
     link = {c: r for term in chosen for c, r in term.link.items()}
     motor = {c: r for term in chosen for c, r in term.motor.items()} | {"beta1": "u"}
-    for coefficient in known:
-        if coefficient not in link | motor:
-            raise SettingError(
-                "known",
-                f"{coefficient!r} is no coefficient of this model; it has "
-                f"{', '.join([*link, *motor])}",
-            )
     return ParametricSystem(
         "flexible joint",
         (
-            _row("link", "x1", "x2", link, known),
-            _row("motor", "x3", "x4", motor, known),
+            declared_row("link", "x1", "x2", link, known),
+            declared_row("motor", "x3", "x4", motor, known),
         ),
-        constants=known,
+        constants=model_constants(link | motor, known, coulomb_velocity),
     )
-
-
-def _row(
-    name: str,
-    coordinate: str,
-    velocity: str,
-    regressors: Mapping[str, str],
-    known: Mapping[str, float],
-) -> Row:
-    unknown = {c: r for c, r in regressors.items() if c not in known}
-    known_part = " + ".join(f"{c}*({r})" for c, r in regressors.items() if c in known)
-    return Row(name, coordinate, velocity, unknown, known_part or "0")

@@ -1,24 +1,55 @@
-"""Physical parameters of the flexible joint from its lumped coefficients, and back.
+"""Physical parameters of a joint from its lumped coefficients, and back.
 
-Every physical parameter is a product of powers of the coefficients, for example
+Nearly every physical parameter is a product of powers of the coefficients, for example
 
     joint_stiffness ke = alpha1 / beta1,    link_inertia Jl = ke / theta2,
 
 so that the map, its inverse and its derivative all follow from one table of exponents.
 `Huang (2003)`, section 3, with the motor inertia 1/beta1 known; here beta1 may be unknown too.
+Gravity that has a sine and a cosine is the exception: an amplitude and an angle.
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from math import prod
+from dataclasses import dataclass, field
+from math import atan2, hypot, prod
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 
+class PhysicalParameter(Protocol):
+    """A function of some coefficients; ``{input}`` in its unit stands for the input's unit."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Its SI unit."""
+        ...
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients it depends on."""
+        ...
+
+    def value(self, coefficients: Mapping[str, float]) -> float:
+        """Value of the parameter; infinite where a denominator is zero."""
+        ...
+
+    def gradient(
+        self, coefficients: Mapping[str, float], names: Collection[str]
+    ) -> NDArray[np.float64]:
+        """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
+        ...
+
+
 @dataclass(frozen=True)
-class PhysicalParameter:
-    """A product of powers of coefficients.
+class Product:
+    """A product of powers of coefficients: the usual physical parameter.
 
     Parameters
     ----------
@@ -31,6 +62,11 @@ class PhysicalParameter:
     name: str
     unit: str
     exponents: Mapping[str, int]
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients it depends on."""
+        return tuple(self.exponents)
 
     def value(self, coefficients: Mapping[str, float]) -> float:
         """Value of the parameter; infinite where a denominator is zero."""
@@ -49,51 +85,166 @@ class PhysicalParameter:
         power = self.exponents.get(name, 0)
         if power == 0:
             return 0.0
-        lowered = PhysicalParameter(self.name, self.unit, {**self.exponents, name: power - 1})
+        lowered = Product(self.name, self.unit, {**self.exponents, name: power - 1})
         return power * lowered.value(coefficients)
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """Amplitude of ``sine sin x + cosine cos x`` times a product: gravity in two coefficients.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and SI unit.
+    sine, cosine : str
+        The two coefficients.
+    exponents : mapping of str to int
+        The product, of other coefficients.
+    """
+
+    name: str
+    unit: str
+    sine: str
+    cosine: str
+    exponents: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def _factor(self) -> Product:
+        return Product(self.name, self.unit, self.exponents)
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients it depends on."""
+        return (self.sine, self.cosine, *self.exponents)
+
+    def value(self, coefficients: Mapping[str, float]) -> float:
+        """Value of the parameter; infinite where a denominator is zero."""
+        amplitude = hypot(coefficients[self.sine], coefficients[self.cosine])
+        return amplitude * self._factor.value(coefficients)
+
+    def gradient(
+        self, coefficients: Mapping[str, float], names: Collection[str]
+    ) -> NDArray[np.float64]:
+        """Derivative by the named coefficients, shape (n_names,); NaN where both are zero."""
+        pair = np.array([coefficients[self.sine], coefficients[self.cosine]])
+        amplitude = hypot(*pair)
+        gradient = amplitude * self._factor.gradient(coefficients, names)
+        directions = pair / amplitude if amplitude else np.full(2, np.nan)
+        for name, direction in zip((self.sine, self.cosine), directions, strict=True):
+            here = np.array([n == name for n in names])
+            gradient[here] = direction * self._factor.value(coefficients)
+        return gradient
+
+
+@dataclass(frozen=True)
+class ZeroAngle:
+    """The angle in rad at which ``sine sin x + cosine cos x`` passes zero, rising.
+
+    For gravity this is the encoder's reading where the link hangs straight down.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    sine, cosine : str
+        The two coefficients.
+    """
+
+    name: str
+    sine: str
+    cosine: str
+    unit: str = "rad"
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients it depends on."""
+        return (self.sine, self.cosine)
+
+    def value(self, coefficients: Mapping[str, float]) -> float:
+        """Value in rad, within (-pi, pi]."""
+        return -atan2(coefficients[self.cosine], coefficients[self.sine])
+
+    def gradient(
+        self, coefficients: Mapping[str, float], names: Collection[str]
+    ) -> NDArray[np.float64]:
+        """Derivative by the named coefficients, shape (n_names,); NaN where both are zero."""
+        sine, cosine = coefficients[self.sine], coefficients[self.cosine]
+        square = sine**2 + cosine**2
+        by_name = {self.sine: cosine, self.cosine: -sine}
+        return np.array([by_name.get(n, 0.0) / square if square else np.nan for n in names])
 
 
 _JOINT_STIFFNESS = {"alpha1": 1, "beta1": -1}
 _LINK_INERTIA = {"alpha1": 1, "beta1": -1, "theta2": -1}
+_INERTIA_RATIO = {"alpha1": 1, "theta2": -1}
 
-_WITH_TORQUE = (
-    PhysicalParameter("gravity_torque", "N m", {"theta1": 1, **_LINK_INERTIA}),
-    PhysicalParameter("link_inertia", "kg m^2", _LINK_INERTIA),
-    PhysicalParameter("joint_stiffness", "N m/rad", _JOINT_STIFFNESS),
-    PhysicalParameter("motor_inertia", "kg m^2", {"beta1": -1}),
-    PhysicalParameter("motor_viscous_friction", "N m s/rad", {"alpha2": 1, "beta1": -1}),
-    PhysicalParameter("motor_coulomb_friction", "N m", {"alpha_coulomb": 1, "beta1": -1}),
-    PhysicalParameter("motor_offset_torque", "N m", {"alpha_offset": 1, "beta1": -1}),
-    PhysicalParameter("joint_damping", "N m s/rad", {"alpha_damping": 1, "beta1": -1}),
-    PhysicalParameter("cubic_joint_stiffness", "N m/rad^3", {"alpha_cubic": 1, "beta1": -1}),
-    PhysicalParameter("link_viscous_friction", "N m s/rad", {"theta_viscous": 1, **_LINK_INERTIA}),
-    PhysicalParameter("link_coulomb_friction", "N m", {"theta_coulomb": 1, **_LINK_INERTIA}),
-    PhysicalParameter("link_offset_torque", "N m", {"theta_offset": 1, **_LINK_INERTIA}),
+_GRAVITY_ANGLE = ZeroAngle("gravity_angle", "theta1", "theta_cosine")
+
+_WITH_TORQUE: tuple[PhysicalParameter, ...] = (
+    Product("gravity_torque", "N m", {"theta1": 1, **_LINK_INERTIA}),
+    Amplitude("gravity_torque", "N m", "theta1", "theta_cosine", _LINK_INERTIA),
+    _GRAVITY_ANGLE,
+    Product("link_inertia", "kg m^2", _LINK_INERTIA),
+    Product("joint_stiffness", "N m/rad", _JOINT_STIFFNESS),
+    Product("motor_inertia", "kg m^2", {"beta1": -1}),
+    Product("motor_viscous_friction", "N m s/rad", {"alpha2": 1, "beta1": -1}),
+    Product("motor_coulomb_friction", "N m", {"alpha_coulomb": 1, "beta1": -1}),
+    Product("motor_offset_torque", "N m", {"alpha_offset": 1, "beta1": -1}),
+    Product("joint_damping", "N m s/rad", {"alpha_damping": 1, "beta1": -1}),
+    Product("cubic_joint_stiffness", "N m/rad^3", {"alpha_cubic": 1, "beta1": -1}),
+    Product("link_viscous_friction", "N m s/rad", {"theta_viscous": 1, **_LINK_INERTIA}),
+    Product("link_coulomb_friction", "N m", {"theta_coulomb": 1, **_LINK_INERTIA}),
+    Product("link_offset_torque", "N m", {"theta_offset": 1, **_LINK_INERTIA}),
 )
 """What the coefficients give when the input is a torque, so that beta1 = 1 / motor inertia."""
 
-_RATIOS = (
-    PhysicalParameter("gravity_torque_per_link_inertia", "1/s^2", {"theta1": 1}),
-    PhysicalParameter("joint_stiffness_per_link_inertia", "1/s^2", {"theta2": 1}),
-    PhysicalParameter("joint_stiffness_per_motor_inertia", "1/s^2", {"alpha1": 1}),
-    PhysicalParameter("link_inertia_per_motor_inertia", "1", {"alpha1": 1, "theta2": -1}),
-    PhysicalParameter(
-        "gravity_torque_per_motor_inertia", "1/s^2", {"theta1": 1, "alpha1": 1, "theta2": -1}
+_RATIOS: tuple[PhysicalParameter, ...] = (
+    Product("gravity_torque_per_link_inertia", "1/s^2", {"theta1": 1}),
+    Amplitude("gravity_torque_per_link_inertia", "1/s^2", "theta1", "theta_cosine"),
+    _GRAVITY_ANGLE,
+    Product("joint_stiffness_per_link_inertia", "1/s^2", {"theta2": 1}),
+    Product("joint_stiffness_per_motor_inertia", "1/s^2", {"alpha1": 1}),
+    Product("link_inertia_per_motor_inertia", "1", _INERTIA_RATIO),
+    Product("gravity_torque_per_motor_inertia", "1/s^2", {"theta1": 1, **_INERTIA_RATIO}),
+    Amplitude(
+        "gravity_torque_per_motor_inertia", "1/s^2", "theta1", "theta_cosine", _INERTIA_RATIO
     ),
-    PhysicalParameter("viscous_friction_per_motor_inertia", "1/s", {"alpha2": 1}),
-    PhysicalParameter("coulomb_friction_per_motor_inertia", "1/s^2", {"alpha_coulomb": 1}),
-    PhysicalParameter("joint_damping_per_motor_inertia", "1/s", {"alpha_damping": 1}),
-    PhysicalParameter("viscous_friction_per_link_inertia", "1/s", {"theta_viscous": 1}),
-    PhysicalParameter("coulomb_friction_per_link_inertia", "1/s^2", {"theta_coulomb": 1}),
-    PhysicalParameter("input_gain_per_motor_inertia", "rad/s^2/{input}", {"beta1": 1}),
+    Product("viscous_friction_per_motor_inertia", "1/s", {"alpha2": 1}),
+    Product("coulomb_friction_per_motor_inertia", "1/s^2", {"alpha_coulomb": 1}),
+    Product("joint_damping_per_motor_inertia", "1/s", {"alpha_damping": 1}),
+    Product("viscous_friction_per_link_inertia", "1/s", {"theta_viscous": 1}),
+    Product("coulomb_friction_per_link_inertia", "1/s^2", {"theta_coulomb": 1}),
+    Product("input_gain_per_motor_inertia", "rad/s^2/{input}", {"beta1": 1}),
 )
 """What is left when the input is no torque: nothing absolute, only ratios."""
+
+
+_RIGID_WITH_TORQUE: tuple[PhysicalParameter, ...] = (
+    Product("gravity_torque", "N m", {"gamma1": 1, "beta1": -1}),
+    Amplitude("gravity_torque", "N m", "gamma1", "gamma_cosine", {"beta1": -1}),
+    ZeroAngle("gravity_angle", "gamma1", "gamma_cosine"),
+    Product("inertia", "kg m^2", {"beta1": -1}),
+    Product("viscous_friction", "N m s/rad", {"gamma_viscous": 1, "beta1": -1}),
+    Product("coulomb_friction", "N m", {"gamma_coulomb": 1, "beta1": -1}),
+    Product("offset_torque", "N m", {"gamma_offset": 1, "beta1": -1}),
+)
+
+_RIGID_RATIOS: tuple[PhysicalParameter, ...] = (
+    Product("gravity_torque_per_inertia", "1/s^2", {"gamma1": 1}),
+    Amplitude("gravity_torque_per_inertia", "1/s^2", "gamma1", "gamma_cosine"),
+    ZeroAngle("gravity_angle", "gamma1", "gamma_cosine"),
+    Product("viscous_friction_per_inertia", "1/s", {"gamma_viscous": 1}),
+    Product("coulomb_friction_per_inertia", "1/s^2", {"gamma_coulomb": 1}),
+    Product("offset_torque_per_inertia", "1/s^2", {"gamma_offset": 1}),
+    Product("input_gain_per_inertia", "rad/s^2/{input}", {"beta1": 1}),
+)
 
 
 def physical_parameters(
     coefficients: Collection[str], input_is_torque: bool
 ) -> tuple[PhysicalParameter, ...]:
-    """Physical parameters that a set of coefficients determines.
+    """Physical parameters of the flexible joint that a set of coefficients determines.
 
     Parameters
     ----------
@@ -105,9 +256,28 @@ def physical_parameters(
     Returns
     -------
     tuple of PhysicalParameter
+        With ``gravity_cosine`` among the terms, gravity is the amplitude of both its parts, and
+        ``gravity_angle`` the link encoder's reading where the link hangs straight down.
     """
-    table = _WITH_TORQUE if input_is_torque else _RATIOS
-    return tuple(p for p in table if set(p.exponents) <= set(coefficients))
+    return _determined(_WITH_TORQUE if input_is_torque else _RATIOS, coefficients)
+
+
+def rigid_parameters(
+    coefficients: Collection[str], input_is_torque: bool
+) -> tuple[PhysicalParameter, ...]:
+    """Physical parameters of the rigid joint; as `physical_parameters`.
+
+    The inertia is that of motor and link together, at the link side of the gear.
+    """
+    return _determined(_RIGID_WITH_TORQUE if input_is_torque else _RIGID_RATIOS, coefficients)
+
+
+def _determined(
+    table: tuple[PhysicalParameter, ...], coefficients: Collection[str]
+) -> tuple[PhysicalParameter, ...]:
+    # Of two entries with one name the later one heeds more coefficients, and takes the place.
+    found = {p.name: p for p in table if set(p.coefficients) <= set(coefficients)}
+    return tuple(found.values())
 
 
 def lumped_coefficients(

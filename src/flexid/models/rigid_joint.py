@@ -1,0 +1,97 @@
+"""The rigid joint: link and motor turn as one, and one encoder tells all there is to tell.
+
+    x1' = x2
+    x2' = -gamma1 sin x1 - gamma_viscous x2 - gamma_coulomb tanh(x2/w) + gamma_offset + beta1 u
+
+x1, x2 are position and velocity at the link side of the gear. This is the flexible joint of Huang
+(2003), eq. (4), for a stiffness without bound; beta1 is then the inverse of the inertia of motor
+and link *together*, not of the motor alone.
+"""
+
+from collections.abc import Collection, Mapping
+
+from flexid.models.parametric_system import ParametricSystem
+from flexid.models.terms import (
+    COULOMB_VELOCITY,
+    SMOOTHING,
+    check_terms,
+    declared_row,
+    model_constants,
+)
+
+RIGID_TERMS: dict[str, dict[str, str]] = {
+    "gravity": {"gamma1": "-sin(x1)"},
+    "gravity_cosine": {"gamma_cosine": "-cos(x1)"},
+    "viscous": {"gamma_viscous": "-x2"},
+    "coulomb": {"gamma_coulomb": f"-tanh(x2/{SMOOTHING})"},
+    "offset": {"gamma_offset": "1"},
+}
+"""Terms that can be switched on beside the inertia, which is always there, with regressors."""
+
+RIGID_UNITS: dict[str, str] = {
+    "gamma1": "1/s^2",
+    "gamma_cosine": "1/s^2",
+    "gamma_viscous": "1/s",
+    "gamma_coulomb": "rad/s^2",
+    "gamma_offset": "rad/s^2",
+    "beta1": "rad/s^2/{input}",
+}
+"""Unit of every coefficient; ``{input}`` stands for the unit of the input."""
+
+_RIGID_COUNTERPART = {
+    "gravity": "gravity",
+    "gravity_cosine": "gravity_cosine",
+    "motor_viscous": "viscous",
+    "link_viscous": "viscous",
+    "motor_coulomb": "coulomb",
+    "link_coulomb": "coulomb",
+    "link_offset": "offset",
+    "motor_offset": "offset",
+}  # a term of the spring has none
+
+
+def rigid_joint(
+    terms: Collection[str],
+    known: Mapping[str, float] | None = None,
+    coulomb_velocity: float = COULOMB_VELOCITY,
+) -> ParametricSystem:
+    """Declare a rigid joint.
+
+    Parameters
+    ----------
+    terms : collection of str
+        Names out of `RIGID_TERMS`; their order does not matter.
+    known : mapping of str to float, optional
+        Coefficients whose value is known, for example ``{"beta1": 1 / total_inertia}``.
+    coulomb_velocity : float, optional
+        Velocity in rad/s over which Coulomb friction changes sign; a constant of the model.
+
+    Returns
+    -------
+    ParametricSystem
+        One row ``rigid``, states x1 and x2, input u.
+
+    Raises
+    ------
+    SettingError
+        If a term or a known coefficient does not exist, or the velocity is not positive.
+    """
+    known = dict(known or {})
+    check_terms(terms, RIGID_TERMS)
+    chosen = [regressors for name, regressors in RIGID_TERMS.items() if name in terms]
+    regressors = {c: r for term in chosen for c, r in term.items()} | {"beta1": "u"}
+    return ParametricSystem(
+        "rigid joint",
+        (declared_row("rigid", "x1", "x2", regressors, known),),
+        constants=model_constants(regressors, known, coulomb_velocity),
+    )
+
+
+def rigid_terms(flexible_terms: Collection[str]) -> tuple[str, ...]:
+    """Terms of the rigid joint that a flexible joint with the given terms has in common with it.
+
+    >>> rigid_terms(("gravity", "motor_viscous", "link_viscous", "joint_damping"))
+    ('gravity', 'viscous')
+    """
+    found = {_RIGID_COUNTERPART[term] for term in flexible_terms if term in _RIGID_COUNTERPART}
+    return tuple(term for term in RIGID_TERMS if term in found)

@@ -1,0 +1,74 @@
+"""Terms that are switched on by name, and how they become the row of a system."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+
+from flexid.errors import SettingError
+from flexid.models.parametric_system import Row
+
+COULOMB_VELOCITY = 0.1
+"""Velocity in rad/s over which the smoothed Coulomb friction, a tanh, changes sign."""
+
+SMOOTHING = "coulomb_velocity"
+"""The constant of that name in the regressors of Coulomb friction."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of the flexible joint: the coefficients it adds to each row, with their regressors."""
+
+    description: str
+    link: Mapping[str, str]
+    motor: Mapping[str, str]
+
+
+def check_terms(terms: Iterable[str], known_terms: Collection[str]) -> None:
+    """Raise `SettingError` for a term that does not exist."""
+    for term in terms:
+        if term not in known_terms:
+            raise SettingError("terms", f"{term!r} is unknown; known are {', '.join(known_terms)}")
+
+
+def declared_row(
+    name: str,
+    coordinate: str,
+    velocity: str,
+    regressors: Mapping[str, str],
+    known: Collection[str],
+) -> Row:
+    """Declare a row, with the terms of known coefficients in its known part."""
+    unknown = {c: r for c, r in regressors.items() if c not in known}
+    known_part = " + ".join(f"{c}*({r})" for c, r in regressors.items() if c in known)
+    return Row(name, coordinate, velocity, unknown, known_part or "0")
+
+
+def model_constants(
+    regressors: Mapping[str, str], known: Mapping[str, float], coulomb_velocity: float
+) -> dict[str, float]:
+    """Values of the constants that a model's expressions use: what is known, and the smoothing.
+
+    Parameters
+    ----------
+    regressors : mapping of str to str
+        Those of all rows.
+    known : mapping of str to float
+        Coefficients whose value is known.
+    coulomb_velocity : float
+        In rad/s; a constant of the model only if Coulomb friction is a term of it.
+
+    Raises
+    ------
+    SettingError
+        If a known coefficient is none of the model's, or the velocity is not positive.
+    """
+    for coefficient in known:
+        if coefficient not in regressors:
+            raise SettingError(
+                "known",
+                f"{coefficient!r} is no coefficient of this model; it has {', '.join(regressors)}",
+            )
+    if not (isfinite(coulomb_velocity) and coulomb_velocity > 0):
+        raise SettingError(SMOOTHING, f"{coulomb_velocity:g} is not positive: give it in rad/s")
+    smoothed = any(SMOOTHING in regressor for regressor in regressors.values())
+    return dict(known) | ({SMOOTHING: coulomb_velocity} if smoothed else {})

@@ -1,0 +1,81 @@
+"""The rigid joint and its relation to the flexible one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexid.errors import SettingError
+from flexid.models.flexible_joint import TERMS, flexible_joint
+from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms
+from flexid.simulation.free_run import free_run
+
+
+def test_bare_joint():
+    """Assert that without terms a torque accelerates an inertia and nothing else acts."""
+    (row,) = rigid_joint(()).rows
+    assert (row.name, dict(row.regressors)) == ("rigid", {"beta1": "u"})
+
+
+def test_limit_of_the_flexible_joint():
+    """Assert that a joint of great stiffness moves as the rigid joint of the summed inertias."""
+    t = 2e-3 * np.arange(1000)
+    u = (4.0 * np.sin(3 * t) + 1.0)[:, None]
+    link, motor, stiffness = 1.0, 0.3, 1e6
+    total = link + motor
+    soft = {
+        "theta1": 5.0 / link,
+        "theta2": stiffness / link,
+        "theta_cosine": 1.0 / link,
+        "alpha1": stiffness / motor,
+        "alpha2": 0.2 / motor,
+        "beta1": 1 / motor,
+        "alpha_coulomb": 0.4 / motor,
+        "alpha_offset": 0.1 / motor,
+    }
+    terms = ("gravity", "gravity_cosine", "motor_viscous", "motor_coulomb", "motor_offset")
+    hard = {
+        "gamma1": 5.0 / total,
+        "gamma_cosine": 1.0 / total,
+        "gamma_viscous": 0.2 / total,
+        "gamma_coulomb": 0.4 / total,
+        "gamma_offset": 0.1 / total,
+        "beta1": 1 / total,
+    }
+    flexible = free_run(flexible_joint(terms), soft, np.zeros(4), u, 2e-3)
+    rigid = free_run(rigid_joint(rigid_terms(terms)), hard, np.zeros(2), u, 2e-3)
+    np.testing.assert_allclose(flexible[:, 2], rigid[:, 0], atol=2e-5)
+
+
+def test_every_term_of_the_flexible_joint_is_placed():
+    """Assert that all terms map to all rigid ones, and those of the spring to none."""
+    assert rigid_terms(TERMS) == tuple(RIGID_TERMS)
+    assert rigid_terms(("joint_damping", "cubic_stiffness")) == ()
+
+
+def test_known_total_inertia():
+    """Assert that a known input gain becomes a constant of the model."""
+    system = rigid_joint(("coulomb",), {"beta1": 2.0}, coulomb_velocity=0.02)
+    assert system.coefficients == ("gamma_coulomb",)
+    assert system.constants == {"beta1": 2.0, "coulomb_velocity": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("terms", "known", "word"), [(("motor_viscous",), {}, "viscous"), ((), {"theta1": 1}, "theta1")]
+)
+def test_names_of_the_flexible_joint_are_refused(
+    terms: tuple[str, ...], known: dict[str, float], word: str
+):
+    """Assert that terms and coefficients of the other model are named as unknown."""
+    with pytest.raises(SettingError, match=word):
+        rigid_joint(terms, known)
+
+
+def test_smoothing_needs_no_other_kernel():
+    """Assert that another Coulomb velocity has the same digest and acts in the free run."""
+    coarse = rigid_joint(("coulomb",), coulomb_velocity=0.5)
+    fine = replace(coarse, constants={"coulomb_velocity": 0.01})
+    assert coarse.digest == fine.digest
+    values, u = {"gamma_coulomb": 0.5, "beta1": 1.0}, np.full((500, 1), 0.4)
+    far, near = (free_run(s, values, np.zeros(2), u, 2e-3)[-1, 0] for s in (coarse, fine))
+    assert near < 0.1 * far  # friction holds against a torque below it, but for its creep
