@@ -1,0 +1,146 @@
+"""Intervals of coefficients, and by the delta method of physical parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.stats import t
+
+from flexid.identification.intervals import (
+    Propagated,
+    interval,
+    logarithmic_interval,
+    propagated,
+)
+from flexid.models.physical import PhysicalParameter, physical_parameters
+
+NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
+VALUES = np.array([5.0, 100.0, 1000 / 3, 1 / 3, 10 / 3])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit of which only the result is known."""
+
+    values: np.ndarray
+    covariance: np.ndarray
+    names: tuple[str, ...] = NAMES
+    degrees_of_freedom: tuple[float, ...] = (np.inf,) * 5
+
+
+def parameter(name: str) -> PhysicalParameter:
+    """Return a physical parameter of the joint under a torque."""
+    return next(p for p in physical_parameters(NAMES, input_is_torque=True) if p.name == name)
+
+
+def of(name: str, fit: Fit) -> Propagated:
+    """Propagate a fit, the truth standing for what was given."""
+    values = dict(zip(NAMES, VALUES.tolist(), strict=True))
+    return propagated(
+        parameter(name), {**values, **dict(zip(fit.names, fit.values, strict=True))}, fit
+    )
+
+
+def test_symmetrical_interval_is_students():
+    """Assert that the half-width is Student's quantile times the standard deviation."""
+    low, high = interval(3.0, 0.5, 7.5)
+    assert (high - low) / 2 == pytest.approx(0.5 * t.ppf(0.975, 7.5))
+    assert (high + low) / 2 == pytest.approx(3.0)
+
+
+def test_normal_where_nothing_was_estimated():
+    """Assert that infinite degrees of freedom give the normal quantile."""
+    assert interval(0.0, 1.0, np.inf)[1] == pytest.approx(1.959964, rel=1e-6)
+
+
+@pytest.mark.parametrize(("std", "freedom"), [(np.inf, 5.0), (1.0, 0.0), (np.inf, 0.0)])
+def test_nothing_known_is_the_whole_line(std, freedom):
+    """Assert that no information gives every number, or every positive one on the logarithm."""
+    assert interval(2.0, std, freedom) == (-np.inf, np.inf)
+    assert logarithmic_interval(2.0, std, freedom) == (0.0, np.inf)
+
+
+def test_a_known_value_has_no_width():
+    """Assert that a standard deviation of zero gives the value itself, whatever the freedom."""
+    assert interval(2.0, 0.0, 0.0) == (2.0, 2.0)
+    assert logarithmic_interval(2.0, 0.0, 0.0) == (2.0, 2.0)
+
+
+def test_delta_method_of_a_ratio():
+    """Assert that the stiffness' relative variance is that of the difference of logarithms."""
+    covariance = np.diag((0.01 * VALUES) ** 2)
+    covariance[2, 4] = covariance[4, 2] = 0.5 * 1e-4 * VALUES[2] * VALUES[4]
+    found = of("joint_stiffness", Fit(VALUES, covariance))
+    assert found.value == pytest.approx(100.0)
+    assert found.std == pytest.approx(100.0 * np.sqrt(1e-4 + 1e-4 - 2 * 0.5e-4))
+    assert not found.logarithmic
+
+
+def test_fewest_degrees_of_freedom_count():
+    """Assert that of the coefficients involved the one with the fewest decides."""
+    fit = Fit(VALUES, np.diag((0.01 * VALUES) ** 2), degrees_of_freedom=(2.0, 9.0, 8.0, 2.0, 7.0))
+    assert of("joint_stiffness", fit).degrees_of_freedom == 7.0
+
+
+def test_free_coefficients_leave_the_parameter_open():
+    """Assert that an infinite variance is not hidden by its neighbours."""
+    covariance = np.diag((0.01 * VALUES) ** 2)
+    covariance[4, 4] = np.inf
+    found = of("motor_inertia", Fit(VALUES, covariance))
+    assert found.std == np.inf
+    assert found.interval == (0.0, np.inf)
+
+
+def test_what_was_given_has_no_width():
+    """Assert that a motor inertia that the user gave is repeated without an interval."""
+    fit = Fit(VALUES[:4], np.eye(4), NAMES[:4], (5.0,) * 4)
+    assert of("motor_inertia", fit).interval == (0.3, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "fitted", "expected"),
+    [
+        ("motor_inertia", NAMES, True),
+        ("link_inertia", NAMES, True),
+        ("link_inertia", NAMES[:4], False),  # alpha1 / theta2, beta1 being given
+        ("joint_stiffness", NAMES, False),
+        ("joint_stiffness", NAMES[:4], False),
+        ("gravity_torque", NAMES, False),
+        ("motor_viscous_friction", NAMES, False),
+    ],
+)
+def test_logarithm_where_division_prevails(name, fitted, expected):
+    """Assert that positive coefficients of negative degree in all get it, and no others."""
+    k = len(fitted)
+    fit = Fit(VALUES[:k], np.diag((0.1 * VALUES[:k]) ** 2), fitted, (20.0,) * k)
+    assert of(name, fit).logarithmic is expected
+
+
+def test_interval_on_the_logarithm():
+    """Assert that it is the value times and over one factor, and so above zero at any width."""
+    fit = Fit(VALUES, np.diag((0.8 * VALUES) ** 2))
+    low, high = of("motor_inertia", fit).interval
+    assert low * high == pytest.approx(0.3**2)
+    assert np.log(high / 0.3) == pytest.approx(1.959964 * 0.8, rel=1e-6)
+    assert low > 0.0
+
+
+@pytest.mark.parametrize("deviation", [0.2, 0.4])
+@pytest.mark.parametrize("name", ["motor_inertia", "link_inertia"])
+def test_coverage_of_poorly_determined_inertias(name, deviation):
+    """Assert that the logarithm brings the coverage of correlated estimates nearer 95 %.
+
+    The standard error of a share of 1500 draws is 0.6 %.
+    """
+    covariance = deviation**2 * np.outer(VALUES, VALUES) * (0.9 + 0.1 * np.eye(5))
+    truth = of(name, Fit(VALUES, covariance)).value
+    draws = np.random.default_rng(3).multivariate_normal(VALUES, covariance, 1500)
+    draws = draws[(draws > 0.0).all(axis=1)]
+    held = np.zeros(2)
+    for draw in draws:
+        found = of(name, Fit(draw, covariance))
+        plain = interval(found.value, found.std, np.inf)
+        held += [low <= truth <= high for low, high in (found.interval, plain)]
+    logarithmic, symmetrical = held / len(draws)
+    assert logarithmic > 0.92
+    assert symmetrical < logarithmic - 0.01
