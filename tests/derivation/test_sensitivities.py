@@ -40,7 +40,7 @@ def test_variations_are_derivatives_of_the_right_hand_side(plain, name):
     u, p = generator.standard_normal(len(system.inputs)), generator.uniform(0.5, 2.0, k)
     c = np.array(list(system.constants.values()))
     rates = np.full_like(z, np.nan)
-    variations["variation_rates"](z, u, p, c, rates)
+    variations["variation_rates"](z, u, p, c, 1 + n + np.arange(k), rates)
 
     def right_hand_side(x, p):
         dx = np.empty(n)
@@ -55,3 +55,20 @@ def test_variations_are_derivatives_of_the_right_hand_side(plain, name):
             dp[column - 1 - n] = 1e-6
         high, low = right_hand_side(z[:, 0] + dx, p + dp), right_hand_side(z[:, 0] - dx, p - dp)
         assert rates[:, column] == pytest.approx((high - low) / 2e-6, rel=1e-6, abs=1e-6)
+
+
+def test_a_coefficient_without_a_column_leaves_the_others_alone(plain):
+    """Assert that dropping a column changes no other."""
+    system = ALL["paper"]
+    rates_of = plain(sensitivity_functions(system, "Test"))["variation_rates"]
+    n, k = len(system.states), len(system.coefficients)
+    generator = np.random.default_rng(12)
+    z = generator.uniform(0.2, 1.2, (n, 1 + n + k))
+    u, p = generator.standard_normal(len(system.inputs)), generator.uniform(0.5, 2.0, k)
+    c = np.array(list(system.constants.values()))
+    full, part = np.empty_like(z), np.empty_like(z[:, :-1])
+    at = 1 + n + np.arange(k)
+    rates_of(z, u, p, c, at, full)
+    dropped = np.concatenate(([0], at[:-1]))
+    rates_of(np.delete(z, 1 + n, axis=1), u, p, c, dropped, part)
+    assert np.array_equal(part, np.delete(full, 1 + n, axis=1))

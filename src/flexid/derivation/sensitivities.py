@@ -5,7 +5,8 @@ and to the coefficients p obey
 
     (∂x/∂s)' = (∂f/∂x) ∂x/∂s,    (∂x/∂p)' = (∂f/∂x) ∂x/∂p + ∂f/∂p.
 
-All of them are the columns of one matrix: first x, then ∂x/∂s, then ∂x/∂p.
+All of them are the columns of one matrix: first x, then ∂x/∂s, then ∂x/∂p. Coefficients that
+are not sought need no column.
 """
 
 from typing import cast
@@ -19,7 +20,7 @@ from flexid.models.parametric_system import ParametricSystem
 
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header and ``variation_rates(z, u, p, c, dz)``.
+    """Header and ``variation_rates(z, u, p, c, at, dz)``.
 
     Parameters
     ----------
@@ -31,20 +32,17 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     Returns
     -------
     str
-        A module with the sizes of the model, N_COLUMNS (1 + N_STATES + N_COEFFICIENTS) and the
-        function, which fills dz = z' for the matrix z of shape (N_STATES, N_COLUMNS).
+        A module with the sizes of the model and the function, which fills dz = z' for the matrix
+        z of shape (N_STATES, n_columns); at[i] is the column of coefficient i, or 0 if it has none.
     """
-    symbolic = symbolic_system(system)
-    columns = 1 + len(symbolic.states) + len(symbolic.coefficients)
-    header = module_header(system, purpose) + f"N_COLUMNS = {columns}\n"
-    return header + "\n\n" + _variation_rates(symbolic)
+    return module_header(system, purpose) + "\n\n" + _variation_rates(symbolic_system(system))
 
 
 def _variation_rates(symbolic: SymbolicSystem) -> str:
     targets: list[str] = []
     expressions: list[sp.Expr] = []
     loop, sources = [], []
-    column = 1 + len(symbolic.states)
+    coefficient = 0
     for j, row in enumerate(symbolic.rows):
         jacobian = {
             place: _derivative(row.acceleration, state)
@@ -59,11 +57,14 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
         for i, regressor in enumerate(row.regressor):
             targets.append(f"_r{j}_{i}")
             expressions.append(regressor)
-            sources.append(f"    _dz[{2 * j + 1}, {column}] += _r{j}_{i}")
-            column += 1
+            sources.append(
+                f"    if _at[{coefficient}]:\n"
+                f"        _dz[{2 * j + 1}, _at[{coefficient}]] += _r{j}_{i}"
+            )
+            coefficient += 1
     states = [f"    {name} = _z[{place}, 0]" for place, name in enumerate(symbolic.states)]
     return function(
-        "variation_rates(_z, _u, _p, _c, _dz)",
+        "variation_rates(_z, _u, _p, _c, _at, _dz)",
         "_dz = _z' for the columns x, ∂x/∂s, ∂x/∂p of _z.  # Huang (2003), eq. (1)",
         "\n".join(states),
         unpack("_u", symbolic.inputs),
@@ -71,7 +72,7 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
         unpack("_c", symbolic.constants),
         assignments(targets, expressions),
         "\n".join(f"    _dz[{2 * j}, 0] = {row.velocity}" for j, row in enumerate(symbolic.rows)),
-        "    for _j in range(1, N_COLUMNS):",
+        "    for _j in range(1, _z.shape[1]):",
         "\n".join(loop),
         "\n".join(sources),
     )

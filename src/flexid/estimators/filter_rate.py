@@ -15,6 +15,7 @@ import numpy as np
 
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -34,7 +35,10 @@ def candidate_rates(pieces: Sequence[Samples]) -> FloatArray:
 
 
 def choose_filter_rate(
-    pieces: Sequence[Samples], system: ParametricSystem, hold: Hold = "linear"
+    pieces: Sequence[Samples],
+    system: ParametricSystem,
+    hold: Hold = "linear",
+    unknowns: Unknowns | None = None,
 ) -> float:
     """Choose λ: about the best at explaining the equations of every rate, then the least noisy.
 
@@ -46,6 +50,8 @@ def choose_filter_rate(
         The model.
     hold : {"linear", "zero"}, optional
         Hold of the inputs.
+    unknowns : Unknowns, optional
+        What is sought, if not every coefficient of the system from all pieces together.
 
     Returns
     -------
@@ -53,7 +59,7 @@ def choose_filter_rate(
         λ in 1/s.
     """
     rates = candidate_rates(pieces)
-    fits = [filtered_least_squares(pieces, system, rate, hold) for rate in rates]
+    fits = [filtered_least_squares(pieces, system, rate, hold, unknowns) for rate in rates]
     regrets = np.array([[_regret(fit, other) for other in fits] for fit in fits]).mean(axis=1)
     spreads = [
         _log_spread(fit) if regret <= regrets.min() + _TOLERANCE else np.inf

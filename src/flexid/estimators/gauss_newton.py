@@ -1,14 +1,18 @@
 """Gauss-Newton over segments, damped after Levenberg and Marquardt where a full step fails."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import ModuleType
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.arrow import Reduced, solve_arrow
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, first_states
+from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.kernels.store import load_kernel, template
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -26,7 +30,7 @@ _LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The unknowns: coefficients, shape (k,), and initial states, (n_segments, n_states)."""
+    """What is sought: coefficients, shape (k,), and initial states, (n_segments, n_states)."""
 
     values: FloatArray
     initial_states: FloatArray
@@ -50,6 +54,8 @@ class SegmentedMotion:
     ----------
     segments : Segments
         What was measured.
+    unknowns : Unknowns
+        What is sought.
     constants : array
         Values of the model's constants.
     held : bool
@@ -61,6 +67,7 @@ class SegmentedMotion:
     """
 
     segments: Segments
+    unknowns: Unknowns
     constants: FloatArray
     held: bool
     substeps: int
@@ -70,31 +77,42 @@ class SegmentedMotion:
     @property
     def degrees_of_freedom(self) -> int:
         """Measured numbers less unknowns, at least 1."""
-        unknowns = len(self.segments) * self._kernel.N_STATES + self._kernel.N_COEFFICIENTS
-        return max(1, self.segments.outputs.size - unknowns)
+        sought = len(self.segments) * self._kernel.N_STATES + len(self.unknowns.names)
+        return max(1, self.segments.outputs.size - sought)
 
     def at(self, point: Point, weights: FloatArray) -> "SegmentedMotion":
         """The same with weights, and with steps short enough for the motion about a point."""
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
+        coefficients = self._coefficients(point.values)
         fastest = max(
-            self._fastest_rate(state, self.segments.inputs[first], point.values)
+            self._fastest_rate(state, self.segments.inputs[first], p)
             for states in (point.initial_states, resting)
-            for first, state in zip(self.segments.starts, states, strict=True)
+            for first, state, p in zip(self.segments.starts, states, coefficients, strict=True)
         )
         phase = fastest * float(self.segments.sample_times.max())
         substeps = max(1, int(np.ceil(min(_SUBSTEPS_PER_RADIAN * phase, _MOST_SUBSTEPS))))
         return replace(self, substeps=substeps, weights=weights)
 
-    def _fastest_rate(self, state: FloatArray, inputs: FloatArray, values: FloatArray) -> float:
+    def _coefficients(self, values: FloatArray) -> FloatArray:
+        """Coefficients of every segment, shape (n_segments, n_coefficients)."""
+        return self._by_segment(lambda piece: self.unknowns.coefficients(values, piece))
+
+    def _by_segment(self, of_piece: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
+        """What each segment takes from its piece, stacked."""
+        pieces, place = np.unique(self.segments.pieces, return_inverse=True)
+        return np.array([of_piece(piece) for piece in pieces.tolist()])[place]
+
+    def _fastest_rate(self, state: FloatArray, inputs: FloatArray, p: FloatArray) -> float:
         """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
         kernel = self._kernel
         states = slice(1, 1 + kernel.N_STATES)
-        columns = np.zeros((kernel.N_STATES, kernel.N_COLUMNS))
+        columns = np.zeros((kernel.N_STATES, 1 + kernel.N_STATES))
         columns[:, 0] = state
         columns[:, states] = np.eye(kernel.N_STATES)
         rates = np.empty_like(columns)
-        kernel.variation_rates(columns, inputs, values, self.constants, rates)
+        none = np.zeros(kernel.N_COEFFICIENTS, dtype=np.int64)
+        kernel.variation_rates(columns, inputs, p, self.constants, none, rates)
         jacobian = rates[:, states]
         if not np.isfinite(jacobian).all():  # the model has no linearisation here
             return 0.0
@@ -103,7 +121,9 @@ class SegmentedMotion:
     def equations(self, point: Point) -> Equations:
         """Run the model from a point and put up the normal equations."""
         segments, kernel = self.segments, self._kernel
-        size = kernel.N_STATES + kernel.N_COEFFICIENTS
+        columns = self._by_segment(self.unknowns.columns)
+        wanted = np.flatnonzero(np.any(columns != FIXED, axis=0))
+        size = kernel.N_STATES + len(wanted)
         normal = np.empty((len(segments), size, size))
         gradient = np.empty((len(segments), size))
         residuals = np.zeros_like(segments.outputs)
@@ -116,8 +136,9 @@ class SegmentedMotion:
             segments.outputs,
             self.weights,
             segments.inputs,
-            point.values,
+            self._coefficients(point.values),
             self.constants,
+            wanted,
             self.held,
             self.substeps,
             normal,
@@ -126,6 +147,9 @@ class SegmentedMotion:
         )
         if done < len(segments) or not np.all(np.abs(normal) < _LARGEST):
             cost = np.inf
+        normal, gradient = _gathered(
+            normal, gradient, columns[:, wanted], kernel.N_STATES, len(self.unknowns.names)
+        )
         return Equations(cost, normal, gradient, residuals)
 
     def solve(self, equations: Equations, damping: float = 0.0) -> Reduced:
@@ -168,7 +192,45 @@ class Minimum:
         return np.sqrt(squares * self.equations.residuals.shape[1] / problem.degrees_of_freedom)
 
 
-def segmented_motion(system: ParametricSystem, segments: Segments, hold: Hold) -> SegmentedMotion:
+def _gathered(
+    normal: FloatArray,
+    gradient: FloatArray,
+    columns: NDArray[np.int64],
+    n_states: int,
+    n_names: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Normal equations of segments for all that is sought, in its order.
+
+    Parameters
+    ----------
+    normal : array, shape (n_segments, n_states + n_wanted, n_states + n_wanted)
+        For the initial state and the coefficients that some segment wants.
+    gradient : array, shape (n_segments, n_states + n_wanted)
+        Right-hand sides.
+    columns : array of int, shape (n_segments, n_wanted)
+        Place of these coefficients among what is sought, or `FIXED`.
+    n_states, n_names : int
+        Size of a state, and how many coefficients are sought.
+    """
+    count, n_wanted = columns.shape
+    if n_wanted == n_names and (columns == np.arange(n_names)).all():
+        return normal, gradient
+    # What a segment wants in vain goes to one place more, which is then cut off.
+    places = np.empty((count, n_states + n_wanted), dtype=np.int64)
+    places[:, :n_states] = np.arange(n_states)
+    places[:, n_states:] = n_states + np.where(columns == FIXED, n_names, columns)
+    size = n_states + n_names
+    wide = np.zeros((count, size + 1, size + 1))
+    tall = np.zeros((count, size + 1))
+    segment = np.arange(count)[:, None]
+    wide[segment[:, :, None], places[:, :, None], places[:, None, :]] = normal
+    tall[segment, places] = gradient
+    return wide[:, :size, :size], tall[:, :size]
+
+
+def segmented_motion(
+    system: ParametricSystem, segments: Segments, hold: Hold, unknowns: Unknowns | None = None
+) -> SegmentedMotion:
     """The motion of a model over segments, all outputs of the same weight."""
 
     def build() -> str:
@@ -180,7 +242,8 @@ def segmented_motion(system: ParametricSystem, segments: Segments, hold: Hold) -
     kernel = load_kernel("prediction_error", [system.digest], build)
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(len(segments.measured))
-    return SegmentedMotion(segments, constants, hold == "zero", 1, weights, kernel)
+    unknowns = unknowns or Unknowns(system)
+    return SegmentedMotion(segments, unknowns, constants, hold == "zero", 1, weights, kernel)
 
 
 def approach(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimum:

@@ -25,6 +25,7 @@ from flexid.estimators.gauss_newton import (
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segments import divide, first_states
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.estimators.whiteness import whiteness
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -45,7 +46,7 @@ class PredictionErrorFit:
     Parameters
     ----------
     names : tuple of str
-        Coefficients, row by row.
+        What is sought, row by row.
     values : array, shape (k,)
         Their values, in the system's units.
     covariance : array, shape (k, k)
@@ -114,6 +115,7 @@ def prediction_error(
     segment_duration: float = 1.0,
     hold: Hold = "linear",
     use_velocities: bool = False,
+    unknowns: Unknowns | None = None,
 ) -> PredictionErrorFit:
     """Fit the model's free motion over segments to measured positions.
 
@@ -124,7 +126,7 @@ def prediction_error(
     system : ParametricSystem
         The model; its constants have the values declared in it.
     start : LeastSquaresFit or mapping of str to float
-        Where to start: a least-squares fit of the same record, or a value for each coefficient. The
+        Where to start: a least-squares fit of the same record, or a value for each unknown. The
         second is fitted from least squares as well, which must not explain the record better.
     segment_duration : float, optional
         Wanted length of a segment in s. Longer segments tell more and forgive less: what the model
@@ -133,6 +135,8 @@ def prediction_error(
         Whether the inputs run linearly between samples or are constant until the next one.
     use_velocities : bool, optional
         Fit measured velocities beside the positions. Do so only if a sensor gave them.
+    unknowns : Unknowns, optional
+        What is sought, if not every coefficient of the system from all pieces together.
 
     Returns
     -------
@@ -142,29 +146,30 @@ def prediction_error(
     Raises
     ------
     SettingError
-        If the segment duration, the start or the samples cannot be used.
+        If the segment duration, the start, the unknowns or the samples cannot be used.
     ConvergenceError
         If the iteration does not converge, or converges to values that least squares contradicts:
         there are local minima, and a value from one is worth nothing.
     """
+    unknowns = unknowns_of(system, len(pieces), unknowns)
     segments = divide(pieces, segment_duration, use_velocities)
-    check = _least_squares(pieces, system, hold) if isinstance(start, Mapping) else start
-    problem = segmented_motion(system, segments, hold)
-    problem, found, iterations = _best_fit(problem, _start_values(system, start))
+    check = _least_squares(pieces, unknowns, hold) if isinstance(start, Mapping) else start
+    problem = segmented_motion(system, segments, hold, unknowns)
+    problem, found, iterations = _best_fit(problem, _start_values(unknowns, start))
     if isinstance(start, Mapping):
-        rival_problem, rival, _ = _best_fit(problem, _start_values(system, check))
+        rival_problem, rival, _ = _best_fit(problem, _start_values(unknowns, check))
         if _misfit(problem, found) > _misfit(rival_problem, rival) + _WORSE:
             raise ConvergenceError(
                 "prediction error",
                 "another minimum explains the record better than the one that the starting values "
                 "lead to: start from a least-squares fit",
             )
-    _compare(system, found.point.values, check)
-    return _described(system, problem, found, iterations, float(segment_duration), hold)
+    _compare(unknowns, found.point.values, check)
+    return _described(unknowns, problem, found, iterations, float(segment_duration), hold)
 
 
 def _described(
-    system: ParametricSystem,
+    unknowns: Unknowns,
     problem: SegmentedMotion,
     found: Minimum,
     iterations: int,
@@ -180,14 +185,14 @@ def _described(
     )
     states = found.point.initial_states
     return PredictionErrorFit(
-        names=system.coefficients,
+        names=unknowns.names,
         values=found.point.values,
         covariance=_infinite(covariance, reduced.free),
         gauss_newton_covariance=_infinite(reduced.inverse * found.variance(problem), reduced.free),
-        whiteness=whiteness(segments.of(residuals), states.size + len(system.coefficients)),
+        whiteness=whiteness(segments.of(residuals), states.size + len(unknowns.names)),
         segments_less_coefficients=degrees_of_freedom,
         undetermined=tuple(
-            name for name, free in zip(system.coefficients, reduced.free, strict=True) if free
+            name for name, free in zip(unknowns.names, reduced.free, strict=True) if free
         ),
         information=reduced.information,
         noise=found.noise(problem),
@@ -213,39 +218,36 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     return problem, found, coarse.iterations + found.iterations
 
 
-def _start_values(
-    system: ParametricSystem, start: Mapping[str, float] | LeastSquaresFit
-) -> FloatArray:
+def _start_values(unknowns: Unknowns, start: Mapping[str, float] | LeastSquaresFit) -> FloatArray:
     if isinstance(start, LeastSquaresFit):
-        if start.names != system.coefficients:
-            raise SettingError("start", "it is a fit of another model: fit this one first")
+        if start.names != unknowns.names:
+            raise SettingError(
+                "start", "it is a fit of another model or of other unknowns: fit these first"
+            )
         start = dict(zip(start.names, start.values.tolist(), strict=True))
-    if set(start) != set(system.coefficients):
-        names = ", ".join(system.coefficients)
-        raise SettingError("start", f"give one value for each coefficient of the model: {names}")
-    values = np.array([start[name] for name in system.coefficients], dtype=np.float64)
+    if set(start) != set(unknowns.names):
+        names = ", ".join(unknowns.names)
+        raise SettingError("start", f"give one value for each unknown of the model: {names}")
+    values = np.array([start[name] for name in unknowns.names], dtype=np.float64)
     if not np.isfinite(values).all():
         raise SettingError("start", "not every value is a finite number: correct it")
     return values
 
 
-def _least_squares(
-    pieces: Sequence[Samples], system: ParametricSystem, hold: Hold
-) -> LeastSquaresFit:
+def _least_squares(pieces: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> LeastSquaresFit:
     """Least squares of the record at its own filter rate; it needs no starting values."""
     complete = [
         replace(
             piece,
             velocities=np.column_stack([velocity(q, piece.sample_time) for q in piece.positions.T]),
         )
-        if piece.velocities is None
+        if piece.velocities is None and len(piece) > 4
         else piece
         for piece in pieces
-        if len(piece) > 4
     ]
-    return filtered_least_squares(
-        complete, system, choose_filter_rate(complete, system, hold), hold
-    )
+    system = unknowns.system
+    rate = choose_filter_rate(complete, system, hold, unknowns)
+    return filtered_least_squares(complete, system, rate, hold, unknowns)
 
 
 def _weights(noise: FloatArray, outputs: FloatArray) -> FloatArray:
@@ -266,7 +268,7 @@ def _infinite(covariance: FloatArray, free: np.ndarray) -> FloatArray:
     return covariance
 
 
-def _compare(system: ParametricSystem, values: FloatArray, check: LeastSquaresFit) -> None:
+def _compare(unknowns: Unknowns, values: FloatArray, check: LeastSquaresFit) -> None:
     """Refuse values that least squares of the same record contradicts."""
     deviations = check.standard_deviations
     effects = [
@@ -274,7 +276,7 @@ def _compare(system: ParametricSystem, values: FloatArray, check: LeastSquaresFi
         for row in check.rows
         for gram in np.diag(row.gram)
     ]
-    for place, (name, value) in enumerate(zip(system.coefficients, values.tolist(), strict=True)):
+    for place, (name, value) in enumerate(zip(unknowns.names, values.tolist(), strict=True)):
         reference = float(check.values[place])
         allowed = _AGREEMENT * deviations[place] + _SLACK * abs(reference)
         allowed += _EFFECT * effects[place]

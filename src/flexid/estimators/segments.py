@@ -28,6 +28,8 @@ class Segments:
         Time between samples in s.
     start_times : array, shape (n_segments,)
         Time of the first sample in s.
+    pieces : array of int, shape (n_segments,)
+        Place of the piece that each segment was cut from.
     measured : array of int, shape (n_outputs,)
         The state that each output measures.
     outputs : array, shape (n_samples, n_outputs)
@@ -40,6 +42,7 @@ class Segments:
     lengths: NDArray[np.int64]
     sample_times: FloatArray
     start_times: FloatArray
+    pieces: NDArray[np.int64]
     measured: NDArray[np.int64]
     outputs: FloatArray
     inputs: FloatArray
@@ -58,6 +61,7 @@ class Segments:
             start_times=np.column_stack(
                 (self.start_times, self.start_times + first * self.sample_times)
             ).ravel(),
+            pieces=np.repeat(self.pieces, 2),
         )
 
     def of(self, samples: FloatArray) -> list[FloatArray]:
@@ -86,7 +90,8 @@ def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = Fa
     """
     if not (np.isfinite(duration) and duration > 0.0):
         raise SettingError("segment duration", f"{duration} is no duration: give seconds above 0")
-    usable = [piece for piece in pieces if len(piece) >= FEWEST_SAMPLES]
+    places = [i for i, piece in enumerate(pieces) if len(piece) >= FEWEST_SAMPLES]
+    usable = [pieces[i] for i in places]
     if not usable:
         raise SettingError(
             "samples", f"no piece has {FEWEST_SAMPLES} samples in a row: give a longer record"
@@ -109,6 +114,7 @@ def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = Fa
         np.concatenate(lengths),
         np.concatenate(sample_times),
         np.concatenate(start_times),
+        np.repeat(np.array(places, dtype=np.int64), [len(part) for part in starts]),
         np.arange(0, 2 * n_rows, 1 if use_velocities else 2),
         np.ascontiguousarray(np.concatenate(outputs), dtype=np.float64),
         np.ascontiguousarray(np.concatenate([p.inputs for p in usable]), dtype=np.float64),

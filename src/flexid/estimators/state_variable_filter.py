@@ -16,6 +16,7 @@ from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_influences, block_lengths
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.unknowns import FIXED, Unknowns, unknowns_of
 from flexid.kernels.store import load_kernel, template
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -32,7 +33,7 @@ class RowFit:
     name : str
         Name of the row.
     coefficients : tuple of str
-        Names of its coefficients.
+        Names of what is sought in it, k of them; none if all is fixed.
     gram : array, shape (k, k)
         RᵀR of the filtered regressors R, initial conditions projected out.
     degrees_of_freedom : int
@@ -42,7 +43,7 @@ class RowFit:
     undetermined : tuple of str
         Coefficients that the data leave free: their variance is infinite.
     time, left_hand_side, fitted : array, shape (n_equations,)
-        Filtered acceleration less known part, its fit, and when, all pieces in turn.
+        Filtered acceleration less what is known or fixed, its fit, and when, all pieces in turn.
     """
 
     name: str
@@ -59,12 +60,12 @@ class RowFit:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresFit:
-    """Coefficients of all rows with their covariance.
+    """What is sought in all rows, with its covariance.
 
     Parameters
     ----------
     names : tuple of str
-        Coefficients, row by row.
+        What is sought, row by row.
     values : array, shape (n,)
         Their values, in the system's units.
     covariance : array, shape (n, n)
@@ -101,8 +102,9 @@ def filtered_least_squares(
     system: ParametricSystem,
     filter_rate: float = 20.0,
     hold: Hold = "linear",
+    unknowns: Unknowns | None = None,
 ) -> LeastSquaresFit:
-    """Estimate all coefficients from contiguous pieces of motion.
+    """Estimate coefficients from contiguous pieces of motion.
 
     Parameters
     ----------
@@ -114,6 +116,8 @@ def filtered_least_squares(
         λ in 1/s. See `choose_filter_rate`.
     hold : {"linear", "zero"}, optional
         Whether the inputs run linearly between samples or are constant until the next one.
+    unknowns : Unknowns, optional
+        What is sought, if not every coefficient of the system from all pieces together.
 
     Returns
     -------
@@ -124,27 +128,33 @@ def filtered_least_squares(
     Raises
     ------
     SettingError
-        If the filter rate is not positive, or a regressor that is nonlinear in velocities meets a
-        piece without velocities.
+        If the filter rate is not positive, the unknowns are of another model, or a regressor that
+        is nonlinear in velocities meets a piece without velocities and is not fixed at 0.
     """
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
         raise SettingError("filter rate", f"{filter_rate} is no rate: give a positive number, 1/s")
-    usable = [piece for piece in pieces if len(piece) > 4]
-    signals = filtered_signals(usable, system, filter_rate, hold)
-    time = np.concatenate([np.zeros(0), *(piece.time[1:-1] for piece in usable)])
-    lengths = [len(piece) - 2 for piece in usable]
-    sample_times = [piece.sample_time for piece in usable]
-    n_coefficients = len(system.coefficients)
-    most = max(len(row.coefficients) for row in system.rows)
-    blocks = block_lengths(lengths, sample_times, filter_rate, most)
-    values = np.zeros(n_coefficients)
-    influences = np.zeros((n_coefficients, len(blocks)))
+    unknowns = unknowns_of(system, len(pieces), unknowns)
+    usable = [place for place, piece in enumerate(pieces) if len(piece) > 4]
+    used = [pieces[place] for place in usable]
+    _check_velocities(pieces, usable, unknowns)
+    signals = filtered_signals(used, system, filter_rate, hold)
+    lengths = [len(piece) - 2 for piece in used]
+    regressors, left_hand_sides = _sought_signals(signals, unknowns, usable, lengths)
+    time = np.concatenate([np.zeros(0), *(piece.time[1:-1] for piece in used)])
+    most = max(len(unknowns.names_of(row)) for row in system.rows)
+    blocks = block_lengths(lengths, [piece.sample_time for piece in used], filter_rate, most)
+    values = np.zeros(len(unknowns.names))
+    influences = np.zeros((len(values), len(blocks)))
     rows = []
-    for place, (row, part) in enumerate(system.row_slices()):
+    first = 0
+    for row, left_hand_side in zip(system.rows, left_hand_sides, strict=True):
+        names = unknowns.names_of(row)
+        part = slice(first, first + len(names))
         fit, values[part], influences[part] = _fit_row(
-            row.name, row.coefficients, signals[part], signals[n_coefficients + place], blocks, time
+            row.name, names, regressors[part], left_hand_side, blocks, time
         )
         rows.append(fit)
+        first = part.stop
     covariance = influences @ influences.T
     free = [
         row.degrees_of_freedom == 0 or c in row.undetermined
@@ -154,7 +164,7 @@ def filtered_least_squares(
     covariance[free, :] = covariance[:, free] = 0.0
     covariance[free, free] = np.inf
     return LeastSquaresFit(
-        system.coefficients, values, covariance, tuple(rows), float(filter_rate), hold
+        unknowns.names, values, covariance, tuple(rows), float(filter_rate), hold
     )
 
 
@@ -167,17 +177,13 @@ def filtered_signals(
     """Filtered regressors and left-hand sides, the filter's initial conditions projected out.
 
     Parameters are those of `filtered_least_squares`; every piece has at least three samples.
+    Velocities are taken as zero where there are none.
 
     Returns
     -------
     array, shape (n_coefficients + n_rows, n_equations)
         Regressors of all coefficients, then left-hand sides of all rows; a piece of n samples
         gives n - 2 equations.
-
-    Raises
-    ------
-    SettingError
-        If a regressor that is nonlinear in velocities meets a piece without velocities.
     """
     kernel = _kernel(system)
     constants = np.array(list(system.constants.values()), dtype=np.float64)
@@ -185,12 +191,6 @@ def filtered_signals(
     filtered = np.empty((kernel.N_SIGNALS, total))
     first = 0
     for piece in pieces:
-        if piece.velocities is None and kernel.VELOCITY_NEEDED:
-            raise SettingError(
-                "velocities",
-                f"the regressor of {kernel.VELOCITY_NEEDED[0]!r} is nonlinear in a velocity but "
-                f"there are none: derive velocities first, or drop the term",
-            )
         positions = np.ascontiguousarray(piece.positions, dtype=np.float64)
         velocities = np.zeros_like(positions) if piece.velocities is None else piece.velocities
         pole = np.exp(-filter_rate * piece.sample_time)
@@ -210,6 +210,63 @@ def filtered_signals(
         _project_out_past(filtered[:, first : min(stop, first + memory)], pole)
         first = stop
     return filtered
+
+
+def _check_velocities(pieces: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns) -> None:
+    """Refuse a piece without velocities where a term that is not switched off needs one."""
+    needed = _kernel(unknowns.system).VELOCITY_NEEDED
+    for place in usable:
+        if pieces[place].velocities is not None:
+            continue
+        absent = unknowns.absent(place)
+        for name in needed:
+            if name not in absent:
+                raise SettingError(
+                    "velocities",
+                    f"the regressor of {name!r} is nonlinear in a velocity but there are none: "
+                    f"derive velocities first, or drop the term",
+                )
+
+
+def _sought_signals(
+    signals: FloatArray, unknowns: Unknowns, usable: Sequence[int], lengths: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Regressors of what is sought, and left-hand sides less what is fixed.
+
+    Parameters
+    ----------
+    signals : array, shape (n_coefficients + n_rows, n_equations)
+        As of `filtered_signals`.
+    unknowns : Unknowns
+        What is sought.
+    usable, lengths : sequence of int
+        Places of the pieces that the signals are of, and the equations of each.
+
+    Returns
+    -------
+    regressors : array, shape (n_names, n_equations)
+        Zero in the pieces that an unknown has no part in.
+    left_hand_sides : array, shape (n_rows, n_equations)
+    """
+    system = unknowns.system
+    n_coefficients = len(system.coefficients)
+    regressors = np.zeros((len(unknowns.names), signals.shape[1]))
+    left_hand_sides = signals[n_coefficients:].copy()
+    stop = 0
+    for place, length in zip(usable, lengths, strict=True):
+        equations = slice(stop, stop + length)
+        stop = equations.stop
+        columns = unknowns.columns(place)
+        sought = columns != FIXED
+        regressors[columns[sought], equations] = signals[:n_coefficients][sought, equations]
+        fixed = unknowns.coefficients(np.zeros(len(unknowns.names)), place)
+        for row, (_, part) in enumerate(system.row_slices()):
+            # A term that is off stays out even where its regressor is not finite.
+            for coefficient in part.start + np.flatnonzero(fixed[part]):
+                left_hand_sides[row, equations] -= (
+                    fixed[coefficient] * signals[coefficient, equations]
+                )
+    return regressors, left_hand_sides
 
 
 def _project_out_past(signals: FloatArray, pole: float) -> None:

@@ -1,4 +1,4 @@
-# Template: needs variation_rates, N_STATES, N_INPUTS, N_COEFFICIENTS, N_COLUMNS.
+# Template: needs variation_rates, N_STATES, N_INPUTS, N_COEFFICIENTS.
 
 NODES = (0.0, 0.5, 0.5, 1.0)  # the classical Runge-Kutta method
 WEIGHTS = (1.0 / 6.0, 2.0 / 6.0, 2.0 / 6.0, 1.0 / 6.0)
@@ -6,7 +6,7 @@ BOUND = 1e12  # a residual beyond it means that the segment diverged
 
 
 @njit(cache=True, error_model="numpy")
-def advance(z, first, change, p, c, h, substeps, rate, trial, total, u):
+def advance(z, first, change, p, c, at, h, substeps, rate, trial, total, u):
     """Bring z over one sampling interval, in place; the input runs from first by change."""
     step = h / substeps
     for s in range(substeps):
@@ -16,11 +16,11 @@ def advance(z, first, change, p, c, h, substeps, rate, trial, total, u):
             place = (s + NODES[stage]) / substeps
             for j in range(N_INPUTS):
                 u[j] = first[j] + place * change[j]
-            variation_rates(trial, u, p, c, rate)
+            variation_rates(trial, u, p, c, at, rate)
             weight = step * WEIGHTS[stage]
             reach = step * NODES[min(stage + 1, 3)]
             for i in range(N_STATES):
-                for j in range(N_COLUMNS):
+                for j in range(z.shape[1]):
                     total[i, j] += weight * rate[i, j]
                     trial[i, j] = z[i, j] + reach * rate[i, j]
         z[:] = total
@@ -29,21 +29,25 @@ def advance(z, first, change, p, c, h, substeps, rate, trial, total, u):
 @njit(cache=True, error_model="numpy")
 def segment_equations(
     starts, lengths, sample_times, initial_states, measured, outputs, weights,
-    inputs, p, c, held, substeps, normal, gradient, residuals,
+    inputs, p, c, wanted, held, substeps, normal, gradient, residuals,
 ):
-    """Normal equations of every segment for its initial state and the coefficients.
+    """Normal equations of every segment for its initial state and the wanted coefficients.
 
-    Segment s begins at sample starts[s]. Column a of `outputs` measures the state measured[a] and
-    weighs weights[a] (one over its standard deviation). Fills `normal`, shape
-    (n_segments, n, n) with n = N_STATES + N_COEFFICIENTS, `gradient`, shape (n_segments, n), and
-    `residuals`, shape of `outputs`. Returns the weighted sum of squares and the number of segments
-    done: fewer than there are if the motion of one diverged.
+    Segment s begins at sample starts[s] and has the coefficients p[s], of which those at the places
+    `wanted` are sought. Column a of `outputs` measures the state measured[a] and weighs weights[a]
+    (one over its standard deviation). Fills `normal`, shape (n_segments, n, n) with
+    n = N_STATES + len(wanted), `gradient`, shape (n_segments, n), and `residuals`, shape of
+    `outputs`. Returns the weighted sum of squares and the number of segments done: fewer than
+    there are if the motion of one diverged.
     """
-    size = N_STATES + N_COEFFICIENTS
-    z = np.empty((N_STATES, N_COLUMNS))
-    rate = np.empty((N_STATES, N_COLUMNS))
-    trial = np.empty((N_STATES, N_COLUMNS))
-    total = np.empty((N_STATES, N_COLUMNS))
+    size = N_STATES + wanted.shape[0]
+    at = np.zeros(N_COEFFICIENTS, np.int64)
+    for j in range(wanted.shape[0]):
+        at[wanted[j]] = 1 + N_STATES + j
+    z = np.empty((N_STATES, 1 + size))
+    rate = np.empty((N_STATES, 1 + size))
+    trial = np.empty((N_STATES, 1 + size))
+    total = np.empty((N_STATES, 1 + size))
     u = np.empty(N_INPUTS)
     change = np.zeros(N_INPUTS)
     normal[:] = 0.0
@@ -60,7 +64,8 @@ def segment_equations(
                     for j in range(N_INPUTS):
                         change[j] = inputs[k, j] - inputs[k - 1, j]
                 advance(
-                    z, inputs[k - 1], change, p, c, sample_times[s], substeps, rate, trial, total, u
+                    z, inputs[k - 1], change, p[s], c, at, sample_times[s], substeps,
+                    rate, trial, total, u,
                 )
             for a in range(measured.shape[0]):
                 row = z[measured[a]]

@@ -1,0 +1,168 @@
+"""What is sought and what is not: coefficients fixed, shared, or of each group of pieces its own.
+
+The coefficients of piece j are p_j = b_j + S_j θ, with θ what is sought, b_j the values of what is
+fixed, and a selection S_j with at most one 1 in each row. A term that is switched off is a
+coefficient fixed at 0; a sensor's offset that differs from run to run is sought once per run.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.errors import SettingError
+from flexid.estimators.samples import FloatArray
+from flexid.models.parametric_system import ParametricSystem, Row
+
+FIXED = -1
+"""Column of a coefficient that is not sought."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Which coefficients of a system are sought, from which pieces.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model with all its terms.
+    fixed : mapping of str to float, optional
+        Coefficients that keep a value. ``"offset[2]"`` fixes a coefficient in the second group
+        only.
+    per_group : tuple of str, optional
+        Coefficients that are sought separately for each group of pieces.
+    groups : tuple of int, optional
+        Group of each piece, counted from 0: the run that it belongs to. Empty: all are of one.
+
+    Raises
+    ------
+    SettingError
+        If a coefficient does not exist, a fixed value is not finite, a group is negative, or
+        nothing is left to seek.
+
+    Examples
+    --------
+    >>> cart = ParametricSystem(
+    ...     "cart", (Row("cart", "q", "v", {"gain": "u", "drag": "-v", "offset": "1"}),)
+    ... )
+    >>> unknowns = Unknowns(cart, fixed={"drag": 0.0}, per_group=("offset",), groups=(0, 1, 1))
+    >>> unknowns.names
+    ('gain', 'offset[1]', 'offset[2]')
+    >>> unknowns.coefficients([2.0, 0.3, 0.4], piece_index=2)
+    array([2. , 0. , 0.4])
+    """
+
+    system: ParametricSystem
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    per_group: tuple[str, ...] = ()
+    groups: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "fixed", {c: float(v) for c, v in self.fixed.items()})
+        object.__setattr__(self, "per_group", tuple(self.per_group))
+        object.__setattr__(self, "groups", tuple(int(group) for group in self.groups))
+        if min(self.groups, default=0) < 0:
+            raise SettingError("groups", "they are counted from 0: give no negative ones")
+        coefficients = self.system.coefficients
+        labels = {label for row in self.system.rows for label in self._all(row)}
+        _check_known("per-group", self.per_group, coefficients)
+        _check_known("fixed", self.fixed, (*coefficients, *sorted(labels - {*coefficients})))
+        for name, value in self.fixed.items():
+            if not np.isfinite(value):
+                raise SettingError("fixed", f"the value of {name!r} is not finite: correct it")
+        if not self.names:
+            raise SettingError("fixed", "every coefficient is: leave at least one to be sought")
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What is sought, row by row; those of group g carry ``[g + 1]`` if there are several."""
+        return tuple(name for row in self.system.rows for name in self.names_of(row))
+
+    def names_of(self, row: Row) -> tuple[str, ...]:
+        """What is sought in one row; it may be nothing."""
+        fixed_names = {
+            label
+            for c in row.coefficients
+            for label in self._labels(c)
+            if c in self.fixed or label in self.fixed
+        }
+        return tuple(name for name in self._all(row) if name not in fixed_names)
+
+    def columns(self, piece_index: int) -> NDArray[np.int64]:
+        """Place in `names` of each of the system's coefficients, `FIXED` where it is not sought."""
+        place = {name: i for i, name in enumerate(self.names)}
+        labels = (self._label(c, piece_index) for c in self.system.coefficients)
+        return np.array([place.get(label, FIXED) for label in labels], dtype=np.int64)
+
+    def coefficients(self, values: FloatArray | Sequence[float], piece_index: int) -> FloatArray:
+        """Coefficients of a piece, shape (n_coefficients,), from what is sought, (n_names,)."""
+        columns = self.columns(piece_index)
+        sought = np.asarray(values, dtype=np.float64)[columns]
+        return np.where(columns == FIXED, self._fixed_values(piece_index), sought)
+
+    def absent(self, piece_index: int) -> frozenset[str]:
+        """Coefficients of the system that are fixed at 0 in a piece: their terms are off."""
+        off = (self.columns(piece_index) == FIXED) & (self._fixed_values(piece_index) == 0.0)
+        return frozenset(c for c, o in zip(self.system.coefficients, off, strict=True) if o)
+
+    def fixing(self, more: Mapping[str, float]) -> "Unknowns":
+        """The same with more coefficients fixed."""
+        return replace(self, fixed={**self.fixed, **more})
+
+    def _all(self, row: Row) -> tuple[str, ...]:
+        return tuple(label for c in row.coefficients for label in self._labels(c))
+
+    def _labels(self, coefficient: str) -> tuple[str, ...]:
+        """The names under which a coefficient may be sought."""
+        distinct = sorted(set(self.groups))
+        if coefficient not in self.per_group or len(distinct) < 2:
+            return (coefficient,)
+        return tuple(f"{coefficient}[{group + 1}]" for group in distinct)
+
+    def _label(self, coefficient: str, piece_index: int) -> str:
+        labels = self._labels(coefficient)
+        if len(labels) == 1:
+            return coefficient
+        return f"{coefficient}[{self.groups[piece_index] + 1}]"
+
+    def _fixed_values(self, piece_index: int) -> FloatArray:
+        labels = ((c, self._label(c, piece_index)) for c in self.system.coefficients)
+        return np.array(
+            [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels], dtype=np.float64
+        )
+
+
+def _check_known(setting: str, names: Iterable[str], known: Sequence[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise SettingError(
+                setting, f"{name!r} is no coefficient of this model; it has {', '.join(known)}"
+            )
+
+
+def unknowns_of(
+    system: ParametricSystem, n_pieces: int, unknowns: Unknowns | None = None
+) -> Unknowns:
+    """The unknowns that an estimator's arguments mean: all of the system's coefficients if none.
+
+    Returns
+    -------
+    Unknowns
+        With this system's values of the constants.
+
+    Raises
+    ------
+    SettingError
+        If they belong to another model or another number of pieces.
+    """
+    if unknowns is None:
+        return Unknowns(system)
+    if unknowns.system.digest != system.digest:
+        raise SettingError("unknowns", "they are of another model: declare this one's")
+    if unknowns.groups and len(unknowns.groups) != n_pieces:
+        raise SettingError(
+            "groups", f"there are {len(unknowns.groups)} for {n_pieces} pieces: give one for each"
+        )
+    return replace(unknowns, system=system)

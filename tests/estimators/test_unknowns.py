@@ -1,0 +1,220 @@
+"""What is sought: coefficients fixed, shared, or of each group its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_joint import TRUTH, VALUES, joint_samples
+
+from flexid.errors import SettingError
+from flexid.estimators.filter_rate import choose_filter_rate
+from flexid.estimators.prediction_error import prediction_error
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.unknowns import FIXED, Unknowns
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.simulation.free_run import free_run
+
+JOINT = flexible_joint()
+MORE = flexible_joint(("gravity", "motor_viscous", "link_coulomb", "link_offset"))
+OFF = {"theta_coulomb": 0.0, "theta_offset": 0.0}
+PER_RUN = Unknowns(MORE, {"theta_coulomb": 0.0}, ("theta_offset",), (0, 1, 0))
+OFFSETS = (0.8, -0.5)
+
+
+def record(seed: int = 0) -> Samples:
+    """The noisy joint as two encoders see it."""
+    return replace(joint_samples(seed), velocities=None)
+
+
+def run_with_offset(offset: float, seed: int, n: int = 6000) -> Samples:
+    """The joint's own motion with a constant torque on the link, in a little noise."""
+    generator = np.random.default_rng(seed)
+    torque = np.repeat(generator.normal(0.0, 30.0, n // 50), 50)[:, None]
+    values = TRUTH | {"theta_coulomb": 0.0, "theta_offset": offset}
+    x = free_run(MORE, values, [0.1, 0.0, 0.2, 0.5], torque, 1e-3)
+    return Samples(x[:, ::2] + 1e-5 * generator.standard_normal((n, 2)), None, torque, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[Samples]:
+    """Three runs, the first and the last of one sensor."""
+    return [run_with_offset(OFFSETS[group], seed) for seed, group in enumerate(PER_RUN.groups)]
+
+
+def test_names_run_row_by_row():
+    """Assert that groups' own coefficients stand where the shared one would."""
+    assert PER_RUN.names == (
+        *("theta1", "theta2", "theta_offset[1]", "theta_offset[2]"),
+        *("alpha1", "alpha2", "beta1"),
+    )
+
+
+def test_columns_select_what_a_piece_takes():
+    """Assert that a piece takes its group's place, and none for what is fixed."""
+    assert PER_RUN.columns(1).tolist() == [0, 1, FIXED, 3, 4, 5, 6]
+    assert PER_RUN.columns(2).tolist() == [0, 1, FIXED, 2, 4, 5, 6]
+
+
+def test_coefficients_of_a_piece():
+    """Assert that a piece's coefficients are the fixed values and its own group's."""
+    unknowns = Unknowns(MORE, {"theta2": 9.0}, ("theta_offset",), (0, 1))
+    p = unknowns.coefficients(np.arange(1.0, 8.0), 1)
+    assert p.tolist() == [1.0, 9.0, 2.0, 4.0, 5.0, 6.0, 7.0]
+
+
+def test_one_group_keeps_the_plain_name():
+    """Assert that a coefficient of each group is just itself where there is one group."""
+    assert Unknowns(MORE, per_group=("theta_offset",), groups=(1, 1)).names == MORE.coefficients
+
+
+def test_one_group_of_several_may_be_fixed():
+    """Assert that a name with its group's number fixes that group's coefficient only."""
+    unknowns = PER_RUN.fixing({"theta_offset[2]": 0.25})
+    assert "theta_offset[1]" in unknowns.names
+    assert unknowns.coefficients(np.ones(6), 1)[3] == 0.25
+    assert unknowns.coefficients(np.ones(6), 2)[3] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        ({"fixed": {"gamma": 1.0}}, "gamma"),
+        ({"fixed": {"theta1": np.nan}}, "theta1"),
+        ({"fixed": TRUTH}, "every coefficient"),
+        ({"per_group": ("gamma",)}, "gamma"),
+        ({"groups": (0, -1)}, "counted from 0"),
+    ],
+)
+def test_what_cannot_be_sought_is_said(arguments, place):
+    """Assert that unknown names, infinite values and an empty search are refused."""
+    with pytest.raises(SettingError, match=place):
+        Unknowns(JOINT, **arguments)
+
+
+@pytest.mark.parametrize(
+    "unknowns", [Unknowns(MORE), Unknowns(JOINT, groups=(0, 1))], ids=["model", "pieces"]
+)
+def test_unknowns_of_something_else_are_refused(unknowns):
+    """Assert that unknowns of another model or number of pieces are not taken for these."""
+    with pytest.raises(SettingError, match=r"unknowns|groups"):
+        filtered_least_squares([record()], JOINT, unknowns=unknowns)
+
+
+def test_fixed_in_least_squares_is_known():
+    """Assert that a fixed coefficient does what a model with it known does, covariance and all."""
+    unknowns = Unknowns(JOINT, {"beta1": TRUTH["beta1"], "theta1": TRUTH["theta1"]})
+    known = flexible_joint(known=unknowns.fixed)
+    fixed = filtered_least_squares([record()], JOINT, unknowns=unknowns)
+    declared = filtered_least_squares([record()], known)
+    assert fixed.names == declared.names == ("theta2", "alpha1", "alpha2")
+    assert fixed.values == pytest.approx(declared.values, rel=1e-9)
+    assert fixed.covariance == pytest.approx(declared.covariance, rel=1e-6)
+    assert fixed.degrees_of_freedom == declared.degrees_of_freedom
+
+
+def test_fixed_in_prediction_error_is_known():
+    """Assert the same of prediction error."""
+    unknowns = Unknowns(JOINT, {"beta1": TRUTH["beta1"], "theta1": TRUTH["theta1"]})
+    known = flexible_joint(known=unknowns.fixed)
+    start = {name: TRUTH[name] for name in unknowns.names}
+    fixed = prediction_error([record()], JOINT, start, unknowns=unknowns)
+    declared = prediction_error([record()], known, start)
+    assert fixed.names == declared.names
+    assert fixed.values == pytest.approx(declared.values, rel=1e-9)
+    assert fixed.covariance == pytest.approx(declared.covariance, rel=1e-6)
+    assert fixed.degrees_of_freedom == declared.degrees_of_freedom
+
+
+def test_terms_that_are_off_leave_the_smaller_model():
+    """Assert that coefficients fixed at 0 leave the fits of a model without their terms."""
+    unknowns = Unknowns(MORE, OFF)
+    part = filtered_least_squares([record()], MORE, unknowns=unknowns)
+    small = filtered_least_squares([record()], JOINT)
+    assert part.names == JOINT.coefficients
+    assert part.values == pytest.approx(small.values, rel=1e-9)
+    assert part.covariance == pytest.approx(small.covariance, rel=1e-6)
+    by_part = prediction_error([record()], MORE, part, unknowns=unknowns)
+    by_small = prediction_error([record()], JOINT, small)
+    assert by_part.values == pytest.approx(by_small.values, rel=1e-9)
+    assert by_part.covariance == pytest.approx(by_small.covariance, rel=1e-6)
+    assert by_part.information.shape == (5, 5)
+
+
+def test_filter_rate_is_that_of_the_smaller_model():
+    """Assert that terms that are off have no say in the filter rate."""
+    rate = choose_filter_rate([record()], MORE, unknowns=Unknowns(MORE, OFF))
+    assert rate == choose_filter_rate([record()], JOINT)
+
+
+def test_only_terms_that_are_on_need_velocities():
+    """Assert that Coulomb friction asks for velocities unless its coefficient is fixed at 0."""
+    with pytest.raises(SettingError, match="theta_coulomb"):
+        filtered_least_squares([record()], MORE, unknowns=Unknowns(MORE, {"theta_coulomb": 0.1}))
+    fit = filtered_least_squares([record()], MORE, unknowns=Unknowns(MORE, {"theta_coulomb": 0.0}))
+    assert "theta_offset" in fit.names
+
+
+def test_a_row_with_nothing_sought():
+    """Assert that a row whose coefficients are all fixed is empty and the other as it was."""
+    motor = {name: TRUTH[name] for name in ("alpha1", "alpha2", "beta1")}
+    fit = filtered_least_squares([record()], JOINT, unknowns=Unknowns(JOINT, motor))
+    assert [row.coefficients for row in fit.rows] == [("theta1", "theta2"), ()]
+    assert fit.rows[1].gram.shape == (0, 0)
+    whole = filtered_least_squares([record()], JOINT)
+    assert fit.values == pytest.approx(whole.values[:2], rel=1e-9)
+    refined = prediction_error([record()], JOINT, fit, unknowns=Unknowns(JOINT, motor))
+    assert refined.values == pytest.approx(VALUES[:2], rel=1e-4)
+
+
+def test_every_run_has_its_own_offset(runs):
+    """Assert that runs with different offsets give each its own, by both estimators."""
+    expected = [5.0, 100.0, *OFFSETS, *VALUES[2:]]
+    start = filtered_least_squares(runs, MORE, unknowns=PER_RUN)
+    assert start.values == pytest.approx(expected, rel=0.02)
+    fit = prediction_error(runs, MORE, start, 0.5, unknowns=PER_RUN)
+    assert fit.values == pytest.approx(expected, rel=2e-3)
+    assert np.all(np.abs(fit.values - expected) < 5.0 * fit.standard_deviations)
+
+
+def test_one_offset_for_all_runs_is_wrong(runs):
+    """Assert that one offset for all is off by many of the deviations that it claims."""
+    common = replace(PER_RUN, per_group=())
+    fit = prediction_error(
+        runs, MORE, filtered_least_squares(runs, MORE, unknowns=common), 0.5, unknowns=common
+    )
+    offset = fit.values[fit.names.index("theta_offset")]
+    assert min(abs(offset - own) for own in OFFSETS) > 0.1
+    assert fit.noise[0] > 1e-4
+
+
+def test_groups_that_share_nothing_are_fits_of_their_own(runs):
+    """Assert that with all coefficients per group, each group's are those of its pieces alone."""
+    names = tuple(c for c in MORE.coefficients if c != "theta_coulomb")
+    apart = replace(PER_RUN, per_group=names)
+    fit = prediction_error(
+        runs, MORE, filtered_least_squares(runs, MORE, unknowns=apart), 0.5, unknowns=apart
+    )
+    alone = Unknowns(MORE, {"theta_coulomb": 0.0})
+    start = filtered_least_squares(runs[1:2], MORE, unknowns=alone)
+    second = prediction_error(runs[1:2], MORE, start, 0.5, unknowns=alone)
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    # The common noise weights differ a little from the run's own.
+    deviations = second.standard_deviations
+    found = np.array([values[f"{name}[2]"] for name in second.names])
+    assert np.all(np.abs(found - second.values) < 0.2 * deviations)
+
+
+def test_constants_are_the_given_system_s():
+    """Assert that unknowns declared before a constant changed do not bring the old one back."""
+    cart = ParametricSystem(
+        "cart", (Row("cart", "q", "v", {"gain": "u", "drag": "-v"}, "g"),), constants={"g": 0.0}
+    )
+    time = np.arange(2000) * 1e-2
+    position = np.sin(time) + 0.3 * np.sin(2.3 * time)
+    acceleration = -np.sin(time) - 0.3 * 2.3**2 * np.sin(2.3 * time)
+    samples = Samples(position[:, None], None, (acceleration - 1.5)[:, None] / 2.0, 1e-2)
+    unknowns = Unknowns(cart, {"drag": 0.0})
+    fit = filtered_least_squares([samples], replace(cart, constants={"g": 1.5}), unknowns=unknowns)
+    assert fit.values == pytest.approx([2.0], rel=1e-4)
