@@ -54,7 +54,7 @@ def test_raw_columns(tmp_path: Path) -> None:
     assert piece.input_unit == "V"
     assert piece.sample_time == pytest.approx(0.005)
     np.testing.assert_allclose(piece.motor_position, columns["motor_position"], atol=1e-12)
-    np.testing.assert_allclose(piece.link_position, columns["link_position"], atol=1e-12)
+    np.testing.assert_allclose(piece.needed_link_position, columns["link_position"], atol=1e-12)
     np.testing.assert_allclose(piece.input, columns["motor_torque"], atol=1e-12)
 
 
@@ -71,7 +71,7 @@ def test_sum_of_columns(tmp_path: Path) -> None:
     """
     (piece,) = read_mapped(tmp_path, "\n".join(text) + link).pieces
     expected = joint_columns()["link_position"]
-    np.testing.assert_allclose(piece.link_position, expected, atol=1e-12)
+    np.testing.assert_allclose(piece.needed_link_position, expected, atol=1e-12)
 
 
 def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
@@ -117,8 +117,8 @@ def test_bad_maps(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
 
 def test_missing_entry(tmp_path: Path) -> None:
     """Assert that a channel that neither file nor map has is named, with both."""
-    text = "\n".join(line for line in RAW_MAP.split("\n") if "deflection" not in line)
-    with pytest.raises(RecordingError, match=r"no link_position .* the column map columns\.toml"):
+    text = "\n".join(line for line in RAW_MAP.split("\n") if "motor_pos" not in line)
+    with pytest.raises(RecordingError, match=r"no motor_position.* the column map columns\.toml"):
         read_mapped(tmp_path, text)
 
 

@@ -22,6 +22,7 @@ from flexid.recording.units import EXAMPLES, UnitError, scale_to_si
         ("rad s^-1", 1.0, "rad/s"),
         ("Nm", 1.0, "N m"),
         ("N·m", 1.0, "N m"),
+        ("N\u22c5m", 1.0, "N m"),
         ("mNm", 1e-3, "N m"),
         ("kN m", 1e3, "N m"),
         ("mV", 1e-3, "V"),

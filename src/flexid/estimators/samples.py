@@ -44,11 +44,29 @@ class Samples:
 
 
 def samples_of_recording(recording: Recording) -> Samples:
-    """Arrays of a recording for the rows link and motor of the flexible joint."""
+    """Arrays of a recording for the rows link and motor of the flexible joint.
+
+    Raises
+    ------
+    RecordingError
+        If the link position was not logged.
+    """
     link, motor = recording.link_velocity, recording.motor_velocity
     return Samples(
-        np.column_stack((recording.link_position, recording.motor_position)),
+        np.column_stack((recording.needed_link_position, recording.motor_position)),
         None if link is None or motor is None else np.column_stack((link, motor)),
+        recording.input[:, None].astype(np.float64),
+        recording.sample_time,
+        recording.start_time,
+    )
+
+
+def rigid_samples(recording: Recording) -> Samples:
+    """Arrays of a recording for the one row of the rigid joint: those of the motor's encoder."""
+    velocity = recording.motor_velocity
+    return Samples(
+        recording.motor_position[:, None],
+        None if velocity is None else velocity[:, None],
         recording.input[:, None].astype(np.float64),
         recording.sample_time,
         recording.start_time,

@@ -47,7 +47,7 @@ def residual_excess(
     """
     longest = max(pieces, key=len)
     noise = np.array(
-        [position_noise(longest.link_position), position_noise(longest.motor_position)]
+        [position_noise(longest.needed_link_position), position_noise(longest.motor_position)]
     )
     stiffness, damping = _linearised(fit, longest, system)
     smooth, first, second = _responses(fit.filter_rate, longest.sample_time)

@@ -1,46 +1,43 @@
-"""Validation: how well the model alone repeats a stretch that was kept out of the fit."""
+"""Free runs: how well the model alone repeats a stretch that was kept out of the fit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from flexid.errors import SimulationError
+from flexid.identification.joint import Joint
+from flexid.identification.preparation import Pieces
 from flexid.identification.result import FreeRun, Validation
-from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold, Recording
 from flexid.simulation.free_run import free_run
 
-CHANNELS = ("link_position", "motor_position", "deflection")
-
-_WARM_UP = 1.0  # s of data before the held-out stretch from which its first state is taken
+_WARM_UP = 0.5  # s of data before the held-out stretch from which its first state is taken
 _FEWEST_SAMPLES = 20
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
+_CHOICE_STARTS = (0.0, 0.2, 0.4, 0.6)  # of a stretch, from which runs start where a choice is made
 
 FloatArray = NDArray[np.float64]
 
 
 def validate(
-    pieces: Sequence[tuple[Recording, int]],
-    system: ParametricSystem,
-    coefficients: Mapping[str, float],
-    hold: Hold,
+    joint: Joint, pieces: Pieces, coefficients: Sequence[FloatArray], hold: Hold
 ) -> Validation:
     """Run the model freely over the held-out end of each piece.
 
-    The state at the start of a held-out stretch is taken from the second of data before it: the
-    model is fitted to that second with its initial state as the only unknown and runs on from
-    there. Nothing of the held-out stretch but the input is used.
+    The state at the start of a held-out stretch is taken from the half second of data before it:
+    the model is fitted to it with its initial state as the only unknown and runs on from there.
+    Nothing of the held-out stretch but the input is used.
 
     Parameters
     ----------
-    pieces : sequence of (Recording, int)
-        Each piece with the index at which its held-out stretch begins.
-    system : ParametricSystem
-        Two rows, link and motor.
-    coefficients : mapping of str to float
-        Fitted on the data before the held-out stretches.
+    joint : Joint
+        The model.
+    pieces : Pieces
+        The recorded motion and where its held-out ends begin.
+    coefficients : sequence of array, shape (n_coefficients,)
+        Of each piece, fitted on the data before the held-out stretches.
     hold : {"zero", "linear"}
         Behaviour of the input between samples.
 
@@ -50,51 +47,69 @@ def validate(
         With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
         hardly moves in the held-out stretches, where a fit would test nothing.
     """
-    runs, fitted = [], []
-    for piece, start in pieces:
-        fitted.append(_outputs(piece.link_position, piece.motor_position)[:start])
-        measured = _outputs(piece.link_position, piece.motor_position)[start:]
-        try:
-            simulated = _run(piece, start, system, coefficients, hold)
-        except SimulationError:
-            simulated = np.full_like(measured, np.inf)
-        runs.append(FreeRun(piece.time[start:], measured, simulated))
-    fits = np.where(_at_rest(runs, fitted), np.nan, _fit_percent(runs))
-    return Validation(dict(zip(CHANNELS, map(float, fits), strict=True)), tuple(runs))
+    runs = _runs(joint, pieces, coefficients, hold, (0.0,))
+    fits = 100 * (1 - _relative_errors(joint, pieces, runs))
+    return Validation(dict(zip(joint.channels, map(float, fits), strict=True)), tuple(runs))
+
+
+def free_run_error(
+    joint: Joint, pieces: Pieces, coefficients: Sequence[FloatArray], hold: Hold
+) -> float:
+    """Mean over the channels of the error that free runs make, relative to the motion.
+
+    A single run says as much about its first state as about the model, so each stretch is run from
+    several instants on. Parameters are those of `validate`.
+
+    Returns
+    -------
+    float
+        Infinite if a run diverges or nothing moves.
+    """
+    runs = _runs(joint, pieces, coefficients, hold, _CHOICE_STARTS)
+    errors = _relative_errors(joint, pieces, runs)
+    tested = errors[~np.isnan(errors)]
+    return float(tested.mean()) if len(tested) else np.inf
+
+
+def _runs(
+    joint: Joint,
+    pieces: Pieces,
+    coefficients: Sequence[FloatArray],
+    hold: Hold,
+    places: Sequence[float],
+) -> list[FreeRun]:
+    runs = []
+    for piece, start, values in zip(pieces.recorded, pieces.starts, coefficients, strict=True):
+        measured = joint.outputs(piece)
+        for place in places:
+            first = start + round(place * (len(piece) - start))
+            try:
+                simulated = _run(joint, piece, first, values, hold)
+            except SimulationError:
+                simulated = np.full_like(measured[first:], np.inf)
+            runs.append(FreeRun(piece.time[first:], measured[first:], simulated))
+    return runs
 
 
 def _run(
-    piece: Recording,
-    start: int,
-    system: ParametricSystem,
-    coefficients: Mapping[str, float],
-    hold: Hold,
+    joint: Joint, piece: Recording, start: int, values: FloatArray, hold: Hold
 ) -> FloatArray:
-    state = _state_at(piece, start, system, coefficients, hold)
-    x = free_run(system, coefficients, state, piece.input[start:], piece.sample_time, hold)
-    return _outputs(x[:, 0], x[:, 2])
-
-
-def _state_at(
-    piece: Recording,
-    start: int,
-    system: ParametricSystem,
-    coefficients: Mapping[str, float],
-    hold: Hold,
-) -> FloatArray:
+    """Channels of a free run from a sample on; its first state is that of the data before."""
+    coefficients = dict(zip(joint.system.coefficients, map(float, values), strict=True))
     length = max(_FEWEST_SAMPLES, round(_WARM_UP / piece.sample_time))
     first = max(0, start - length)
-    positions = np.column_stack([piece.link_position, piece.motor_position])[first:start]
+    positions = joint.samples(piece).positions[first:start]
 
-    def run(state: FloatArray) -> FloatArray:
-        inputs = piece.input[first : start + 1]
-        return free_run(system, coefficients, state, inputs, piece.sample_time, hold)
+    def run(state: FloatArray, begin: int, end: int) -> FloatArray:
+        inputs = piece.input[begin:end]
+        return free_run(joint.system, coefficients, state, inputs, piece.sample_time, hold)
 
-    guess = _initial_guess(positions, piece.sample_time)
-    found = least_squares(
-        lambda state: (run(state)[:-1, [0, 2]] - positions).ravel(), guess, method="lm"
-    )
-    return run(found.x)[-1]
+    def misfit(state: FloatArray) -> FloatArray:
+        return (run(state, first, start)[:, ::2] - positions).ravel()
+
+    found = least_squares(misfit, _initial_guess(positions, piece.sample_time), method="lm")
+    state = run(found.x, first, start + 1)[-1]
+    return joint.channels_of(run(state, start, len(piece))[:, ::2])
 
 
 def _initial_guess(positions: FloatArray, sample_time: float) -> FloatArray:
@@ -103,22 +118,19 @@ def _initial_guess(positions: FloatArray, sample_time: float) -> FloatArray:
     return np.asarray(parabola[:2].T.ravel(), dtype=np.float64)
 
 
-def _outputs(link: FloatArray, motor: FloatArray) -> FloatArray:
-    return np.column_stack([link, motor, link - motor])
-
-
-def _fit_percent(runs: Sequence[FreeRun]) -> FloatArray:
-    error = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
-    spread = _spread([run.measured for run in runs])
-    with np.errstate(divide="ignore"):
-        return 100 * (1 - np.sqrt(np.asarray(error) / spread))
-
-
-def _at_rest(runs: Sequence[FreeRun], fitted: Sequence[FloatArray]) -> NDArray[np.bool_]:
-    """Channels whose held-out motion is next to nothing beside the motion that was fitted."""
+def _relative_errors(joint: Joint, pieces: Pieces, runs: Sequence[FreeRun]) -> FloatArray:
+    """Root mean square error over that of the motion, channel by channel; NaN at rest."""
     measured = [run.measured for run in runs]
-    held_out = _spread(measured) / sum(map(len, measured))
-    return held_out < _REST**2 * _spread(fitted) / sum(map(len, fitted))
+    error = np.sum([np.sum((r.measured - r.simulated) ** 2, axis=0) for r in runs], axis=0)
+    spread = _spread(measured)
+    fitted = [
+        joint.outputs(piece)[:start]
+        for piece, start in zip(pieces.recorded, pieces.starts, strict=True)
+    ]
+    moved = spread / sum(map(len, measured))
+    resting = moved < _REST**2 * _spread(fitted) / sum(map(len, fitted))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(resting, np.nan, np.sqrt(error / spread))
 
 
 def _spread(stretches: Sequence[FloatArray]) -> FloatArray:

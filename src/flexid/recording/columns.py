@@ -34,6 +34,7 @@ SI_UNITS: dict[str, tuple[str, ...]] = {
     "motor_current": ("A",),
     "motor_voltage": ("V",),
 }
+_LINK = "link_position (or deflection)"
 LARGEST_MAP = 1_000_000  # bytes
 
 
@@ -83,7 +84,7 @@ def read_channels(
     entries = {} if map_path is None else read_map(map_path)
     warnings: list[str] = []
     found = _canonical_columns(table)
-    _require(table, set(found) | set(entries), map_path)
+    warnings += _require(table, set(found) | set(entries), map_path)
     wanted = _wanted(table, set(found) | set(entries), warnings)
     if map_path is None:
         unused = [name for name in table.names if split_header(name)[0] not in SI_UNITS]
@@ -174,21 +175,27 @@ def _canonical_columns(table: Table) -> dict[str, str]:
     return found
 
 
-def _require(table: Table, available: set[str], map_path: Path | None) -> None:
-    """Raise unless time, both positions and an input are there."""
+def _require(table: Table, available: set[str], map_path: Path | None) -> list[str]:
+    """Raise unless time, a position and an input are there; warn if the link position is not."""
     choices = {
         "time": ("time",),
         "motor_position": ("motor_position",),
-        "link_position (or deflection)": ("link_position", "deflection"),
+        _LINK: ("link_position", "deflection"),
         "motor_torque (or motor_current, or motor_voltage)": INPUTS,
     }
     missing = [label for label, names in choices.items() if not available.intersection(names)]
     if not missing:
-        return
+        return []
     bare = [split_header(name)[0] for name in table.names]
     hints = [_did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
     what = "a column map" if map_path is None else f"the column map {map_path.name}"
+    if missing == [_LINK]:
+        return [
+            f"{table.file}: there is no {labels}, so only the rigid joint can be identified: to "
+            f"identify the compliance, log it or name its column in {what}; found "
+            f"{_quoted(table.names)}"
+        ]
     raise RecordingError(
         table.file,
         table.header,
@@ -200,6 +207,11 @@ def _require(table: Table, available: set[str], map_path: Path | None) -> None:
 def _wanted(table: Table, available: set[str], warnings: list[str]) -> set[str]:
     """Return the channels to read: of several inputs, and of two link positions, only one."""
     wanted = set(available)
+    if "link_velocity" in wanted and not wanted & {"link_position", "deflection"}:
+        wanted.discard("link_velocity")
+        warnings.append(
+            f"{table.file}: link_velocity is not used, since there is no link position: log it"
+        )
     if {"link_position", "deflection"} <= wanted:
         wanted.discard("deflection")
         warnings.append(

@@ -81,8 +81,8 @@ def _unwrap(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[
 
 
 def _add_link_position(file: str, channels: dict[str, Channel]) -> None:
-    """Compute the link position from the deflection where it was not measured."""
-    if "link_position" not in channels:
+    """Compute the link position from the deflection where only that was measured."""
+    if "deflection" in channels:
         motor, deflection = channels["motor_position"], channels["deflection"]
         link = replace(deflection, values=motor.values + deflection.values)
         checks.check_varies(file, "link_position", link)
@@ -90,8 +90,11 @@ def _add_link_position(file: str, channels: dict[str, Channel]) -> None:
 
 
 def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
-    """Check the two sides of the joint against each other."""
-    link, motor = channels["link_position"], channels["motor_position"]
+    """Check the speed of each side of the joint, and the two against each other."""
+    motor = channels["motor_position"]
+    if "link_position" not in channels:
+        return checks.check_speed(file, "motor_position", motor, time)
+    link = channels["link_position"]
     checks.check_two_encoders(file, link, motor)
     warnings = checks.check_follow(file, link, motor)
     for name in ENCODERS:
@@ -117,7 +120,7 @@ def _piece(
     return Recording(
         sample_time=grid.sample_time,
         start_time=float(time[part.start]),
-        link_position=sampled("link_position"),
+        link_position=sampled("link_position") if "link_position" in channels else None,
         motor_position=sampled("motor_position"),
         input=sampled(drive_name),
         input_unit=channels[drive_name].unit,

@@ -28,10 +28,10 @@ class Recording:
         Time between samples in s.
     start_time : float
         Time of the first sample on the file's own clock in s.
-    link_position : FloatArray, shape (n,)
-        Link angle in rad.
+    link_position : FloatArray, shape (n,), or None
+        Link angle in rad; None where only one encoder was logged.
     motor_position : FloatArray, shape (n,)
-        Motor angle in rad, at the link side of the gear.
+        Motor angle in rad, at the link side of the gear; of a drive with one encoder, its angle.
     input : FloatArray, shape (n,)
         What drives the motor, in `input_unit`.
     input_unit : str
@@ -49,7 +49,7 @@ class Recording:
 
     sample_time: float
     start_time: float
-    link_position: FloatArray
+    link_position: FloatArray | None
     motor_position: FloatArray
     input: FloatArray
     input_unit: str
@@ -64,12 +64,12 @@ class Recording:
                 raise RecordingError(
                     self.source or "recording",
                     name,
-                    f"the channel has shape {values.shape} where the link position has "
-                    f"{self.link_position.shape}: give every channel one value per sample",
+                    f"the channel has shape {values.shape} where the input has "
+                    f"{self.input.shape}: give every channel one value per sample",
                 )
 
     def __len__(self) -> int:
-        return int(self.link_position.shape[0])
+        return int(self.input.shape[0])
 
     @property
     def time(self) -> FloatArray:
@@ -77,9 +77,33 @@ class Recording:
         return self.start_time + self.sample_time * np.arange(len(self), dtype=np.float64)
 
     @property
+    def needed_link_position(self) -> FloatArray:
+        """Link position, shape (n,), in rad.
+
+        Raises
+        ------
+        RecordingError
+            If it was not logged.
+        """
+        if self.link_position is None:
+            raise RecordingError(
+                self.source or "recording",
+                "link_position",
+                "the link's encoder is missing, and the compliance cannot be seen without it: log "
+                "it, or identify the rigid joint",
+            )
+        return self.link_position
+
+    @property
     def deflection(self) -> FloatArray:
-        """Link position minus motor position, shape (n,), in rad."""
-        return self.link_position - self.motor_position
+        """Link position minus motor position, shape (n,), in rad.
+
+        Raises
+        ------
+        RecordingError
+            If the link position was not logged.
+        """
+        return self.needed_link_position - self.motor_position
 
     def window(self, start_index: int, stop_index: int) -> Recording:
         """Return the samples from `start_index` up to, not including, `stop_index`.
@@ -110,7 +134,7 @@ class Recording:
         return Recording(
             sample_time=self.sample_time,
             start_time=self.start_time + start_index * self.sample_time,
-            link_position=self.link_position[part],
+            link_position=None if self.link_position is None else self.link_position[part],
             motor_position=self.motor_position[part],
             input=self.input[part],
             input_unit=self.input_unit,

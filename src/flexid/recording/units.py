@@ -19,6 +19,7 @@ EXAMPLES = {
     "A": ("A", "mA"),
 }
 LONGEST_UNIT = 24
+DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
 
 
 class UnitError(Exception):
@@ -72,6 +73,7 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     """
     registry = _registry()
     unknown = UnitError(f"the unit [{text}] is not known: write {_accepted(si_units)}")
+    text = re.sub(f"[{DOTS}]", "·", text)
     # Exponents and numbers are limited, so that no unit text can ask for a power tower.
     bare = re.sub(r"\^-?[12](?![\d^])|^\s*1\s*(?=/)", "", text)
     legible = all(character.isalpha() or character in " */·°" for character in bare)

@@ -79,13 +79,19 @@ def with_velocities(recording: Recording) -> Recording:
     Returns
     -------
     Recording
-        With `link_velocity` and `motor_velocity` in rad/s.
+        With `link_velocity` (where there is a link position) and `motor_velocity` in rad/s.
     """
     dt = recording.sample_time
-    link, motor = recording.link_velocity, recording.motor_velocity
+    position, link, motor = (
+        recording.link_position,
+        recording.link_velocity,
+        recording.motor_velocity,
+    )
+    if link is None and position is not None:
+        link = velocity(position, dt)
     return replace(
         recording,
-        link_velocity=velocity(recording.link_position, dt) if link is None else link,
+        link_velocity=link,
         motor_velocity=velocity(recording.motor_position, dt) if motor is None else motor,
     )
 
