@@ -22,6 +22,7 @@ _HALVINGS = 4  # of segments too long to be fitted from the start at once
 _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING = 1e-6  # less than this is none
+_POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
 _MOST_SUBSTEPS = 100.0  # per sample; a model still faster is fitted badly, and then refused
@@ -314,9 +315,13 @@ def _descend(
         step = problem.solve(equations, damping)
         trial = Point(point.values + step.values_step, point.initial_states + step.states_step)
         tried = problem.equations(trial)
+        more = max(10.0 * damping, _FIRST_DAMPING)
         if tried.cost <= equations.cost * (1.0 + 1e-12):
-            return trial, tried, 0.1 * damping if damping > _LEAST_DAMPING else 0.0
-        damping = max(10.0 * damping, _FIRST_DAMPING)
+            # Steps that gain far less than promised jump to and fro across the minimum.
+            overshot = equations.cost - tried.cost < _POOR_GAIN * step.decrement
+            less = 0.1 * damping if damping > _LEAST_DAMPING else 0.0
+            return trial, tried, more if overshot else less
+        damping = more
     raise ConvergenceError(
         "prediction error",
         "no step brings the model closer to the record: start from a least-squares fit, or shorten "
