@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_influences, block_lengths
@@ -90,6 +91,11 @@ class LeastSquaresFit:
     def standard_deviations(self) -> FloatArray:
         """Standard deviation of each value, shape (n,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def information(self) -> FloatArray:
+        """Gram matrix of all rows, shape (n, n): the sum of squares' quadratic form."""
+        return np.asarray(block_diag(*(row.gram for row in self.rows)))
 
     @property
     def degrees_of_freedom(self) -> tuple[int, ...]:

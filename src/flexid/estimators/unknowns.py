@@ -80,6 +80,12 @@ class Unknowns:
         """What is sought, row by row; those of group g carry ``[g + 1]`` if there are several."""
         return tuple(name for row in self.system.rows for name in self.names_of(row))
 
+    @cached_property
+    def coefficient_of(self) -> dict[str, str]:
+        """The system's coefficient behind each name that is sought."""
+        labels = {n: c for c in self.system.coefficients for n in self._labels(c)}
+        return {name: labels[name] for name in self.names}
+
     def names_of(self, row: Row) -> tuple[str, ...]:
         """What is sought in one row; it may be nothing."""
         fixed_names = {
