@@ -22,6 +22,7 @@ from flexid.estimators.gauss_newton import (
     minimise,
     segmented_motion,
 )
+from flexid.estimators.rowwise import RowwiseFit
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segments import divide, first_states
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
@@ -111,7 +112,7 @@ class PredictionErrorFit:
 def prediction_error(
     pieces: Sequence[Samples],
     system: ParametricSystem,
-    start: Mapping[str, float] | LeastSquaresFit,
+    start: Mapping[str, float] | RowwiseFit,
     segment_duration: float = 1.0,
     hold: Hold = "linear",
     use_velocities: bool = False,
@@ -125,7 +126,7 @@ def prediction_error(
         One or more contiguous pieces of motion.
     system : ParametricSystem
         The model; its constants have the values declared in it.
-    start : LeastSquaresFit or mapping of str to float
+    start : RowwiseFit or mapping of str to float
         Where to start: a least-squares fit of the same record, or a value for each unknown. The
         second is fitted from least squares as well, which must not explain the record better.
     segment_duration : float, optional
@@ -218,8 +219,8 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     return problem, found, coarse.iterations + found.iterations
 
 
-def _start_values(unknowns: Unknowns, start: Mapping[str, float] | LeastSquaresFit) -> FloatArray:
-    if isinstance(start, LeastSquaresFit):
+def _start_values(unknowns: Unknowns, start: Mapping[str, float] | RowwiseFit) -> FloatArray:
+    if isinstance(start, RowwiseFit):
         if start.names != unknowns.names:
             raise SettingError(
                 "start", "it is a fit of another model or of other unknowns: fit these first"
@@ -268,7 +269,7 @@ def _infinite(covariance: FloatArray, free: np.ndarray) -> FloatArray:
     return covariance
 
 
-def _compare(unknowns: Unknowns, values: FloatArray, check: LeastSquaresFit) -> None:
+def _compare(unknowns: Unknowns, values: FloatArray, check: RowwiseFit) -> None:
     """Refuse values that least squares of the same record contradicts."""
     deviations = check.standard_deviations
     effects = [

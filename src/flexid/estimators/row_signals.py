@@ -1,0 +1,125 @@
+"""Both sides of every row, sampled: what least squares on positions starts from.
+
+Over two sampling intervals a row v' = rᵀp + k is integrated twice, which turns v' into a second
+difference of the position. What follows of the coefficients that are fixed goes to the left.
+"""
+
+from collections.abc import Sequence
+from types import ModuleType
+
+import numpy as np
+
+from flexid.errors import SettingError
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.unknowns import FIXED, Unknowns
+from flexid.kernels.store import load_kernel, template
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+
+
+def row_signals(
+    piece: Samples, system: ParametricSystem, hold: Hold, pole: float = 0.0
+) -> FloatArray:
+    """Regressors of all coefficients and left-hand sides of all rows over a piece.
+
+    Parameters
+    ----------
+    piece : Samples
+        At least three samples. Velocities are taken as zero where there are none.
+    system : ParametricSystem
+        The model.
+    hold : {"linear", "zero"}
+        Hold of the inputs.
+    pole : float, optional
+        Of the filter ((1 - pole) / (1 - pole/z))² that all signals pass, starting from rest; 0 is
+        no filter.
+
+    Returns
+    -------
+    array, shape (n_coefficients + n_rows, n_samples - 2)
+        Accelerations averaged over the two intervals around every inner sample, weighted by a
+        triangle; filtered.
+    """
+    kernel = _kernel(system)
+    positions = np.ascontiguousarray(piece.positions, dtype=np.float64)
+    velocities = np.zeros_like(positions) if piece.velocities is None else piece.velocities
+    signals = np.empty((kernel.N_SIGNALS, len(piece) - 2))
+    kernel.filter_piece(
+        positions,
+        np.ascontiguousarray(velocities, dtype=np.float64),
+        np.ascontiguousarray(piece.inputs, dtype=np.float64),
+        np.array(list(system.constants.values()), dtype=np.float64),
+        float(piece.sample_time),
+        pole,
+        hold == "zero",
+        signals,
+        0,
+    )
+    return signals
+
+
+def check_velocities(pieces: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns) -> None:
+    """Refuse a piece without velocities where a term that is not switched off needs one."""
+    needed = _kernel(unknowns.system).VELOCITY_NEEDED
+    for place in usable:
+        if pieces[place].velocities is not None:
+            continue
+        absent = unknowns.absent(place)
+        for name in needed:
+            if name not in absent:
+                raise SettingError(
+                    "velocities",
+                    f"the regressor of {name!r} is nonlinear in a velocity but there are none: "
+                    f"derive velocities first, or drop the term",
+                )
+
+
+def sought_signals(
+    signals: FloatArray, unknowns: Unknowns, usable: Sequence[int], lengths: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Regressors of what is sought, and left-hand sides less what is fixed.
+
+    Parameters
+    ----------
+    signals : array, shape (n_coefficients + n_rows, n_equations)
+        As of `row_signals`, of one or more parts of pieces, one after the other.
+    unknowns : Unknowns
+        What is sought.
+    usable, lengths : sequence of int
+        Place of the piece that each part is of, and its equations.
+
+    Returns
+    -------
+    regressors : array, shape (n_names, n_equations)
+        Zero in the pieces that an unknown has no part in.
+    left_hand_sides : array, shape (n_rows, n_equations)
+    """
+    system = unknowns.system
+    n_coefficients = len(system.coefficients)
+    regressors = np.zeros((len(unknowns.names), signals.shape[1]))
+    left_hand_sides = signals[n_coefficients:].copy()
+    stop = 0
+    for place, length in zip(usable, lengths, strict=True):
+        equations = slice(stop, stop + length)
+        stop = equations.stop
+        columns = unknowns.columns(place)
+        sought = columns != FIXED
+        regressors[columns[sought], equations] = signals[:n_coefficients][sought, equations]
+        fixed = unknowns.coefficients(np.zeros(len(unknowns.names)), place)
+        for row, (_, part) in enumerate(system.row_slices()):
+            # A term that is off stays out even where its regressor is not finite.
+            for coefficient in part.start + np.flatnonzero(fixed[part]):
+                left_hand_sides[row, equations] -= (
+                    fixed[coefficient] * signals[coefficient, equations]
+                )
+    return regressors, left_hand_sides
+
+
+def _kernel(system: ParametricSystem) -> ModuleType:
+    def build() -> str:
+        from flexid.derivation.regressor_classes import filter_functions
+
+        source = filter_functions(system, "State-variable filter on positions")
+        return source + "\n\n" + template("state_variable_filter")
+
+    return load_kernel("state_variable_filter", [system.digest], build)
