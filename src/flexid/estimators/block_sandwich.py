@@ -21,6 +21,11 @@ WANTED_BLOCKS = 20
 _INDEPENDENCE = 10.0  # time constants of the filter that a block spans at least
 
 
+def block_duration(total: float) -> float:
+    """Wanted length of a block in s for a record of a total length in s."""
+    return min(BLOCK_DURATION, total / WANTED_BLOCKS)
+
+
 def block_lengths(
     lengths: Sequence[int],
     sample_times: Sequence[float],
@@ -46,7 +51,7 @@ def block_lengths(
         Equations in each block, in the pieces' order; no block crosses from piece to piece.
     """
     total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
-    duration = max(min(BLOCK_DURATION, total / WANTED_BLOCKS), _INDEPENDENCE / filter_rate)
+    duration = max(block_duration(total), _INDEPENDENCE / filter_rate)
     # A short record gets shorter blocks than wanted rather than no interval at all.
     duration = min(duration, total / (n_coefficients + 3))
     blocks = []

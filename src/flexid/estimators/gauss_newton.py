@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.arrow import Reduced, solve_arrow
+from flexid.estimators.block_sandwich import block_duration
+from flexid.estimators.cluster_covariance import Clusters
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, first_states
 from flexid.estimators.unknowns import FIXED, Unknowns
@@ -39,7 +42,19 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Normal equations at a point; an infinite cost says that the motion diverged."""
+    """Normal equations at a point, block by block.
+
+    Parameters
+    ----------
+    cost : float
+        Weighted sum of squares; infinite if the motion diverged.
+    normal : array, shape (n_blocks, n, n)
+        Normal matrix of each block, its segment's initial state first, then what is sought.
+    gradient : array, shape (n_blocks, n)
+        Right-hand sides.
+    residuals : array, shape (n_samples, n_outputs)
+        Measured less computed outputs.
+    """
 
     cost: float
     normal: FloatArray
@@ -74,6 +89,13 @@ class SegmentedMotion:
     substeps: int
     weights: FloatArray
     _kernel: ModuleType
+
+    @cached_property
+    def first_blocks(self) -> NDArray[np.int64]:
+        """First block of every segment, and the number of blocks: what a covariance is from."""
+        segments = self.segments
+        total = float(np.sum(segments.lengths * segments.sample_times))
+        return segments.first_blocks(block_duration(total))
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -125,12 +147,14 @@ class SegmentedMotion:
         columns = self._by_segment(self.unknowns.columns)
         wanted = np.flatnonzero(np.any(columns != FIXED, axis=0))
         size = kernel.N_STATES + len(wanted)
-        normal = np.empty((len(segments), size, size))
-        gradient = np.empty((len(segments), size))
+        count = int(self.first_blocks[-1])
+        normal = np.empty((count, size, size))
+        gradient = np.empty((count, size))
         residuals = np.zeros_like(segments.outputs)
         cost, done = kernel.segment_equations(
             segments.starts,
             segments.lengths,
+            self.first_blocks,
             segments.sample_times,
             point.initial_states,
             segments.measured,
@@ -148,15 +172,28 @@ class SegmentedMotion:
         )
         if done < len(segments) or not np.all(np.abs(normal) < _LARGEST):
             cost = np.inf
+        columns = np.repeat(columns[:, wanted], np.diff(self.first_blocks), axis=0)
         normal, gradient = _gathered(
-            normal, gradient, columns[:, wanted], kernel.N_STATES, len(self.unknowns.names)
+            normal, gradient, columns, kernel.N_STATES, len(self.unknowns.names)
         )
         return Equations(cost, normal, gradient, residuals)
 
     def solve(self, equations: Equations, damping: float = 0.0) -> Reduced:
         """The step that the equations ask for."""
-        n_states = self._kernel.N_STATES
-        return solve_arrow(equations.normal, equations.gradient, n_states, damping)
+        firsts = self.first_blocks[:-1]
+        normal = np.add.reduceat(equations.normal, firsts, axis=0)
+        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
+        return solve_arrow(normal, gradient, self._kernel.N_STATES, damping)
+
+    def clusters(self, found: "Minimum") -> Clusters:
+        """The problem at a minimum, block by block: what its covariance is computed from."""
+        blocks = np.diff(self.first_blocks)
+        return Clusters(
+            found.equations.normal,
+            found.equations.gradient,
+            np.repeat(np.arange(len(blocks)), blocks),
+            found.reduced.inverse,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,15 +237,15 @@ def _gathered(
     n_states: int,
     n_names: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Normal equations of segments for all that is sought, in its order.
+    """Normal equations of blocks for all that is sought, in its order.
 
     Parameters
     ----------
-    normal : array, shape (n_segments, n_states + n_wanted, n_states + n_wanted)
+    normal : array, shape (n_blocks, n_states + n_wanted, n_states + n_wanted)
         For the initial state and the coefficients that some segment wants.
-    gradient : array, shape (n_segments, n_states + n_wanted)
+    gradient : array, shape (n_blocks, n_states + n_wanted)
         Right-hand sides.
-    columns : array of int, shape (n_segments, n_wanted)
+    columns : array of int, shape (n_blocks, n_wanted)
         Place of these coefficients among what is sought, or `FIXED`.
     n_states, n_names : int
         Size of a state, and how many coefficients are sought.
@@ -216,16 +253,16 @@ def _gathered(
     count, n_wanted = columns.shape
     if n_wanted == n_names and (columns == np.arange(n_names)).all():
         return normal, gradient
-    # What a segment wants in vain goes to one place more, which is then cut off.
+    # What a block wants in vain goes to one place more, which is then cut off.
     places = np.empty((count, n_states + n_wanted), dtype=np.int64)
     places[:, :n_states] = np.arange(n_states)
     places[:, n_states:] = n_states + np.where(columns == FIXED, n_names, columns)
     size = n_states + n_names
     wide = np.zeros((count, size + 1, size + 1))
     tall = np.zeros((count, size + 1))
-    segment = np.arange(count)[:, None]
-    wide[segment[:, :, None], places[:, :, None], places[:, None, :]] = normal
-    tall[segment, places] = gradient
+    block = np.arange(count)[:, None]
+    wide[block[:, :, None], places[:, :, None], places[:, None, :]] = normal
+    tall[block, places] = gradient
     return wide[:, :size, :size], tall[:, :size]
 
 

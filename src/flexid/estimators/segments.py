@@ -64,6 +64,17 @@ class Segments:
             pieces=np.repeat(self.pieces, 2),
         )
 
+    def first_blocks(self, duration: float) -> NDArray[np.int64]:
+        """Divide the segments into blocks of about a duration, or of their own if that is shorter.
+
+        Returns
+        -------
+        array of int, shape (n_segments + 1,)
+            First block of every segment, and the number of blocks.
+        """
+        counts = np.round(self.lengths * self.sample_times / duration).astype(np.int64)
+        return np.concatenate(([0], np.cumsum(np.clip(counts, 1, self.lengths))))
+
     def of(self, samples: FloatArray) -> list[FloatArray]:
         """Rows of an array over samples, segment by segment."""
         return [samples[a : a + n] for a, n in zip(self.starts, self.lengths, strict=True)]

@@ -28,15 +28,16 @@ def advance(z, first, change, p, c, at, h, substeps, rate, trial, total, u):
 
 @njit(cache=True, error_model="numpy")
 def segment_equations(
-    starts, lengths, sample_times, initial_states, measured, outputs, weights,
+    starts, lengths, first_blocks, sample_times, initial_states, measured, outputs, weights,
     inputs, p, c, wanted, held, substeps, normal, gradient, residuals,
 ):
-    """Normal equations of every segment for its initial state and the wanted coefficients.
+    """Normal equations of every block for its segment's initial state and the wanted coefficients.
 
-    Segment s begins at sample starts[s] and has the coefficients p[s], of which those at the places
-    `wanted` are sought. Column a of `outputs` measures the state measured[a] and weighs weights[a]
-    (one over its standard deviation). Fills `normal`, shape (n_segments, n, n) with
-    n = N_STATES + len(wanted), `gradient`, shape (n_segments, n), and `residuals`, shape of
+    Segment s begins at sample starts[s], is made up of the blocks first_blocks[s] to
+    first_blocks[s + 1] - 1, all of about the same length, and has the coefficients p[s], of which
+    those at the places `wanted` are sought. Column a of `outputs` measures the state measured[a]
+    and weighs weights[a] (one over its standard deviation). Fills `normal`, shape (n_blocks, n, n)
+    with n = N_STATES + len(wanted), `gradient`, shape (n_blocks, n), and `residuals`, shape of
     `outputs`. Returns the weighted sum of squares and the number of segments done: fewer than
     there are if the motion of one diverged.
     """
@@ -58,7 +59,9 @@ def segment_equations(
         for i in range(N_STATES):
             z[i, 0] = initial_states[s, i]
             z[i, 1 + i] = 1.0
+        blocks = first_blocks[s + 1] - first_blocks[s]
         for k in range(starts[s], starts[s] + lengths[s]):
+            b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
             if k > starts[s]:
                 if not held:
                     for j in range(N_INPUTS):
@@ -77,10 +80,11 @@ def segment_equations(
                 cost += square * residual * residual
                 for j in range(size):
                     weighted = square * row[1 + j]
-                    gradient[s, j] += weighted * residual
+                    gradient[b, j] += weighted * residual
                     for l in range(j + 1):
-                        normal[s, j, l] += weighted * row[1 + l]
-        for j in range(size):
-            for l in range(j):
-                normal[s, l, j] = normal[s, j, l]
+                        normal[b, j, l] += weighted * row[1 + l]
+        for b in range(first_blocks[s], first_blocks[s + 1]):
+            for j in range(size):
+                for l in range(j):
+                    normal[b, l, j] = normal[b, j, l]
     return cost, starts.shape[0]
