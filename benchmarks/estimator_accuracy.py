@@ -11,7 +11,8 @@ from noisy_joint import TRUTH, VALUES, joint_samples, worst_error
 from scipy.stats import t
 
 from flexid.estimators.filter_rate import choose_filter_rate
-from flexid.estimators.parametric_observer import packed, parametric_observer, suggest_gains
+from flexid.estimators.online import packed
+from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
 from flexid.models.flexible_joint import flexible_joint

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.parametric_observer import packed, parametric_observer, suggest_gains
+from flexid.estimators.online import packed
+from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares

@@ -8,8 +8,8 @@ from noisy_joint import TRUTH, VALUES, joint_samples, torque
 from scipy.integrate import solve_ivp
 
 from flexid.errors import SettingError
+from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import (
-    packed,
     parametric_observer,
     suggest_gains,
 )
@@ -67,9 +67,9 @@ def test_replay_is_the_step():
     state = observer.init(START)
     history = observer.replay(state, samples)
     for place, sample in enumerate(samples):
-        state, innovation = observer.step(state, sample)
+        state, info = observer.step(state, sample)
         assert np.array_equal(observer.coefficients(state), history.coefficients[place])
-        assert np.array_equal(innovation, history.innovations[place], equal_nan=True)
+        assert np.array_equal(info[:-1], history.innovations[place], equal_nan=True)
     assert np.array_equal(state, history.state)
     first = observer.replay(observer.init(START), samples[:150])
     second = observer.replay(first.state, samples[150:])

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexid.estimators.parametric_observer import packed, parametric_observer, suggest_gains
+from flexid.estimators.online import packed
+from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.samples import samples_of_recording
 from flexid.identification.result import ObserverTrace
 from flexid.models.parametric_system import ParametricSystem

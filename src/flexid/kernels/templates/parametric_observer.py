@@ -1,36 +1,48 @@
-# Template: needs advance, as_state, as_sample, as_settings, regressors and the sizes.
+# Template: needs advance, as_state, as_sample, as_settings, regressors, is_finite and the sizes.
+
+
+@njit(cache=True, error_model="numpy")
+def take(current, samples, n, fixed, info):
+    """State after sample n, as a tuple; info receives innovations and a status."""
+    if not is_finite(samples[n]):
+        for j in range(N_ROWS):
+            info[j] = np.nan
+        info[N_ROWS] = REJECTED
+        return (0.0,) + current[1:]
+    info[N_ROWS] = USED if current[0] != 0.0 else STARTING
+    current, innovation = advance(current, as_sample(samples, n), fixed)
+    for j in range(N_ROWS):
+        info[j] = innovation[j]
+    return current
+
+
+@njit(cache=True, error_model="numpy")
+def as_array(current):
+    """The state as an array again."""
+    state = np.empty(STATE_SIZE)
+    for i in range(STATE_SIZE):
+        state[i] = current[i]
+    return state
 
 
 @njit(cache=True, error_model="numpy")
 def step(state, sample, settings):
-    """New state and innovation after one sample; the old state is left as it is."""
-    new, innovation = advance(
-        as_state(state), as_sample(sample.reshape((1, SAMPLE_SIZE)), 0), as_settings(settings)
-    )
-    new_state = np.empty(STATE_SIZE)
-    for i in range(STATE_SIZE):
-        new_state[i] = new[i]
-    info = np.empty(N_ROWS)
-    for j in range(N_ROWS):
-        info[j] = innovation[j]
-    return new_state, info
+    """New state and info after one sample; the old state is left as it is."""
+    info = np.empty(N_ROWS + 1)
+    one = sample.reshape((1, SAMPLE_SIZE))
+    return as_array(take(as_state(state), one, 0, as_settings(settings), info)), info
 
 
 @njit(cache=True, error_model="numpy")
-def replay(state, samples, settings, coefficients, innovations):
+def replay(state, samples, settings, coefficients, infos):
     """The same step over all samples; fills the history and returns the last state."""
     current = as_state(state)
     fixed = as_settings(settings)
     for n in range(samples.shape[0]):
-        current, innovation = advance(current, as_sample(samples, n), fixed)
+        current = take(current, samples, n, fixed, infos[n])
         for i in range(N_COEFFICIENTS):
             coefficients[n, i] = current[1 + i]
-        for j in range(N_ROWS):
-            innovations[n, j] = innovation[j]
-    last = np.empty(STATE_SIZE)
-    for i in range(STATE_SIZE):
-        last[i] = current[i]
-    return last
+    return as_array(current)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,0 +1,260 @@
+"""What all online estimators have in common: init, step, replay, and what they say of a sample.
+
+A state is one flat array. A step returns a new state and
+leaves the old one alone; a replay is the same step in a compiled loop, equal to it bit for bit. A
+sample that holds a number that is not finite is rejected: the coefficients stay, and the next
+sample begins a new piece, since an interval without its end teaches nothing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from types import ModuleType
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from flexid.errors import SettingError
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+
+
+class Status(IntEnum):
+    """What became of a sample; the last entry of its info."""
+
+    USED = 0
+    """Taken in; the estimates are told by the data."""
+    STARTING = 1
+    """Taken in; the estimates are not told by the data yet: wait, or excite more."""
+    REJECTED = 2
+    """A number in it is not finite: nothing changed, and the next sample begins a new piece."""
+    CONTRADICTED = 3
+    """Taken in; the estimates contradict least squares: start anew from those."""
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What a replay returns.
+
+    Parameters
+    ----------
+    coefficients : array, shape (n, n_coefficients)
+        Estimates after each sample.
+    innovations : array, shape (n, n_rows)
+        Measured less predicted, row by row, before the sample was learnt from; in the units that
+        the estimator states. NaN where there was nothing to compare.
+    status : array, shape (n,)
+        A `Status` for each sample.
+    state : array
+        State after the last sample; a stream goes on from here.
+    """
+
+    coefficients: FloatArray
+    innovations: FloatArray
+    status: FloatArray
+    state: FloatArray
+
+
+class OnlineEstimator(Protocol):
+    """What every online estimator offers."""
+
+    @property
+    def system(self) -> ParametricSystem:
+        """The model."""
+        ...
+
+    def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
+        """State before the first sample."""
+        ...
+
+    def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """New state and info (innovations, status) after one sample."""
+        ...
+
+    def replay(self, state: FloatArray, samples: FloatArray) -> History:
+        """Take in many samples, exactly as `step` would one by one."""
+        ...
+
+    def coefficients(self, state: FloatArray) -> FloatArray:
+        """Estimates in a state."""
+        ...
+
+    def pack(self, samples: Samples) -> FloatArray:
+        """Samples as this estimator takes them, one per row."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledEstimator:
+    """An online estimator whose step is one compiled function.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model.
+    sample_time : float
+        Time between samples in s.
+    hold : {"linear", "zero"}
+        Hold of the inputs between samples.
+    needs_velocities : bool
+        Whether samples hold velocities, or coordinates and inputs alone.
+    """
+
+    system: ParametricSystem
+    sample_time: float
+    hold: Hold
+    needs_velocities: bool
+    _kernel: ModuleType
+    _settings: FloatArray
+    _first_state: FloatArray
+    _first_coefficient: ClassVar[int] = 0
+
+    def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
+        """State before the first sample.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Initial estimates; a coefficient that is not named starts from 0.
+
+        Returns
+        -------
+        array
+            The state, packed. `coefficients` reads the estimates from it.
+
+        Raises
+        ------
+        SettingError
+            If a name is no coefficient of the model, or a value is not finite.
+        """
+        state = self._first_state.copy()
+        state[self._coefficients] = start_values(self.system, values)
+        return state
+
+    def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Take in one sample.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or a replay; not changed.
+        sample : array, float64
+            One row of what `pack` makes: coordinates (and the velocity after each, if
+            `needs_velocities`), then inputs.
+
+        Returns
+        -------
+        state : array
+            The new state.
+        info : array, shape (n_rows + 1,)
+            Innovations and `Status`, as in `History`.
+        """
+        return self._kernel.step(state, sample, self._settings)
+
+    def replay(self, state: FloatArray, samples: FloatArray) -> History:
+        """Take in many samples, exactly as `step` would one by one.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or an earlier replay; not changed.
+        samples : array, shape (n, sample size)
+            One sample per row; `pack` makes them.
+
+        Returns
+        -------
+        History
+        """
+        samples = np.ascontiguousarray(samples, dtype=np.float64)
+        coefficients = np.empty((len(samples), len(self.system.coefficients)))
+        infos = np.empty((len(samples), len(self.system.rows) + 1))
+        last = self._kernel.replay(state, samples, self._settings, coefficients, infos)
+        return History(coefficients, infos[:, :-1], infos[:, -1], last)
+
+    def coefficients(self, state: FloatArray) -> FloatArray:
+        """Estimates in a state, shape (n_coefficients,)."""
+        return state[self._coefficients].copy()
+
+    @property
+    def _coefficients(self) -> slice:
+        first = self._first_coefficient
+        return slice(first, first + len(self.system.coefficients))
+
+    def pack(self, samples: Samples) -> FloatArray:
+        """Samples as `step` and `replay` take them, one per row.
+
+        Raises
+        ------
+        SettingError
+            If velocities are needed and the samples have none.
+        """
+        return packed(samples) if self.needs_velocities else packed_positions(samples)
+
+
+def packed(samples: Samples) -> FloatArray:
+    """Samples with velocities, shape (n, 2 n_rows + n_inputs).
+
+    Raises
+    ------
+    SettingError
+        If the samples have no velocities.
+    """
+    if samples.velocities is None:
+        raise SettingError("velocities", "this estimator needs them: derive velocities first")
+    states = np.stack((samples.positions, samples.velocities), axis=2).reshape(len(samples), -1)
+    return np.ascontiguousarray(np.concatenate((states, samples.inputs), axis=1))
+
+
+def packed_positions(samples: Samples) -> FloatArray:
+    """Samples without velocities, shape (n, n_rows + n_inputs)."""
+    return np.ascontiguousarray(np.concatenate((samples.positions, samples.inputs), axis=1))
+
+
+def start_values(system: ParametricSystem, values: Mapping[str, float] | None) -> FloatArray:
+    """Initial estimates in the system's order, 0 where none is given.
+
+    Raises
+    ------
+    SettingError
+        If a name is no coefficient of the model, or a value is not finite.
+    """
+    names = system.coefficients
+    start = np.zeros(len(names))
+    for name, value in (values or {}).items():
+        if name not in names:
+            raise SettingError(
+                "initial estimates", f"{name!r} is no coefficient; known are {', '.join(names)}"
+            )
+        if not np.isfinite(value):
+            raise SettingError("initial estimates", f"{value} for {name!r} is no number")
+        start[names.index(name)] = value
+    return start
+
+
+def checked_sample_time(sample_time: float) -> float:
+    """The sample time, if it is one; else a `SettingError`."""
+    if not (np.isfinite(sample_time) and sample_time > 0.0):
+        raise SettingError("sample time", f"{sample_time} is no time step: give seconds above 0")
+    return float(sample_time)
+
+
+def fading_factor(memory_time: float, sample_time: float) -> float:
+    """Factor by which a weight fades per sample: exp(-h/τ), 1 for an infinite memory.
+
+    Raises
+    ------
+    SettingError
+        If the memory is not longer than ten samples.
+    """
+    if not memory_time > 10.0 * sample_time:
+        raise SettingError(
+            "memory time", f"{memory_time} is too short: give seconds, more than ten samples"
+        )
+    return float(np.exp(-sample_time / memory_time))
+
+
+def row_starts(system: ParametricSystem) -> str:
+    """Line of a kernel's source that says where the coefficients of each row begin."""
+    starts = (0, *(part.stop for _, part in system.row_slices()))
+    return f"ROW_STARTS = {starts}\n"

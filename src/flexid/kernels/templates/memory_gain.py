@@ -1,0 +1,136 @@
+# Template: needs next_row, forget_rows, is_finite, the sizes of the rows, ROW_STARTS, ADJUGATE:
+# whether the law is DREM's or the gradient's.
+
+WIDTH = max([ROW_STARTS[j + 1] - ROW_STARTS[j] for j in range(N_ROWS)])
+SQUARE = WIDTH * WIDTH
+CLOCK_AT = N_COEFFICIENTS
+LARGEST_AT = CLOCK_AT + 1  # determinant of each row so far
+PEAKS_AT = LARGEST_AT + N_ROWS
+MATRIX_AT = PEAKS_AT + N_COEFFICIENTS
+VECTOR_AT = MATRIX_AT + N_ROWS * SQUARE
+ROWS_AT = VECTOR_AT + N_ROWS * WIDTH
+STATE_SIZE = ROWS_AT + ROWS_SIZE
+
+# Places in the settings of the law; those of the rows follow.
+FORGETTING, GAIN, FEWEST, N_LAW_SETTINGS = 0, 1, 2, 3
+
+LEAST_TOLERANCE = 1e-5  # part of a regressor that the others must leave over
+
+
+@njit(cache=True, error_model="numpy")
+def factorise(matrix, n):
+    """Overwrite the lower half by the Cholesky factor; return the least pivot, squared."""
+    least = np.inf
+    for i in range(n):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for l in range(j):
+                total -= matrix[i, l] * matrix[j, l]
+            if i == j:
+                least = min(least, total)
+                matrix[i, i] = sqrt(max(total, 1e-300))
+            else:
+                matrix[i, j] = total / matrix[j, j]
+    return least
+
+
+@njit(cache=True, error_model="numpy")
+def solve(factor, n, b):
+    """Overwrite b by the solution."""
+    for i in range(n):
+        total = b[i]
+        for l in range(i):
+            total -= factor[i, l] * b[l]
+        b[i] = total / factor[i, i]
+    for i in range(n - 1, -1, -1):
+        total = b[i]
+        for l in range(i + 1, n):
+            total -= factor[l, i] * b[l]
+        b[i] = total / factor[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def scaled_equations(j, n, state, values, matrix, error):
+    """The row's memory A and B - A p, made dimensionless by the largest that A's diagonal was."""
+    start = ROW_STARTS[j]
+    memory = state[MATRIX_AT + j * SQUARE : MATRIX_AT + (j + 1) * SQUARE].reshape((WIDTH, WIDTH))
+    vector = state[VECTOR_AT + j * WIDTH : VECTOR_AT + (j + 1) * WIDTH]
+    for i in range(n):
+        peak = state[PEAKS_AT + start + i]
+        error[i] = vector[i]
+        for l in range(n):
+            error[i] -= memory[i, l] * values[l]
+            other = state[PEAKS_AT + start + l]
+            scale = sqrt(peak * other)
+            matrix[i, l] = memory[i, l] / scale if scale > 0.0 else 0.0
+        error[i] = error[i] / sqrt(peak) if peak > 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def update_row(j, n, state, settings, signals, h, matrix, error):
+    """One row's equation; returns innovation and whether its coefficients can be told."""
+    start = ROW_STARTS[j]
+    memory = state[MATRIX_AT + j * SQUARE : MATRIX_AT + (j + 1) * SQUARE].reshape((WIDTH, WIDTH))
+    vector = state[VECTOR_AT + j * WIDTH : VECTOR_AT + (j + 1) * WIDTH]
+    values, regressor = state[start : start + n], signals[start : start + n]
+    target = signals[N_COEFFICIENTS + j]
+    innovation = target
+    for i in range(n):
+        innovation -= regressor[i] * values[i]
+        for l in range(n):
+            memory[i, l] = settings[FORGETTING] * memory[i, l] + h * regressor[i] * regressor[l]
+        vector[i] = settings[FORGETTING] * vector[i] + h * regressor[i] * target
+        peak = PEAKS_AT + start + i
+        state[peak] = max(state[peak], memory[i, i])
+    scaled_equations(j, n, state, values, matrix, error)
+    gain = settings[GAIN] * h
+    if ADJUGATE:  # every coefficient alone, by the determinant: p' = g D (adj(A) B - D p) / max D²
+        least = factorise(matrix, n)
+        determinant = 1.0
+        for i in range(n):
+            determinant *= matrix[i, i] * matrix[i, i] * state[PEAKS_AT + start + i]
+        if least > 1e-9:
+            state[LARGEST_AT + j] = max(state[LARGEST_AT + j], determinant)
+            solve(matrix, n, error)
+            share = determinant / state[LARGEST_AT + j]
+            gain *= share * share
+            gain /= 1.0 + gain
+        else:
+            gain = 0.0
+    else:  # p' = G (B - A p), implicit in p
+        for i in range(n):
+            for l in range(n):
+                matrix[i, l] = gain * matrix[i, l] + (1.0 if i == l else 0.0)
+        least = factorise(matrix, n)
+        solve(matrix, n, error)
+    for i in range(n):
+        peak = state[PEAKS_AT + start + i]
+        values[i] += gain * error[i] / sqrt(peak) if peak > 0.0 else 0.0
+    # Of the memory as it is, whatever the law
+    scaled_equations(j, n, state, values, matrix, error)
+    return innovation, factorise(matrix, n) > LEAST_TOLERANCE
+
+
+@njit(cache=True, error_model="numpy")
+def take(state, sample, settings, info):
+    """Take in one sample: the state changes in place, info receives innovations and a status."""
+    law, rows = settings[:N_LAW_SETTINGS], settings[N_LAW_SETTINGS:]
+    for j in range(N_ROWS):
+        info[j] = np.nan
+    if not is_finite(sample):
+        forget_rows(state[ROWS_AT:])
+        info[N_ROWS] = REJECTED
+        return
+    info[N_ROWS] = STARTING
+    signals = np.empty(N_SIGNALS)
+    if not next_row(state[ROWS_AT:], sample, rows, signals):
+        return
+    all_told = state[CLOCK_AT] >= law[FEWEST]
+    matrix, error = np.empty((WIDTH, WIDTH)), np.empty(WIDTH)
+    for j in range(N_ROWS):
+        n = ROW_STARTS[j + 1] - ROW_STARTS[j]
+        info[j], told = update_row(j, n, state, law, signals, rows[SAMPLE_TIME], matrix, error)
+        all_told = all_told and told
+    state[CLOCK_AT] += 1.0
+    if all_told:
+        info[N_ROWS] = USED

@@ -1,0 +1,203 @@
+"""Recursive least squares, on filtered positions and on velocities."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_joint import SAMPLE_TIME, TRUTH, VALUES, joint_samples, torque, worst_error
+from scipy.integrate import solve_ivp
+from scipy.stats import t
+
+from flexid.errors import SettingError
+from flexid.estimators.online import Status
+from flexid.estimators.recursive_least_squares import (
+    LEAST_INFORMATION,
+    least_squares_observer,
+    recursive_least_squares,
+)
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.models.flexible_joint import flexible_joint
+
+JOINT = flexible_joint()
+
+
+def encoders(seed: int | None, first: int = 0) -> Samples:
+    """The noisy record without its velocities."""
+    return replace(joint_samples(seed, first), velocities=None)
+
+
+def replayed(samples: Samples, **settings):
+    """History of recursive least squares on positions, and the estimator."""
+    estimator = recursive_least_squares(JOINT, SAMPLE_TIME, **settings)
+    return estimator.replay(estimator.init(), estimator.pack(samples)), estimator
+
+
+@pytest.mark.parametrize("first", [0, 1700])
+def test_ends_where_the_batch_ends(first: int):
+    """Assert that without forgetting the end is the batch fit's, also from a start in motion."""
+    samples = encoders(3, first)
+    history, _ = replayed(samples)
+    fit = filtered_least_squares([samples], JOINT, 20.0)
+    assert history.coefficients[-1] == pytest.approx(fit.values, rel=2e-7)
+
+
+def test_accuracy_and_speed_of_convergence():
+    """Assert 1 % for good after 0.7 s and 0.012 % at the end, median of 20 seeds, encoders only."""
+    settled, last = [], []
+    for seed in range(20):
+        coefficients = replayed(encoders(seed))[0].coefficients
+        errors = np.abs(coefficients / VALUES - 1.0).max(axis=1)
+        settled.append((np.flatnonzero(errors > 0.01)[-1] + 1) * SAMPLE_TIME)
+        last.append(worst_error(coefficients[-1]))
+    assert np.median(settled) <= 0.7
+    assert np.median(last) <= 0.012
+
+
+def test_velocities_give_the_figure_of_the_design():
+    """Assert that least squares on velocity increments ends within 0.04 %, median of 10 seeds."""
+    estimator = least_squares_observer(JOINT, SAMPLE_TIME)
+    last = [
+        worst_error(
+            estimator.replay(estimator.init(), estimator.pack(joint_samples(seed))).coefficients[-1]
+        )
+        for seed in range(10)
+    ]
+    assert np.median(last) <= 0.04
+
+
+def test_standard_deviations_are_those_of_the_errors():
+    """Assert that errors over 30 seeds are as large as their standard deviations, within 40 %."""
+    ratios = []
+    for seed in range(30):
+        history, estimator = replayed(encoders(seed))
+        deviations = estimator.standard_deviations(history.state)
+        ratios.append((history.coefficients[-1] - VALUES) / deviations)
+    sizes = np.sqrt(np.mean(np.square(ratios), axis=0))
+    assert np.all((sizes > 0.6) & (sizes < 1.4))
+
+
+def test_standard_deviations_after_two_seconds():
+    """Assert that intervals exist early and hold what is true: most of them in 20 seeds at 4 s."""
+    held = []
+    for seed in range(20):
+        samples = encoders(seed)
+        part = replace(samples, positions=samples.positions[:4000], inputs=samples.inputs[:4000])
+        history, estimator = replayed(part)
+        covariance, freedom = estimator.covariance(history.state)
+        assert np.all(freedom > 0.0)
+        width = t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
+        held.append(np.abs(history.coefficients[-1] - VALUES) <= width)
+    assert np.mean(held) > 0.85
+
+
+def test_no_deviation_before_there_are_blocks():
+    """Assert that in the first second the variance is infinite, and Student's t has no freedom."""
+    samples = encoders(0)
+    part = replace(samples, positions=samples.positions[:900], inputs=samples.inputs[:900])
+    history, estimator = replayed(part)
+    covariance, freedom = estimator.covariance(history.state)
+    assert np.all(np.isinf(np.diag(covariance)))
+    assert np.all(freedom == 0.0)
+
+
+def test_noise_at_rest_excites_nothing():
+    """Assert that a joint at rest, seen through noisy encoders, is never called excited."""
+    noise = 1e-4 * np.random.default_rng(1).standard_normal((20_000, 2))
+    samples = Samples(noise, None, np.zeros((20_000, 1)), SAMPLE_TIME)
+    history, _ = replayed(samples)
+    assert np.all(history.status == Status.STARTING)
+
+
+def test_a_motion_that_excites_is_called_so():
+    """Assert that the noisy joint counts as excited from 0.7 s on."""
+    history, _ = replayed(encoders(0))
+    assert np.all(history.status[700:] == Status.USED)
+
+
+def test_the_gain_stays_bounded():
+    """Assert that forgetting leaves every coefficient its least information, whatever comes."""
+    samples = encoders(0)
+    twist = -TRUTH["theta1"] * np.sin(0.3) / TRUTH["theta2"]  # the link held at 0.3 rad
+    still = np.tile([0.3, 0.3 - twist], (60_000, 1))
+    torques = np.full((60_000, 1), -TRUTH["alpha1"] * twist / TRUTH["beta1"])
+    history, estimator = replayed(samples, memory_time=1.0)
+    packed = estimator.pack(Samples(still, None, torques, SAMPLE_TIME))
+    state, _ = estimator.step(history.state, np.full(3, np.nan))
+    after = estimator.replay(state, packed)
+    before, now = estimator.information(history.state), estimator.information(after.state)
+    for old, new in zip(before, now, strict=True):
+        assert np.all(np.diag(new) >= 0.99 * LEAST_INFORMATION * np.diag(old))
+        assert np.linalg.eigvalsh(new)[0] > 0.0
+    moved = np.abs(after.coefficients[-1] / history.coefficients[-1] - 1.0)
+    assert moved.max() < 0.01
+
+
+def test_forgetting_follows_a_change():
+    """Assert that after a change of load a memory of 2 s is right again in 15 s."""
+    first, second = encoders(0), _motion_of({**TRUTH, "theta1": 2.5, "theta2": 50.0})
+    history, estimator = replayed(first, memory_time=2.0)
+    state, _ = estimator.step(history.state, np.full(3, np.nan))
+    after = estimator.replay(state, estimator.pack(second)).coefficients[15_000]
+    assert after[:2] == pytest.approx([2.5, 50.0], rel=0.01)
+    lasting, estimator = replayed(first)
+    state, _ = estimator.step(lasting.state, np.full(3, np.nan))
+    after = estimator.replay(state, estimator.pack(second)).coefficients[15_000]
+    assert np.abs(after[:2] / [2.5, 50.0] - 1.0).max() > 0.1
+
+
+def test_coulomb_friction_with_velocities_of_its_own():
+    """Assert that encoders alone give Coulomb friction within 2 %, the others within 0.3 %."""
+    truth = {**TRUTH, "alpha_coulomb": 5.0}
+    joint = flexible_joint(terms=("gravity", "motor_viscous", "motor_coulomb"))
+    samples = _motion_of(truth, noise=1e-4)
+    estimator = recursive_least_squares(joint, SAMPLE_TIME)
+    history = estimator.replay(estimator.init(), estimator.pack(samples))
+    found = dict(zip(joint.coefficients, history.coefficients[-1].tolist(), strict=True))
+    assert found["alpha_coulomb"] == pytest.approx(5.0, rel=0.02)
+    for name in ("theta1", "theta2", "alpha1", "beta1"):
+        assert found[name] == pytest.approx(truth[name], rel=0.003)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"filter_rate": 0.0}, "filter rate"),
+        ({"memory_time": 1e-3}, "memory time"),
+        ({"memory_time": float("nan")}, "memory time"),
+        ({"least_information": 1.5}, "least information"),
+    ],
+)
+def test_settings_that_are_none(settings, message):
+    """Assert that a setting out of its range is refused in one sentence."""
+    with pytest.raises(SettingError, match=message):
+        recursive_least_squares(JOINT, SAMPLE_TIME, **settings)
+
+
+def test_a_sample_time_that_is_none():
+    """Assert that a sample time that is not positive is refused."""
+    with pytest.raises(SettingError, match="sample time"):
+        recursive_least_squares(JOINT, 0.0)
+
+
+def _motion_of(truth: dict[str, float], duration: float = 30.0, noise: float = 0.0) -> Samples:
+    """Encoders of the joint of the tests with other coefficients, from rest."""
+    time = np.arange(round(duration / SAMPLE_TIME)) * SAMPLE_TIME
+    coulomb = truth.get("alpha_coulomb", 0.0)
+
+    def right_hand_side(now, x):
+        twist = x[0] - x[2]
+        motor = truth["alpha1"] * twist - truth["alpha2"] * x[3] + truth["beta1"] * torque(now)
+        return [
+            x[1],
+            -truth["theta1"] * np.sin(x[0]) - truth["theta2"] * twist,
+            x[3],
+            motor - coulomb * np.tanh(x[3] / 0.1),
+        ]
+
+    solution = solve_ivp(
+        right_hand_side, (0.0, time[-1]), np.zeros(4), "DOP853", t_eval=time, rtol=1e-9, atol=1e-10
+    )
+    positions = solution.y.T[:, [0, 2]]
+    positions = positions + noise * np.random.default_rng(2).standard_normal(positions.shape)
+    return Samples(positions, None, torque(time)[:, None], SAMPLE_TIME)
