@@ -39,7 +39,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
             }
             for name, p in result.parameters.items()
         },
-        "excitation": {row: _excitation_document(e) for row, e in result.excitation.items()},
+        "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
         "residual_excess": dict(result.residual_excess),
         "validation": {"fit_percent": dict(result.validation.fit_percent)},
         "observer": {
@@ -55,7 +55,8 @@ def identification_document(result: Identification) -> dict[str, Any]:
     }
 
 
-def _excitation_document(excitation: Excitation) -> dict[str, Any]:
+def excitation_summary(excitation: Excitation) -> dict[str, Any]:
+    """Excitation of one row, ready for JSON."""
     return {
         "condition_number": excitation.condition_number,
         "singular_values": excitation.singular_values.tolist(),

@@ -21,6 +21,9 @@ INK, BLUE, ORANGE, GREEN, RED, GREY = (
     "#8a939c",
 )
 
+STATUS_COLOURS = {"determined": GREEN, "weak": ORANGE, "undetermined": RED}
+"""Colour of each verdict in a figure or a table."""
+
 STYLE: dict[RcKeyType, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,

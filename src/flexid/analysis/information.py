@@ -1,0 +1,130 @@
+"""What a motion tells about the coefficients: Fisher information of positions in white noise.
+
+The record is cut into segments as segmented prediction error does, each with an unknown initial
+state. Of the derivatives of the positions by the coefficients, only the part counts that no change
+of those initial states explains; the inverse of what is left is the Cramér-Rao bound, which that
+estimator reaches. Short segments also keep the bound honest where a motion is chaotic: over a long
+one the derivatives grow without bound, and no estimator could use them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexid.errors import SimulationError
+from flexid.estimators.gauss_newton import Point, segmented_motion
+from flexid.estimators.samples import FloatArray
+from flexid.estimators.segments import Segments
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """What positions tell about k coefficients.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The coefficients.
+    values : array, shape (k,)
+        Where it was computed.
+    matrix : array, shape (k, k)
+        Fisher information, the initial states unknown.
+    covariance : array, shape (k, k)
+        Its inverse; infinite variance marks what the motion leaves free.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    matrix: FloatArray
+    covariance: FloatArray
+
+    @property
+    def standard_deviations(self) -> FloatArray:
+        """Least standard deviation of each coefficient, shape (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def relative_deviations(self) -> FloatArray:
+        """The same over the coefficients' values; infinite for one that is zero."""
+        with np.errstate(divide="ignore"):
+            return self.standard_deviations / np.abs(self.values)
+
+    @property
+    def deviations_alone(self) -> FloatArray:
+        """Standard deviation of each coefficient if all others were known, shape (k,)."""
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.sqrt(np.diag(self.matrix))
+
+    @property
+    def inflation(self) -> FloatArray:
+        """How often larger the others make each standard deviation, at least 1, shape (k,)."""
+        alone = self.deviations_alone
+        known = np.isfinite(alone)
+        return np.where(known, self.standard_deviations / np.where(known, alone, 1.0), 1.0)
+
+    @property
+    def correlations(self) -> FloatArray:
+        """Correlation of each two estimates, shape (k, k); ±1 where they cannot be told apart."""
+        scale = np.sqrt(np.diag(self.matrix))
+        scale = np.where(scale > 0.0, scale, 1.0)
+        eigenvalues, vectors = np.linalg.eigh(self.matrix / np.outer(scale, scale))
+        floor = np.finfo(float).eps * eigenvalues[-1]
+        covariance = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
+        deviations = np.sqrt(np.diag(covariance))
+        return covariance / np.outer(deviations, deviations)
+
+    @property
+    def relative(self) -> FloatArray:
+        """Information about the coefficients' logarithms, shape (k, k).
+
+        Its inverse is the covariance of relative errors, so that coefficients of different units
+        compare.
+        """
+        return self.matrix * np.outer(self.values, self.values)
+
+
+def segmented_information(
+    system: ParametricSystem,
+    values: FloatArray,
+    segments: Segments,
+    initial_states: FloatArray,
+    noise: FloatArray,
+    hold: Hold,
+) -> Information:
+    """Information of the model's own motion from given initial states under the inputs.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model.
+    values : array, shape (k,)
+        Its coefficients.
+    segments : Segments
+        Which outputs are measured, when, and the inputs; the outputs' values do not matter.
+    initial_states : array, shape (n_segments, n_states)
+        State at the start of every segment.
+    noise : array, shape (n_outputs,)
+        Standard deviation of each output's noise.
+    hold : {"zero", "linear"}
+        Hold of the inputs.
+
+    Raises
+    ------
+    SimulationError
+        If the motion diverges.
+    """
+    point = Point(np.asarray(values, dtype=np.float64), initial_states)
+    problem = segmented_motion(system, segments, hold).at(point, 1.0 / noise)
+    equations = problem.equations(point)
+    if not np.isfinite(equations.cost):
+        raise SimulationError(
+            "the model's motion diverges within a segment: check its coefficients",
+            float(segments.start_times[0]),
+        )
+    reduced = problem.solve(equations)
+    covariance = reduced.inverse.copy()
+    covariance[reduced.free, :] = covariance[:, reduced.free] = 0.0
+    covariance[reduced.free, reduced.free] = np.inf
+    return Information(system.coefficients, point.values, reduced.information, covariance)

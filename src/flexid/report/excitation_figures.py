@@ -1,0 +1,81 @@
+"""Figure of what a log can tell: predicted deviations, and where the input has its power."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexid.design.excitation_report import ExcitationReport
+from flexid.identification.verdict import DETERMINED_DEVIATION, WEAK_DEVIATION
+from flexid.report.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    RED,
+    STATUS_COLOURS,
+    STYLE,
+    new_figure,
+    save,
+)
+
+_UNKNOWN = 10.0  # drawn for a deviation that is infinite
+_FLOOR = 1e-3  # of the spectrum, over its largest amplitude
+
+
+def save_excitation_figure(report: ExcitationReport, directory: Path) -> None:
+    """Write excitation.png."""
+    with mpl.rc_context(STYLE):
+        save(excitation_figure(report), directory, "excitation")
+
+
+def excitation_figure(report: ExcitationReport) -> Figure:
+    """Predicted deviations on the left, the input's tones on the right."""
+    figure = new_figure(height=3.6)
+    left, right = figure.subplots(1, 2)
+    _draw_deviations(left, report)
+    _draw_spectrum(right, report)
+    return figure
+
+
+def _draw_deviations(ax: Axes, report: ExcitationReport) -> None:
+    coefficients = list(report.assessment.coefficients.values())
+    places = np.arange(len(coefficients))
+    alone = np.minimum([c.relative_deviation_alone for c in coefficients], _UNKNOWN)
+    told = np.minimum([c.relative_deviation for c in coefficients], _UNKNOWN)
+    colours = [STATUS_COLOURS[c.status] for c in coefficients]
+    ax.hlines(places, alone, told, color=GREY, linewidth=1.5, zorder=1)
+    ax.scatter(alone, places, color=GREY, s=18, label="if all others were known", zorder=2)
+    ax.scatter(told, places, color=colours, s=36, label="as it is", zorder=3)
+    ax.axvline(DETERMINED_DEVIATION, color=ORANGE, linestyle="--", linewidth=1.0)
+    ax.axvline(WEAK_DEVIATION, color=RED, linestyle="--", linewidth=1.0)
+    ax.set_xscale("log")
+    ax.set_yticks(places, [c.name for c in coefficients])
+    ax.invert_yaxis()
+    ax.set_xlabel("standard deviation over value (–)")
+    ax.set_title("Predicted; lines: weak, not told")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.2), ncols=2)
+
+
+def _draw_spectrum(ax: Axes, report: ExcitationReport) -> None:
+    rates, amplitudes = report.spectrum
+    shown = amplitudes > _FLOOR * amplitudes.max()
+    last = np.flatnonzero(shown).max(initial=0)
+    ax.plot(rates[: last + 1], amplitudes[: last + 1], color=BLUE, label="input of the log")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_ylim(_FLOOR * amplitudes.max(), 3.0 * amplitudes.max())
+    advice = report.advice
+    tone = None
+    if advice is not None and advice.sine is not None:
+        tone = (advice.sine.amplitude, advice.sine.angular_frequency)
+    elif advice is not None:
+        tone = advice.rule
+    if tone is not None:
+        ax.plot([tone[1]], [tone[0]], "D", color=INK, label="add this")
+    ax.set_xlabel("angular frequency (rad/s)")
+    ax.set_ylabel(f"amplitude ({report.input_unit})")
+    ax.set_title("Tones of the input")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.2), ncols=2)

@@ -1,0 +1,128 @@
+"""The printed answer to what a log can tell, at most 100 columns wide."""
+
+from collections.abc import Iterator
+from math import isfinite, pi
+
+from rich import box
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from flexid.design.advice import Addition, Advice
+from flexid.design.assessment import Assessment
+from flexid.design.excitation_report import ExcitationReport
+from flexid.identification.verdict import DETERMINED_DEVIATION
+from flexid.report.identification_table import WIDTH
+from flexid.report.style import STATUS_COLOURS
+
+
+def print_excitation(report: ExcitationReport) -> None:
+    """Print coefficients, rows and advice on standard output."""
+    console = Console()
+    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
+    Console(width=width).print(Group(*_parts(report)))
+
+
+def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
+    yield _table(report.assessment)
+    for c in report.assessment.coefficients.values():
+        if c.status != "determined":
+            yield Text(f"  {c.name}: {c.reason}", style=STATUS_COLOURS[c.status])
+    yield Text()
+    for row, excitation in report.assessment.excitation.items():
+        pair = " and ".join(excitation.correlated)
+        detail = f"; {pair} correlate by {excitation.correlation:.6g}" if pair else ""
+        yield Text(
+            f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
+        )
+    noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
+    yield Text(f"Noise: {noise}; input hold: {report.hold}")
+    yield Text()
+    for line in advice_lines(report.advice, report.input_unit):
+        yield Text(line)
+
+
+def _table(assessment: Assessment) -> Table:
+    table = Table(
+        title="What this log tells: predicted standard deviations, and what the partner costs",
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    table.add_column("coefficient", no_wrap=True)
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for heading in ("deviation", "alone", "times"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("partner", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for c in assessment.coefficients.values():
+        table.add_row(
+            c.name,
+            f"{c.value:.4g}",
+            c.unit,
+            format_percent(c.relative_deviation),
+            format_percent(c.relative_deviation_alone),
+            f"{c.inflation:.2g}" if isfinite(c.inflation) else "unknown",
+            f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
+            Text(c.status, STATUS_COLOURS[c.status]),
+        )
+    return table
+
+
+def format_percent(share: float) -> str:
+    """A share as text, in percent.
+
+    Examples
+    --------
+    >>> format_percent(0.01234), format_percent(float("inf"))
+    ('1.2 %', 'unknown')
+    """
+    return f"{100 * share:.2g} %" if isfinite(share) else "unknown"
+
+
+def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
+    """What to add, in sentences."""
+    if advice is None:
+        yield "Nothing needs to be added: every coefficient can be told."
+        return
+    if advice.rule is not None:
+        amplitude, rate = advice.rule
+        yield (
+            f"By rule of thumb, add a sine of {amplitude:.3g} {unit} at {_frequency(rate)}: the "
+            f"log yields no model to try others on. Then look again."
+        )
+        return
+    if advice.sine is not None:
+        sine = advice.sine
+        yield (
+            f"Add a sine of {sine.amplitude:.3g} {unit} at {_frequency(sine.angular_frequency)}. "
+            f"{_outcome(sine, unit)}"
+        )
+    elif advice.largest > 0.0:
+        yield f"No single sine of up to {advice.largest:.3g} {unit} suffices: see flexid design."
+    else:
+        yield "The input never moves: play one that does (see flexid design)."
+    if advice.multiple is not None:
+        multiple = advice.multiple
+        yield (
+            f"Or play the same input {multiple.amplitude:.3g} times as large. "
+            f"{_outcome(multiple, unit)}"
+        )
+
+
+def _frequency(rate: float) -> str:
+    return f"{rate:.3g} rad/s ({rate / (2 * pi):.3g} Hz)"
+
+
+def _outcome(addition: Addition, unit: str) -> str:
+    goal = f", below {100 * DETERMINED_DEVIATION:.0f} %"
+    goal = goal if addition.relative_deviation <= DETERMINED_DEVIATION else ", which is negligible"
+    return (
+        f"Then the worst, {addition.weakest}, is told to "
+        f"{format_percent(addition.relative_deviation)}{goal}; peaks: input "
+        f"{addition.peak_input:.3g} {unit}, link {addition.peak_position:.3g} rad, deflection "
+        f"{addition.peak_deflection:.3g} rad."
+    )

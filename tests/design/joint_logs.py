@@ -1,0 +1,39 @@
+"""Logs of Table I's joint in steady motion on one sine, and what may be added to them."""
+
+import numpy as np
+
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.free_run import free_run
+
+TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+SAMPLE_TIME = 0.002
+NOISE = 1e-4
+HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
+
+
+def steady_sine(amplitude, frequency, duration=20.0):
+    """Torque that moves the link on one sine, shape (n,), and the state to start from."""
+    t = np.arange(0, duration, SAMPLE_TIME)
+    q = amplitude * np.sin(frequency * t)
+    rates = [amplitude * frequency**n * np.cos(frequency * t) for n in (1, 3)]
+    velocity, acceleration = rates[0], -(frequency**2) * q
+    theta1, theta2, alpha1, alpha2, beta1 = TRUE.values()
+    twist = -(acceleration + theta1 * np.sin(q)) / theta2  # from the link's equation
+    twist_rate = (rates[1] - theta1 * np.cos(q) * velocity) / theta2
+    fourth = frequency**4 * q
+    curve = theta1 * (np.cos(q) * acceleration - np.sin(q) * velocity**2)
+    motor_acceleration = acceleration + (fourth + curve) / theta2
+    motor_velocity = velocity - twist_rate
+    torque = (motor_acceleration - alpha1 * twist + alpha2 * motor_velocity) / beta1
+    return torque, np.array([q[0], velocity[0], q[0] - twist[0], motor_velocity[0]])
+
+
+def write_log(path, torque, start, seed=11):
+    """Run the joint under a torque and write what two noisy encoders saw."""
+    t = SAMPLE_TIME * np.arange(len(torque))
+    x = free_run(flexible_joint(), TRUE, start, torque, SAMPLE_TIME)
+    rng = np.random.default_rng(seed)
+    positions = x[:, [0, 2]] + NOISE * rng.standard_normal((len(t), 2))
+    table = np.column_stack([t, positions, torque])
+    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
+    return path
