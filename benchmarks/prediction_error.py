@@ -74,7 +74,7 @@ def coverage(n_seeds: int = 400) -> None:
             held = []
             for found in fits:
                 width = np.sqrt(np.diag(getattr(found, name)))
-                width *= t.ppf(0.975, found.segments_less_coefficients)
+                width *= t.ppf(0.975, np.array(found.degrees_of_freedom))
                 held.append(np.abs(found.values - VALUES) <= width)
             each = " ".join(f"{share:.3f}" for share in np.mean(held, axis=0))
             print(f"  rho {rho:g}, {name}: {each}, {np.mean(held):.3f}")

@@ -5,7 +5,7 @@ import pytest
 from noisy_joint import VALUES, joint_samples
 from scipy.stats import t
 
-from flexid.estimators.block_sandwich import block_lengths, sandwich_covariance
+from flexid.estimators.block_sandwich import block_influences, block_lengths
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 
@@ -35,18 +35,25 @@ def test_correlated_residuals_widen_the_interval():
     for i in range(1, n):
         residual[i] = rho * residual[i - 1] + shocks[i]
     regressor = np.ones((1, n))
-    covariance, _ = sandwich_covariance(regressor, residual, np.array([[1.0 / n]]), [1000] * 200)
+    influences, _ = block_influences(regressor, residual, np.array([[1.0 / n]]), [1000] * 200)
     # The variance of a mean of an autoregression is that of its shocks over n (1 - rho)^2.
-    assert covariance[0, 0] == pytest.approx(1.0 / (n * (1.0 - rho) ** 2), rel=0.3)
+    assert np.sum(influences**2) == pytest.approx(1.0 / (n * (1.0 - rho) ** 2), rel=0.3)
 
 
-def test_no_more_blocks_than_coefficients():
-    """Assert that two blocks say nothing about two coefficients."""
-    covariance, degrees_of_freedom = sandwich_covariance(
-        np.ones((2, 10)), np.ones(10), np.eye(2), [5, 5]
-    )
-    assert np.isinf(np.diag(covariance)).all()
-    assert degrees_of_freedom == 0
+def test_one_block_says_nothing():
+    """Assert that a single block, however long, has no degrees of freedom."""
+    regressor = np.random.default_rng(2).standard_normal((2, 10))
+    inverse = np.linalg.inv(regressor @ regressor.T).astype(np.float64)
+    influences, degrees_of_freedom = block_influences(regressor, np.zeros(10), inverse, [10])
+    assert np.all(influences == 0.0)
+    assert np.all(degrees_of_freedom == 0.0)
+
+
+def test_a_row_without_unknowns():
+    """Assert that a row in which all is fixed has no influences, and no error."""
+    influences, freedom = block_influences(np.zeros((0, 9)), np.ones(9), np.zeros((0, 0)), [4, 5])
+    assert influences.shape == (0, 2)
+    assert freedom.shape == (0,)
 
 
 def test_rows_share_the_noise_of_the_positions():

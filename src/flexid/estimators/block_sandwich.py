@@ -1,17 +1,16 @@
-"""Covariance of least squares whose residuals are correlated over time.
+"""Blocks of a record, and the covariance of least squares whose residuals are correlated.
 
-Filtered residuals are far from white, so the textbook covariance is wrong. The scores, regressor
-times residual, are summed over blocks long enough to be independent of one another, and the spread
-of these sums gives the covariance (cluster sandwich; Cameron and Miller, J. Human Resources 50,
-2015). Student's t with blocks less coefficients degrees of freedom makes up for few blocks.
+Filtered residuals are far from white, so the textbook covariance is wrong. Summed over blocks long
+enough to be independent of one another, their scores give the right one (`cluster_covariance`).
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from flexid.estimators.cluster_covariance import Clusters, cluster_influences
+from flexid.estimators.samples import FloatArray
 
 BLOCK_DURATION = 1.0
 """Length of a block in s, if the record has room for `WANTED_BLOCKS` of them."""
@@ -64,7 +63,7 @@ def block_lengths(
 
 def block_influences(
     regressor: FloatArray, residual: FloatArray, inverse: FloatArray, blocks: Sequence[int]
-) -> tuple[FloatArray, int]:
+) -> tuple[FloatArray, FloatArray]:
     """How far each block's scores move the coefficients of least squares.
 
     With L the influences of all coefficients, those of other rows over the same blocks among them,
@@ -84,32 +83,20 @@ def block_influences(
     Returns
     -------
     influences : array, shape (k, n_blocks)
-        Zero if there are no more blocks than coefficients, which then say nothing.
-    degrees_of_freedom : int
-        Blocks less coefficients, at least 0.
+        Zero for a coefficient of which the blocks show nothing.
+    degrees_of_freedom : array, shape (k,)
+        Of each variance; 0 where there is none.
     """
-    k, count = regressor.shape[0], len(blocks)
-    if count <= k:
-        return np.zeros((k, count)), 0
-    starts = np.concatenate(([0], np.cumsum(blocks)[:-1]))
-    scores = np.add.reduceat(regressor * residual, starts, axis=1)
-    # An unbiased spread wants one degree of freedom taken off per fitted coefficient.
-    return inverse @ scores * np.sqrt(count / (count - k)), count - k
-
-
-def sandwich_covariance(
-    regressor: FloatArray, residual: FloatArray, inverse: FloatArray, blocks: Sequence[int]
-) -> tuple[FloatArray, int]:
-    """Covariance of one least-squares problem; arguments as of `block_influences`.
-
-    Returns
-    -------
-    covariance : array, shape (k, k)
-        Infinite on its diagonal if there are no more blocks than coefficients.
-    degrees_of_freedom : int
-        Blocks less coefficients, at least 0.
-    """
-    influences, degrees_of_freedom = block_influences(regressor, residual, inverse, blocks)
-    if degrees_of_freedom == 0:
-        return np.diag(np.full(len(influences), np.inf)), 0
-    return influences @ influences.T, degrees_of_freedom
+    edges = np.concatenate(([0], np.cumsum(blocks, dtype=np.int64)))
+    parts = [slice(first, stop) for first, stop in pairwise(edges)]
+    k, count = len(inverse), len(parts)
+    normal = [regressor[:, part] @ regressor[:, part].T for part in parts]
+    scores = [regressor[:, part] @ residual[part] for part in parts]
+    return cluster_influences(
+        Clusters(
+            np.array(normal).reshape(count, k, k),
+            np.array(scores).reshape(count, k),
+            np.arange(count),
+            inverse,
+        )
+    )

@@ -71,6 +71,8 @@ def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
     """
     k = len(clusters.inverse)
     influences = np.zeros((k, len(clusters.normal)))
+    if k == 0:
+        return influences, np.zeros(0)
     shown = np.zeros(k)  # trace of the quadratic form, for white noise of unit variance
     squares, across, gram = np.zeros(k), np.zeros(k), np.zeros((k, k, k))
     for segment in _segments(clusters):

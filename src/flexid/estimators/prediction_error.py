@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.block_sandwich import sandwich_covariance
+from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.gauss_newton import (
     Minimum,
@@ -51,14 +51,14 @@ class PredictionErrorFit:
     values : array, shape (k,)
         Their values, in the system's units.
     covariance : array, shape (k, k)
-        From the spread of the segments' scores; right for correlated residuals too. Infinite
-        variance marks what the data leave free, or too few segments.
+        From the spread of the scores of blocks of a second or less; right for correlated residuals
+        too. Infinite variance marks what the data leave free, or what a single block decides.
     gauss_newton_covariance : array, shape (k, k)
         From the residuals' size alone; right for white residuals only.
     whiteness : float
         Probability of residuals as correlated as these, were the noise white.
-    segments_less_coefficients : int
-        Degrees of freedom of the covariance, for Student's t; 0 where there is no covariance.
+    degrees_of_freedom : tuple of float
+        Of each value's variance, for Student's t; 0 where there is none.
     undetermined : tuple of str
         Coefficients that the data leave free.
     information : array, shape (k, k)
@@ -86,7 +86,7 @@ class PredictionErrorFit:
     covariance: FloatArray
     gauss_newton_covariance: FloatArray
     whiteness: float
-    segments_less_coefficients: int
+    degrees_of_freedom: tuple[float, ...]
     undetermined: tuple[str, ...]
     information: FloatArray
     noise: FloatArray
@@ -102,11 +102,6 @@ class PredictionErrorFit:
     def standard_deviations(self) -> FloatArray:
         """Standard deviation of each value, shape (k,)."""
         return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def degrees_of_freedom(self) -> tuple[int, ...]:
-        """Degrees of freedom of each value's interval."""
-        return (self.segments_less_coefficients,) * len(self.names)
 
 
 def prediction_error(
@@ -179,19 +174,16 @@ def _described(
 ) -> PredictionErrorFit:
     """What a minimum says about the coefficients."""
     reduced, segments, residuals = found.reduced, problem.segments, found.equations.residuals
-    count = len(segments)
-    # A segment's score is already a sum over a block: blocks of one.
-    covariance, degrees_of_freedom = sandwich_covariance(
-        reduced.scores, np.ones(count), reduced.inverse, [1] * count
-    )
+    influences, freedom = cluster_influences(problem.clusters(found))
+    unknown = reduced.free | (freedom == 0.0)
     states = found.point.initial_states
     return PredictionErrorFit(
         names=unknowns.names,
         values=found.point.values,
-        covariance=_infinite(covariance, reduced.free),
+        covariance=_infinite(influences @ influences.T, unknown),
         gauss_newton_covariance=_infinite(reduced.inverse * found.variance(problem), reduced.free),
         whiteness=whiteness(segments.of(residuals), states.size + len(unknowns.names)),
-        segments_less_coefficients=degrees_of_freedom,
+        degrees_of_freedom=tuple(np.where(unknown, 0.0, freedom).tolist()),
         undetermined=tuple(
             name for name, free in zip(unknowns.names, reduced.free, strict=True) if free
         ),

@@ -25,8 +25,8 @@ class RowFit:
         Names of what is sought in it, k of them; none if all is fixed.
     gram : array, shape (k, k)
         RᵀR of the regressors R as they were fitted.
-    degrees_of_freedom : int
-        Blocks of the covariance less coefficients, for Student's t; 0 where there is no covariance.
+    degrees_of_freedom : tuple of float
+        Of each coefficient's variance, for Student's t; 0 where there is none.
     residual_sum, total_sum : float
         Sums of squares of the residual and of the left-hand side.
     undetermined : tuple of str
@@ -38,7 +38,7 @@ class RowFit:
     name: str
     coefficients: tuple[str, ...]
     gram: FloatArray
-    degrees_of_freedom: int
+    degrees_of_freedom: tuple[float, ...]
     residual_sum: float
     total_sum: float
     undetermined: tuple[str, ...]
@@ -83,9 +83,9 @@ class RowwiseFit:
         return np.asarray(block_diag(*(row.gram for row in self.rows)))
 
     @property
-    def degrees_of_freedom(self) -> tuple[int, ...]:
+    def degrees_of_freedom(self) -> tuple[float, ...]:
         """Degrees of freedom of each value's interval."""
-        return tuple(row.degrees_of_freedom for row in self.rows for _ in row.coefficients)
+        return tuple(freedom for row in self.rows for freedom in row.degrees_of_freedom)
 
 
 def fit_rows(
@@ -130,9 +130,9 @@ def fit_rows(
         first = part.stop
     covariance = influences @ influences.T
     free = [
-        row.degrees_of_freedom == 0 or c in row.undetermined
+        freedom == 0.0 or c in row.undetermined
         for row in rows
-        for c in row.coefficients
+        for c, freedom in zip(row.coefficients, row.degrees_of_freedom, strict=True)
     ]
     covariance[free, :] = covariance[:, free] = 0.0
     covariance[free, free] = np.inf
@@ -161,7 +161,7 @@ def _fit_row(
         name,
         coefficients,
         gram,
-        degrees_of_freedom,
+        tuple(degrees_of_freedom.tolist()),
         float(np.sum(residual**2)),
         float(np.sum(left_hand_side**2)),
         tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
