@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import expm
 
+from flexid.estimators.block_prediction_error import block_prediction_error
 from flexid.estimators.memory_regressor import memory_regressor
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
@@ -33,6 +34,7 @@ ONLINE: dict[str, Builder] = {
     "recursive least squares": lambda s, hold: recursive_least_squares(s, SAMPLE_TIME, hold=hold),
     "least-squares observer": lambda s, hold: least_squares_observer(s, SAMPLE_TIME, hold),
     "memory gradient": lambda s, hold: memory_regressor(s, SAMPLE_TIME, "gradient", hold),
+    "block prediction error": lambda s, hold: block_prediction_error(s, SAMPLE_TIME, hold=hold),
     "DREM": lambda s, hold: memory_regressor(s, SAMPLE_TIME, "drem", hold),
 }
 """Builders by name; each takes the model and the hold of its input."""

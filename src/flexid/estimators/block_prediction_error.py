@@ -1,0 +1,378 @@
+"""Prediction error online, block by block: the last digit, from positions alone.
+
+Least squares on filtered positions runs all the time. At the end of each block of about a second
+the model's free motion is fitted to the block's positions, its initial state free, with what the
+blocks before have told as a prior,
+
+    min  Σ (y - x(t; s, p))² / σ² + (p - p̄)ᵀ Λ (p - p̄),
+
+by Gauss-Newton from p̄, which is the estimate so far (for the first block: that of least squares).
+The block's own information, its initial state eliminated, is then added to Λ. So the work comes in
+bursts, once per block, and the estimate stands still in between.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.block_covariance import Blocks, block_covariance
+from flexid.estimators.gauss_newton import (
+    Equations,
+    Minimum,
+    Point,
+    SegmentedMotion,
+    approach,
+    segmented_motion,
+)
+from flexid.estimators.online import History, Status, packed_positions
+from flexid.estimators.recursive_least_squares import (
+    LEAST_INFORMATION,
+    N_BLOCKS,
+    RecursiveLeastSquares,
+    recursive_least_squares,
+)
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+from flexid.recording.velocities import position_noise
+
+_COARSE, _FINE = 1.0, 0.1  # length of a step, in standard deviations, that ends the iteration
+_FINEST = 1e-9  # noise over the largest position that is still told from none
+_BLOCKS_PER_MEMORY = 8.0  # as in recursive least squares
+_CLOCK, _BLOCK_LENGTH, _SPAN, _STARTED, _FILLED = 1, 2, 3, 4, 5  # places in a state's counts
+
+
+@dataclass(frozen=True, eq=False)
+class _MotionWithPrior(SegmentedMotion):
+    """A motion to be fitted, and what is known of its coefficients already."""
+
+    prior_values: FloatArray
+    prior_information: FloatArray
+
+    def equations(self, point: Point) -> Equations:
+        """Normal equations with those of the prior."""
+        found = super().equations(point)
+        n_states = point.initial_states.shape[1]
+        off = point.values - self.prior_values
+        pull = self.prior_information @ off
+        found.normal[0, n_states:, n_states:] += self.prior_information
+        found.gradient[0, n_states:] -= pull
+        return replace(found, cost=found.cost + float(off @ pull))
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPredictionError:
+    """Prediction error block by block; made by `block_prediction_error`.
+
+    The innovations are those of the least squares beside it. Until the first block is done the
+    estimates are those of least squares, too.
+
+    Parameters
+    ----------
+    least_squares : RecursiveLeastSquares
+        What runs beside it, starts it and checks it.
+    block_samples : int
+        Samples in a block.
+    fading : float
+        Factor of a weight from sample to sample.
+    """
+
+    least_squares: RecursiveLeastSquares
+    block_samples: int
+    fading: float
+    _layout: np.dtype
+
+    @property
+    def system(self) -> ParametricSystem:
+        """The model."""
+        return self.least_squares.system
+
+    def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
+        """State before the first sample.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Initial estimates of least squares, which needs none.
+
+        Returns
+        -------
+        array
+            The state, packed. `coefficients` reads the estimates from it.
+
+        Raises
+        ------
+        SettingError
+            If a name is no coefficient of the model, or a value is not finite.
+        """
+        state = np.zeros(self._layout.itemsize // 8)
+        parts = self._parts(state)
+        parts["least_squares"][:] = self.least_squares.init(values)
+        parts["counts"][_BLOCK_LENGTH] = self.block_samples
+        return state
+
+    def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Take in one sample; the last one of a block takes a thousand times as long.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or a replay; not changed.
+        sample : array, shape (n_rows + n_inputs,)
+            Float64: coordinates, then inputs.
+
+        Returns
+        -------
+        state : array
+            The new state.
+        info : array, shape (n_rows + 1,)
+            Innovations of least squares, and `Status`.
+        """
+        history = self.replay(state, sample[None, :])
+        return history.state, np.append(history.innovations[0], history.status[0])
+
+    def replay(self, state: FloatArray, samples: FloatArray) -> History:
+        """Take in many samples, exactly as `step` would one by one.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or an earlier replay; not changed.
+        samples : array, shape (n, n_rows + n_inputs)
+            One sample per row; `pack` makes them.
+
+        Returns
+        -------
+        History
+        """
+        samples = np.ascontiguousarray(samples, dtype=np.float64)
+        state = state.copy()
+        parts = self._parts(state)
+        counts, buffer = parts["counts"], parts["buffer"]
+        before = self.least_squares.replay(parts["least_squares"], samples[:0])
+        pieces = [before]
+        bad = np.flatnonzero(~np.isfinite(samples).all(axis=1))
+        first = 0
+        while first < len(samples):
+            filled = int(counts[_FILLED])
+            stop = min(len(samples), first + self.block_samples - filled)
+            missing = bad[(bad >= first) & (bad < stop)]
+            if len(missing):  # a block that lacks a sample is no block
+                stop = int(missing[0]) + 1
+            part = self.least_squares.replay(parts["least_squares"], samples[first:stop])
+            parts["least_squares"][:] = part.state
+            if counts[_STARTED]:
+                part.coefficients[:] = parts["values"]
+            if len(missing):
+                counts[_FILLED] = 0.0
+            else:
+                buffer[filled : filled + stop - first] = samples[first:stop]
+                counts[_FILLED] += stop - first
+                if counts[_FILLED] == self.block_samples:
+                    part.status[-1] = self._take_block(parts, part.status[-1])
+                    part.coefficients[-1] = self.coefficients(state)
+            pieces.append(part)
+            first = stop
+        return History(
+            np.concatenate([piece.coefficients for piece in pieces]),
+            np.concatenate([piece.innovations for piece in pieces]),
+            np.concatenate([piece.status for piece in pieces]),
+            state,
+        )
+
+    def coefficients(self, state: FloatArray) -> FloatArray:
+        """Estimates in a state, shape (n_coefficients,)."""
+        parts = self._parts(state)
+        if parts["counts"][_STARTED]:
+            return parts["values"].copy()
+        return self.least_squares.coefficients(parts["least_squares"])
+
+    def standard_deviations(self, state: FloatArray) -> FloatArray:
+        """Standard deviation of each estimate, shape (n_coefficients,); see `covariance`."""
+        return np.sqrt(np.diag(self.covariance(state)[0]))
+
+    def covariance(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Covariance of the estimates from the spread of the blocks' scores.
+
+        Returns
+        -------
+        covariance : array, shape (n_coefficients, n_coefficients)
+            That of least squares before the first block is done; infinite variance as long as
+            there are no more blocks than coefficients.
+        degrees_of_freedom : array, shape (n_coefficients,)
+            For Student's t; 0 where there is no covariance.
+        """
+        parts = self._parts(state)
+        counts = parts["counts"]
+        if not counts[_STARTED]:
+            return self.least_squares.covariance(parts["least_squares"])
+        kept, k = int(counts[0]), len(parts["values"])
+        equations = parts["stored"][:kept]
+        ends, lengths = parts["ends"][:kept], parts["lengths"][:kept]
+        if counts[_SPAN] > 0.0:
+            equations = np.vstack((equations, parts["own"]))
+            ends, lengths = np.append(ends, counts[_CLOCK]), np.append(lengths, counts[_SPAN])
+        blocks = Blocks(
+            lengths,
+            self.fading ** (counts[_CLOCK] - ends),
+            equations[:, : k * k].reshape(-1, 1, k, k),
+            equations[:, k * k :].reshape(-1, 1, k),
+        )
+        return block_covariance([slice(0, k)], parts["values"], blocks)
+
+    def pack(self, samples: Samples) -> FloatArray:
+        """Samples as `step` and `replay` take them, one per row; velocities are not needed."""
+        return packed_positions(samples)
+
+    def _parts(self, state: FloatArray) -> np.ndarray:
+        """The state's parts by name; they are views of it."""
+        return state.view(self._layout)[0]
+
+    def _take_block(self, parts: np.ndarray, status: float) -> float:
+        """Fit the block in the buffer; return the status of its last sample."""
+        counts = parts["counts"]
+        counts[_FILLED] = 0.0
+        least_squares = self.least_squares.coefficients(parts["least_squares"])
+        if not counts[_STARTED]:
+            if status != Status.USED:  # least squares cannot tell the coefficients yet
+                return status
+            parts["values"][:] = least_squares
+            for name in ("information", "peaks", "own", "noise"):
+                parts[name][...] = 0.0
+            counts[[0, _CLOCK, _SPAN]] = 0.0
+            counts[_BLOCK_LENGTH] = self.block_samples
+        try:
+            found = self._fit(parts)
+        except ConvergenceError:  # as if the block had not been: the check below goes on
+            counts[_CLOCK] += self.block_samples
+        else:
+            self._learn(parts, found)
+            counts[_STARTED] = 1.0
+        if counts[_STARTED] and not self.least_squares.agrees(
+            parts["least_squares"], parts["values"]
+        ):
+            counts[_STARTED] = 0.0  # least squares takes over, and starts it anew
+            return float(Status.CONTRADICTED)
+        return status
+
+    def _fit(self, parts: np.ndarray) -> Minimum:
+        """The block's motion at its best coefficients; where the noise is a guess, once more."""
+        system, n_rows = self.system, len(self.system.rows)
+        h, hold = self.least_squares.sample_time, self.least_squares.hold
+        positions = parts["buffer"][:, :n_rows].copy()
+        samples = Samples(positions, None, parts["buffer"][:, n_rows:].copy(), h)
+        segments = divide([samples], h * self.block_samples)
+        plain = segmented_motion(system, segments, hold)
+        prior = parts["values"].copy(), parts["information"].copy()
+        problem = _MotionWithPrior(**vars(plain), prior_values=prior[0], prior_information=prior[1])
+        point = Point(prior[0], first_states(segments))
+        weight, squares = parts["noise"][0], parts["noise"][1:]
+        if weight > 0.0:
+            noise = np.sqrt(squares / weight)
+        else:
+            noise = np.array([position_noise(column) for column in positions.T])
+            problem = problem.at(point, _weights(noise, positions))
+            coarse = approach(problem, point, _COARSE)
+            point, noise = coarse.point, coarse.noise(problem)
+        problem = problem.at(point, _weights(noise, positions))
+        return approach(problem, point, _FINE)
+
+    def _learn(self, parts: np.ndarray, found: Minimum) -> None:
+        """Add the block's information, score and residuals to what is known."""
+        counts, values, reduced = parts["counts"], found.point.values, found.reduced
+        known, fading = parts["information"].copy(), self.fading**self.block_samples
+        information = reduced.information - known
+        score = reduced.scores.sum(axis=1) + known @ (values - parts["values"])
+        faded = fading * known
+        peaks = np.maximum(parts["peaks"], np.diag(faded + information))
+        parts["peaks"][:] = peaks
+        parts["values"][:] = values
+        parts["information"][:] = faded + information
+        parts["information"][:] += np.diag((1.0 - fading) * LEAST_INFORMATION * peaks)
+        # b_B of the linear problem that has the same score and information at these values
+        equations = np.concatenate((information.ravel(), score + information @ values))
+        parts["own"][:] = fading * parts["own"] + equations
+        residuals = found.equations.residuals
+        unknowns = 2 * residuals.shape[1] + len(values) * (not known.any())
+        left = max(1.0, len(residuals) - unknowns / residuals.shape[1])
+        parts["noise"][:] = fading * parts["noise"]
+        parts["noise"][:] += np.concatenate(([left], np.sum(residuals**2, axis=0)))
+        counts[_CLOCK] += self.block_samples
+        counts[_SPAN] += self.block_samples
+        if counts[_SPAN] >= counts[_BLOCK_LENGTH]:
+            memory = -1.0 / np.log(self.fading) if self.fading < 1.0 else np.inf
+            longest = max(float(self.block_samples), memory / _BLOCKS_PER_MEMORY)
+            self.least_squares.store_block(
+                counts, parts["ends"], parts["lengths"], parts["stored"], parts["own"], longest
+            )
+            parts["own"][:] = 0.0
+            counts[_SPAN] = 0.0
+
+
+def block_prediction_error(
+    system: ParametricSystem,
+    sample_time: float,
+    filter_rate: float = 20.0,
+    hold: Hold = "linear",
+    memory_time: float = np.inf,
+    block_duration: float = 1.0,
+) -> BlockPredictionError:
+    """Prediction error block by block, on positions, with least squares beside it.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model.
+    sample_time : float
+        Time between samples in s.
+    filter_rate : float, optional
+        λ in 1/s of the least squares beside it. See `choose_filter_rate`.
+    hold : {"linear", "zero"}, optional
+        Whether the inputs run linearly between samples or are constant until the next one.
+    memory_time : float, optional
+        Time in s after which a block weighs 1/e as much; infinite: nothing is forgotten.
+    block_duration : float, optional
+        In s. Longer blocks tell more, forgive less, and come in longer bursts.
+
+    Returns
+    -------
+    BlockPredictionError
+
+    Raises
+    ------
+    SettingError
+        If a setting is out of its range.
+    """
+    beside = recursive_least_squares(system, sample_time, filter_rate, hold, memory_time)
+    samples = round(block_duration / sample_time) if np.isfinite(block_duration) else 0
+    if samples < FEWEST_SAMPLES:
+        raise SettingError(
+            "block duration",
+            f"{block_duration} s is no block: give a time of {FEWEST_SAMPLES} samples or more",
+        )
+    k, n_rows = len(system.coefficients), len(system.rows)
+    layout = np.dtype(
+        [
+            ("least_squares", "f8", len(beside.init())),
+            ("values", "f8", k),
+            ("information", "f8", (k, k)),
+            ("peaks", "f8", k),
+            ("own", "f8", k * k + k),
+            ("counts", "f8", 6),  # as of `store_block`, then span, started, filled
+            ("noise", "f8", 1 + n_rows),  # weight, then sums of squares of residuals
+            ("ends", "f8", N_BLOCKS),
+            ("lengths", "f8", N_BLOCKS),
+            ("stored", "f8", (N_BLOCKS, k * k + k)),
+            ("buffer", "f8", (samples, n_rows + len(system.inputs))),
+        ]
+    )
+    fading = float(np.exp(-sample_time / memory_time))
+    return BlockPredictionError(beside, samples, fading, layout)
+
+
+def _weights(noise: FloatArray, positions: FloatArray) -> FloatArray:
+    floor = _FINEST * float(np.max(np.abs(positions)))
+    return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)
