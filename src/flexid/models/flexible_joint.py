@@ -10,6 +10,7 @@ gear, u is the motor torque (or the voltage or current that causes it).
 """
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import (
@@ -20,6 +21,24 @@ from flexid.models.terms import (
     declared_row,
     model_constants,
 )
+
+STOPPING = "stopping_time"
+"""The constant of that name in the friction of the term ``motor_stiction``, in s."""
+
+_HOLDING = {
+    "alpha1": "x1 - x3",
+    "alpha2": "-x4",
+    "alpha_damping": "x2 - x4",
+    "alpha_cubic": "(x1 - x3)**3",
+    "alpha_offset": "1",
+    "beta1": "u",
+}  # what accelerates the motor beside Coulomb friction
+
+_NO_HOLDING = {STOPPING: 0.0, **{f"nominal_{coefficient}": 0.0 for coefficient in _HOLDING}}
+_LOAD = " + ".join(f"nominal_{coefficient}*({r})" for coefficient, r in _HOLDING.items())
+_ARGUMENT = f"(x4 + {STOPPING}*({_LOAD}))/{SMOOTHING}"
+# The derivative of the tanh by the logarithm of the stopping time, to which its width goes along.
+_SPREAD = f"(1 - tanh({_ARGUMENT})**2)*x4/{SMOOTHING}"
 
 _COMPLIANCE = Term("joint spring", {"theta2": "-(x1 - x3)"}, {"alpha1": "x1 - x3"})
 
@@ -39,6 +58,11 @@ TERMS: dict[str, Term] = {
     ),
     "motor_coulomb": Term(
         "Coulomb friction of the motor, smoothed", {}, {"alpha_coulomb": f"-tanh(x4/{SMOOTHING})"}
+    ),
+    "motor_stiction": Term(
+        "Coulomb friction of the motor that holds it at rest; takes the place of motor_coulomb",
+        {},
+        {"alpha_coulomb": f"-tanh({_ARGUMENT}) - {_SPREAD}", "alpha_holding": _SPREAD},
     ),
     "link_coulomb": Term(
         "Coulomb friction of the link, smoothed", {"theta_coulomb": f"-tanh(x2/{SMOOTHING})"}, {}
@@ -66,6 +90,7 @@ COEFFICIENT_UNITS: dict[str, str] = {
     "alpha2": "1/s",
     "alpha_damping": "1/s",
     "alpha_coulomb": "rad/s^2",
+    "alpha_holding": "rad/s^2",
     "alpha_cubic": "1/(rad^2 s^2)",
     "alpha_offset": "rad/s^2",
     "beta1": "rad/s^2/{input}",
@@ -118,5 +143,43 @@ def flexible_joint(
             declared_row("link", "x1", "x2", link, known),
             declared_row("motor", "x3", "x4", motor, known),
         ),
-        constants=model_constants(link | motor, known, coulomb_velocity),
+        constants=model_constants(link | motor, known, coulomb_velocity)
+        | (_NO_HOLDING if "motor_stiction" in terms else {}),
+    )
+
+
+def with_stopping_time(
+    system: ParametricSystem, stopping_time: float, values: Mapping[str, float]
+) -> ParametricSystem:
+    """Give the friction of the term ``motor_stiction`` the time in which it stops the motor.
+
+    Coulomb friction that depends on the velocity alone lets a joint creep under a load that it
+    should hold. Here it is the torque that would bring the motor to rest within the stopping time
+    T, whatever else accelerates the motor, up to the Coulomb friction: at rest it opposes the load,
+    as in Karnopp (1985), and at speed it is Coulomb's,
+
+        alpha_coulomb tanh((x4 + T a) / (alpha_coulomb T)),
+
+    where a is the motor's acceleration without it, computed from the values of an earlier fit. The
+    friction is linear in its coefficients about this T; a fit's estimate of the stopping time is T
+    alpha_holding / alpha_coulomb.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        A flexible joint with that term.
+    stopping_time : float
+        In s.
+    values : mapping of str to float
+        Coefficients of the motor's row; alpha_coulomb among them, others that are missing are 0.
+
+    Returns
+    -------
+    ParametricSystem
+        With the same equations and other constants, so that no kernel is made anew.
+    """
+    nominal = {f"nominal_{c}": values.get(c, system.constants.get(c, 0.0)) for c in _HOLDING}
+    width = {SMOOTHING: stopping_time * abs(values["alpha_coulomb"])}
+    return replace(
+        system, constants={**system.constants, STOPPING: stopping_time, **width, **nominal}
     )
