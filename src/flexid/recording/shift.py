@@ -1,0 +1,102 @@
+"""Channels shifted in time by any part of a sample, without colouring their noise.
+
+Interpolation averages neighbouring samples: half-way between two samples it takes the fast half of
+the noise away, and whatever judges residuals by the noise of the encoder is misled. An all-pass
+filter delays without attenuating anything. The one whose delay is flattest at low frequency
+(Thiran, IEEE Trans. Circuit Theory 18, 1971) delays a joint's motion by just what is wanted and
+leaves white noise white.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+ORDER = 3
+SETTLING = 32
+"""Samples at the beginning that the all-pass filter spoils: its poles lie within 0.54."""
+
+
+def all_pass(fraction: float) -> FloatArray:
+    """Denominator of Thiran's all-pass filter of order `ORDER`; its numerator is the reverse.
+
+    Parameters
+    ----------
+    fraction : float
+        Part of a sample, from -0.5 to 0.5, by which the delay exceeds `ORDER` samples.
+
+    Returns
+    -------
+    array, shape (ORDER + 1,)
+        Thiran (1971), eq. (16): a_k = (-1)^k C(N, k) prod_n (D - N + n) / (D - N + k + n).
+    """
+    delay = ORDER + fraction
+    n = np.arange(ORDER + 1)
+    return np.array(
+        [
+            (-1) ** k * comb(ORDER, k) * np.prod((delay - ORDER + n) / (delay - ORDER + k + n))
+            if k
+            else 1.0
+            for k in range(ORDER + 1)
+        ]
+    )
+
+
+def later(values: FloatArray, samples: float) -> FloatArray:
+    """Return the channel as it was so many samples before each sample: moved to later times.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        A channel that moves little from sample to sample, such as a position.
+    samples : float
+        Shift in samples, of either sign.
+
+    Returns
+    -------
+    array, shape (n,)
+        Entry i is the channel at the time i - samples. Where that lies before the first or after
+        the last sample, and over `SETTLING` samples at the beginning if the shift is no whole
+        number, entries are not to be used; `spoilt` counts them.
+    """
+    from scipy.signal import lfilter, lfilter_zi
+
+    whole = round(samples)
+    fraction = samples - whole
+    if fraction == 0.0:
+        return _rolled(values, whole)
+    denominator = all_pass(fraction)
+    numerator = denominator[::-1]
+    # From the channel's first value on, not from zero, so that little is left to settle.
+    state = lfilter_zi(numerator, denominator) * values[0]
+    delayed, _ = lfilter(numerator, denominator, values, zi=state)
+    return _rolled(np.asarray(delayed, dtype=np.float64), whole - ORDER)
+
+
+def spoilt(samples: float) -> tuple[int, int]:
+    """Count the entries at both ends that `later` cannot know.
+
+    Parameters
+    ----------
+    samples : float
+        Shift in samples, as for `later`.
+
+    Returns
+    -------
+    tuple of int
+        At the beginning and at the end.
+    """
+    whole = round(samples)
+    if samples == whole:
+        return max(whole, 0), max(-whole, 0)
+    return max(whole - ORDER + SETTLING, 0), max(ORDER - whole, 0)
+
+
+def _rolled(values: FloatArray, whole: int) -> FloatArray:
+    """Shift by whole samples; the ends repeat the outermost value."""
+    places = np.clip(np.arange(len(values)) - whole, 0, len(values) - 1)
+    return values[places]
