@@ -23,8 +23,10 @@ from flexid.recording.recording import Hold
 _CANDIDATES = np.geomspace(5e-4, 5e-2, 9)  # s; within a factor of 1.8 of any value between
 _LARGEST_STEP = 2.0  # factor of the stopping time per step
 _CLOSE = 1e-2  # relative change of the stopping time that ends the iteration
-_CLOSER = 1e-3  # likewise, for prediction error
-_MOST_STEPS = 12
+_CLOSER = 1e-4  # likewise, for prediction error
+_NEGLIGIBLE = 0.1  # or this part of its standard deviation
+_FLATTEST = 0.1  # slope of the error over the logarithm, minus one if the fit were linear
+_MOST_STEPS = 8
 
 
 def find_stopping_time(
@@ -66,11 +68,10 @@ def find_stopping_time(
     candidates = [fit_at(float(time), values) for time in _CANDIDATES]
     about, fit = min(candidates, key=lambda candidate: _misfit(candidate[1]))
     for _ in range(_MOST_STEPS):
-        time = next_stopping_time(about, fit)
+        error = _log_error(fit)
         found = dict(zip(fit.names, map(float, fit.values), strict=True))
-        change = abs(np.log(time / about.constants[STOPPING]))
-        about, fit = fit_at(time, found)
-        if change < _CLOSE:
+        about, fit = fit_at(about.constants[STOPPING] * float(np.exp(error)), found)
+        if abs(error) < _CLOSE:
             break
     return about, fit
 
@@ -109,29 +110,42 @@ def fit_stopping_time(
         If prediction error or the stopping time does not converge.
     """
     fit = prediction_error(pieces, system, start, segment_duration, hold)
-    change = 0.0
+    tried: list[tuple[float, float]] = []
     for _ in range(_MOST_STEPS):
-        time = next_stopping_time(system, fit)
-        change = abs(np.log(time / system.constants[STOPPING]))
-        if change < _CLOSER:
+        place, error = float(np.log(system.constants[STOPPING])), _log_error(fit)
+        if abs(error) < _settled(fit):
             return system, fit
+        tried.append((place, error))
         values = dict(zip(fit.names, map(float, fit.values), strict=True))
-        system = with_stopping_time(system, time, values)
+        system = with_stopping_time(system, float(np.exp(place + _step(tried))), values)
         check = filtered_least_squares(pieces, system, start.filter_rate, hold)
         fit = prediction_error(pieces, system, check, segment_duration, hold)
     raise ConvergenceError(
         "stopping time",
-        f"it still moves by {change:.1%} after {_MOST_STEPS} fits: use the term motor_coulomb",
+        f"it still moves by {abs(tried[-1][1]):.1%} after {_MOST_STEPS} fits: use the term "
+        f"motor_coulomb",
     )
 
 
-def next_stopping_time(
-    system: ParametricSystem, fit: LeastSquaresFit | PredictionErrorFit
-) -> float:
-    """Stopping time that a fit about the system's own one asks for, in s."""
+def _log_error(fit: LeastSquaresFit | PredictionErrorFit) -> float:
+    """How far the logarithm of the stopping time is off, by the fit's own account."""
     values = dict(zip(fit.names, map(float, fit.values), strict=True))
     ratio = values["alpha_holding"] / values["alpha_coulomb"]
-    return system.constants[STOPPING] * float(np.clip(ratio, 1 / _LARGEST_STEP, _LARGEST_STEP))
+    return float(np.log(np.clip(ratio, 1 / _LARGEST_STEP, _LARGEST_STEP)))
+
+
+def _settled(fit: PredictionErrorFit) -> float:
+    place = fit.names.index("alpha_holding")
+    deviation = np.sqrt(fit.gauss_newton_covariance[place, place]) / abs(fit.values[place])
+    return max(_CLOSER, _NEGLIGIBLE * float(np.nan_to_num(deviation, posinf=0.0)))
+
+
+def _step(tried: list[tuple[float, float]]) -> float:
+    """By the secant through the last two; the error alone where they show no way to zero."""
+    (other, before), (place, error) = tried[-2:] if len(tried) > 1 else tried * 2
+    slope = (error - before) / (place - other) if place != other else 0.0
+    step = -error / slope if slope < -_FLATTEST else error
+    return float(np.clip(step, -np.log(_LARGEST_STEP), np.log(_LARGEST_STEP)))
 
 
 def _misfit(fit: LeastSquaresFit) -> float:
