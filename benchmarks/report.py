@@ -43,28 +43,28 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
         "",
         f"Made by `{command}` on {datetime.datetime.now(datetime.UTC).date()} in one run.",
         "",
-        f"- Machine: {_processor()}, {os.cpu_count()} cores, {platform.system()}; load average "
+        f"- Machine: {processor()}, {os.cpu_count()} cores, {platform.system()}; load average "
         f"{busy:.2f} before the run, niceness {os.nice(0)}.",
         f"- Versions: Python {platform.python_version()}, {versions}.",
         "- Times are medians of wall time, after a warm-up; what is compared runs in turn, and "
         "ratios are ratios of medians. What takes many seconds is run once. Why the numbers are "
         "what they are: [performance](../docs/performance.md).",
         "",
-        *_markdown(HEADINGS, [c.cells() for outcome in outcomes for c in outcome.comparisons]),
+        *markdown(HEADINGS, [c.cells() for outcome in outcomes for c in outcome.comparisons]),
     ]
     for outcome in outcomes:
         for detail in outcome.details:
-            text += ["", f"## {detail.title}", "", *_markdown(detail.headings, detail.lines)]
+            text += ["", f"## {detail.title}", "", *markdown(detail.headings, detail.lines)]
             text += ["", detail.remark] if detail.remark else []
     RESULTS.write_text("\n".join(text) + "\n", encoding="utf-8")
 
 
-def _markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
+def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
     rule = ["---"] * len(headings)
     return [f"| {' | '.join(line)} |" for line in (headings, rule, *lines)]
 
 
-def _processor() -> str:
+def processor() -> str:
     """Model of the processor, where the system tells."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -1,0 +1,154 @@
+"""Flexid and other tools identify the same logs: accuracy, intervals, time, lines of user code.
+
+    python -m benchmarks.accuracy [--quick] [--render] [TOOL ...]
+
+in the root of a clone. All results are kept in `accuracy.json`, and the tables of
+`docs/comparison.md` are made from it. Named tools are run anew and the others' results kept;
+--render makes the tables anew and runs nothing; --quick runs every tool once on every kind of log
+and leaves all files alone. A tool that is not installed is left out, and said so.
+"""
+
+import argparse
+import datetime
+import importlib
+import importlib.util
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from benchmarks.accuracy_logs import CASES, EXAMPLE, TRUTH
+from benchmarks.accuracy_page import PAGE, RESULTS, lines_of_user_code, render, with_block
+from benchmarks.accuracy_tools import TOOLS, Tool
+from benchmarks.peers.problem import Answer, Log
+from benchmarks.report import processor
+from benchmarks.timing import timed
+
+_STARTS = 3  # of the whole command, kernels compiled
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--render", action="store_true")
+    parser.add_argument("tools", nargs="*", metavar="TOOL", help=", ".join(t.key for t in TOOLS))
+    options = parser.parse_args()
+    if unknown := set(options.tools) - {tool.key for tool in TOOLS}:
+        parser.error(f"no such tool: {', '.join(sorted(unknown))}")
+    kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
+    results = kept if options.render else measured(options.tools, options.quick, kept)
+    if options.quick:
+        Console().print(render(results), markup=False)
+        return
+    RESULTS.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    PAGE.write_text(with_block(PAGE.read_text(encoding="utf-8"), render(results)), encoding="utf-8")
+
+
+def measured(named: Sequence[str], quick: bool, kept: Mapping[str, Any]) -> dict[str, Any]:
+    """Results of the named tools, or of all, beside those kept of the others."""
+    chosen = [tool for tool in TOOLS if not named or tool.key in named]
+    missing = [tool for tool in chosen if importlib.util.find_spec(tool.package) is None]
+    for tool in missing:
+        print(f"{tool.title} left out: {tool.package} is not installed", file=sys.stderr)
+    ready = [tool for tool in chosen if tool not in missing]
+    stamp = {
+        "date": str(datetime.datetime.now(datetime.UTC).date()),
+        "load": round(os.getloadavg()[0], 2),
+    }
+    runs = _all_runs(ready, quick)
+    done = {
+        tool.key: {
+            **stamp,
+            "version": version(tool.package),
+            "lines": lines_of_user_code(tool.source),
+            "runs": runs[tool.key],
+        }
+        for tool in ready
+    }
+    known = {} if quick else kept.get("tools", {})
+    tools = {t.key: found for t in TOOLS if (found := done.get(t.key) or known.get(t.key))}
+    command = kept.get("command")
+    if "flexid_identify" in done and not quick:
+        command = _command()
+    return {
+        "machine": f"{processor()}, {os.cpu_count()} cores, {platform.system()}",
+        "python": platform.python_version(),
+        "tools": tools,
+        "command": command,
+    }
+
+
+def _all_runs(tools: Sequence[Tool], quick: bool) -> dict[str, list[dict[str, Any]]]:
+    """Log by log and the tools in turn, so that they meet the same machine."""
+    runs: dict[str, list[dict[str, Any]]] = {tool.key: [] for tool in tools}
+    for tool in tools:
+        if not tool.slow:
+            _run(tool, CASES[-1].make(Path(), 0))  # compile, load, import: not timed
+    with tempfile.TemporaryDirectory() as folder:
+        for case in CASES:
+            for seed in range(case.only or max(tool.seeds for tool in tools)):
+                log = case.make(Path(folder), seed)
+                for tool in tools:
+                    if seed < (1 if quick else tool.seeds):
+                        print(f"{case.name}, {seed}: {tool.title}", file=sys.stderr)
+                        found = {"case": case.name, "seed": seed, **_run(tool, log)}
+                        runs[tool.key].append(found)
+                if quick:
+                    break
+    return runs
+
+
+def _run(tool: Tool, log: Log) -> dict[str, Any]:
+    """One run: errors and widths in percent, or why there are none."""
+    identify = importlib.import_module(f"benchmarks.peers.{tool.module}").identify
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            busy = time.process_time()
+            answer, seconds = timed(lambda: identify(log, **tool.arguments))
+            busy = time.process_time() - busy
+    except Exception as reason:  # whatever a tool fails with is its result
+        return {"failed": f"{type(reason).__name__}: {reason}"}
+    times = {"seconds": float(f"{seconds:.4g}"), "processor": float(f"{busy:.4g}")}
+    return {**times, **_score(answer)}
+
+
+def _score(answer: Answer) -> dict[str, Any]:
+    errors = {name: 100.0 * (answer.values[name] / truth - 1.0) for name, truth in TRUTH.items()}
+    if not all(math.isfinite(error) for error in errors.values()):
+        return {"failed": "a coefficient is no finite number"}
+    score: dict[str, Any] = {"errors": {name: float(f"{e:.4g}") for name, e in errors.items()}}
+    if answer.intervals is not None:
+        ends = {name: answer.intervals[name] for name in TRUTH}
+        score["inside"] = [low <= TRUTH[name] <= high for name, (low, high) in ends.items()]
+        widths = (50.0 * (high - low) / TRUTH[name] for name, (low, high) in ends.items())
+        score["widest"] = float(f"{max(widths):.4g}")
+    return score
+
+
+def _command() -> dict[str, float]:
+    """Wall time in s of `flexid identify` as a process: nothing compiled yet, and later."""
+    command = [str(Path(sys.executable).with_name("flexid")), "identify", str(EXAMPLE), "--json"]
+    with tempfile.TemporaryDirectory() as cache:
+        environment = os.environ | {"XDG_CACHE_HOME": cache}
+
+        def process() -> object:
+            return subprocess.run(command, env=environment, capture_output=True, check=False)
+
+        first = timed(process)[1]
+        later = sorted(timed(process)[1] for _ in range(_STARTS))
+    return {"first": round(first, 2), "later": round(later[_STARTS // 2], 2)}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""`accuracy.json` as the tables of `docs/comparison.md`; needs none of the compared tools."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks.accuracy_tools import TOOLS
+from benchmarks.report import markdown
+
+RESULTS = Path(__file__).with_name("accuracy.json")
+PAGE = Path(__file__).parents[1] / "docs" / "comparison.md"
+
+BEGIN, END = "<!-- accuracy: begin -->", "<!-- accuracy: end -->"
+_CODE_BEGINS, _CODE_ENDS = "# user code begins", "# user code ends"
+
+Run = Mapping[str, Any]
+
+
+def lines_of_user_code(source: Path) -> int:
+    """Lines between the two marks that are neither blank nor a comment.
+
+    Raises
+    ------
+    ValueError
+        If the file does not have both marks once, in this order.
+    """
+    lines = [line.strip() for line in source.read_text(encoding="utf-8").splitlines()]
+    if lines.count(_CODE_BEGINS) != 1 or lines.count(_CODE_ENDS) != 1:
+        raise ValueError(f"{source} does not mark its user's code once: write both marks")
+    code = lines[lines.index(_CODE_BEGINS) + 1 : lines.index(_CODE_ENDS)]
+    return sum(1 for line in code if line and not line.startswith("#"))
+
+
+def with_block(page: str, block: str) -> str:
+    """The page with what stands between its two marks replaced.
+
+    Raises
+    ------
+    ValueError
+        If a mark is missing.
+    """
+    if page.count(BEGIN) != 1 or page.count(END) != 1:
+        raise ValueError(f"the page does not have {BEGIN} and {END} once each: write them")
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{BEGIN}\n\n{block}\n{END}{rest.partition(END)[2]}"
+
+
+def block_of(page: str) -> str:
+    """What stands between the two marks."""
+    return page.partition(f"{BEGIN}\n\n")[2].partition(f"\n{END}")[0]
+
+
+def render(results: Mapping[str, Any]) -> str:
+    """All tables as Markdown."""
+    tools = {tool.key: tool for tool in TOOLS if tool.key in results["tools"]}
+    found = {key: results["tools"][key] for key in tools}
+    cases = list(dict.fromkeys(run["case"] for entry in found.values() for run in entry["runs"]))
+
+    def table(cell: Callable[[Sequence[Run]], str]) -> list[str]:
+        lines = [
+            [tools[key].title, *(cell(_of(entry["runs"], case)) for case in cases)]
+            for key, entry in found.items()
+        ]
+        return markdown(["", *cases], lines)
+
+    effort = [
+        [
+            tools[key].title,
+            entry["version"],
+            str(entry["lines"]),
+            tools[key].told,
+            str(max(run["seed"] for run in entry["runs"]) + 1),
+            f"{entry['date']}, {entry['load']:g}",
+        ]
+        for key, entry in found.items()
+    ]
+    parts = [
+        "### Accuracy",
+        "",
+        "Worst relative error of the five coefficients in percent: median / largest over the logs.",
+        "",
+        *table(_accuracy),
+        "",
+        "### Intervals",
+        "",
+        "Nominal 95 % intervals that hold the true value, of all that were given; in brackets the "
+        "half-width of the widest of the five in percent of the true value, median over the logs.",
+        "",
+        *table(_coverage),
+        "",
+        "### Time",
+        "",
+        "Seconds on the clock for one log / seconds of the processors, medians over the logs. The "
+        "second says more where the machine was busy with other work.",
+        "",
+        *table(_time),
+        "",
+        *_command(results.get("command")),
+        "### Effort",
+        "",
+        *markdown(
+            ["", "version", "lines", "told beside log and model", "logs of a kind", "run, load"],
+            effort,
+        ),
+        "",
+        *_failures(tools, found),
+        f"Machine: {results['machine']}; Python {results['python']}.",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _of(runs: Sequence[Run], case: str) -> list[Run]:
+    return [run for run in runs if run["case"] == case]
+
+
+def _worst(run: Run) -> float:
+    return max(abs(error) for error in run["errors"].values())
+
+
+def _accuracy(runs: Sequence[Run]) -> str:
+    errors = [_worst(run) for run in runs if "failed" not in run]
+    failed = len(runs) - len(errors)
+    if not errors:
+        return "failed" if runs else "–"
+    text = f"{median(errors):.2g}"
+    if len(runs) > 1:
+        text += f" / {max(errors):.2g}"
+    return f"{text}, {failed} of {len(runs)} failed" if failed else text
+
+
+def _coverage(runs: Sequence[Run]) -> str:
+    given = [run for run in runs if "inside" in run]
+    if not given:
+        return "–"
+    inside = [held for run in given for held in run["inside"]]
+    width = median(run["widest"] for run in given)
+    return f"{sum(inside)} of {len(inside)} (± {width:.2g})"
+
+
+def _time(runs: Sequence[Run]) -> str:
+    timed = [run for run in runs if "seconds" in run]
+    if not timed:
+        return "–"
+    return " / ".join(
+        f"{median(run[key] for run in timed):.2g}" for key in ("seconds", "processor")
+    )
+
+
+def _command(command: Mapping[str, float] | None) -> list[str]:
+    if command is None:
+        return []
+    return [
+        f"The whole command `flexid identify examples/flexible_joint.csv --json`, imports "
+        f"included: {command['later']:g} s, and {command['first']:g} s the first time on a "
+        f"machine, when it compiles.",
+        "",
+    ]
+
+
+def _failures(tools: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
+    reasons = dict.fromkeys(
+        f"{tools[key].title}, {run['case']}: {run['failed']}"
+        for key, entry in found.items()
+        for run in entry["runs"]
+        if "failed" in run
+    )
+    if not reasons:
+        return []
+    return ["Failed:", "", *(f"- {reason}" for reason in reasons), ""]
