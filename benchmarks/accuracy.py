@@ -16,6 +16,7 @@ import json
 import math
 import os
 import platform
+import re
 import subprocess
 import sys
 import tempfile
@@ -46,17 +47,21 @@ def main() -> None:
     options = parser.parse_args()
     if unknown := set(options.tools) - {tool.key for tool in TOOLS}:
         parser.error(f"no such tool: {', '.join(sorted(unknown))}")
-    kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
-    results = kept if options.render else measured(options.tools, options.quick, kept)
+    found = {} if options.render else measured(options.tools, options.quick)
     if options.quick:
-        Console().print(render(results), markup=False)
+        Console().print(render(found), markup=False)
         return
-    RESULTS.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    PAGE.write_text(with_block(PAGE.read_text(encoding="utf-8"), render(results)), encoding="utf-8")
+    # Read only now: a run takes its time, and another one may have ended meanwhile.
+    kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {"tools": {}}
+    tools = kept["tools"] | found.get("tools", {})
+    results = kept | found | {"tools": {t.key: tools[t.key] for t in TOOLS if t.key in tools}}
+    RESULTS.write_text(_text(results), encoding="utf-8")
+    page = with_block(PAGE.read_text(encoding="utf-8"), render(results))
+    PAGE.write_text(page, encoding="utf-8")
 
 
-def measured(named: Sequence[str], quick: bool, kept: Mapping[str, Any]) -> dict[str, Any]:
-    """Results of the named tools, or of all, beside those kept of the others."""
+def measured(named: Sequence[str], quick: bool) -> dict[str, Any]:
+    """Results of the named tools, or of all."""
     chosen = [tool for tool in TOOLS if not named or tool.key in named]
     missing = [tool for tool in chosen if importlib.util.find_spec(tool.package) is None]
     for tool in missing:
@@ -67,7 +72,7 @@ def measured(named: Sequence[str], quick: bool, kept: Mapping[str, Any]) -> dict
         "load": round(os.getloadavg()[0], 2),
     }
     runs = _all_runs(ready, quick)
-    done = {
+    tools = {
         tool.key: {
             **stamp,
             "version": version(tool.package),
@@ -76,17 +81,14 @@ def measured(named: Sequence[str], quick: bool, kept: Mapping[str, Any]) -> dict
         }
         for tool in ready
     }
-    known = {} if quick else kept.get("tools", {})
-    tools = {t.key: found for t in TOOLS if (found := done.get(t.key) or known.get(t.key))}
-    command = kept.get("command")
-    if "flexid_identify" in done and not quick:
-        command = _command()
-    return {
+    results = {
         "machine": f"{processor()}, {os.cpu_count()} cores, {platform.system()}",
         "python": platform.python_version(),
         "tools": tools,
-        "command": command,
     }
+    if "flexid_identify" in tools and not quick:
+        results["command"] = _command()
+    return results
 
 
 def _all_runs(tools: Sequence[Tool], quick: bool) -> dict[str, list[dict[str, Any]]]:
@@ -127,7 +129,7 @@ def _score(answer: Answer) -> dict[str, Any]:
     errors = {name: 100.0 * (answer.values[name] / truth - 1.0) for name, truth in TRUTH.items()}
     if not all(math.isfinite(error) for error in errors.values()):
         return {"failed": "a coefficient is no finite number"}
-    score: dict[str, Any] = {"errors": {name: float(f"{e:.4g}") for name, e in errors.items()}}
+    score: dict[str, Any] = {"errors": [float(f"{error:.4g}") for error in errors.values()]}
     if answer.intervals is not None:
         ends = {name: answer.intervals[name] for name in TRUTH}
         score["inside"] = [low <= TRUTH[name] <= high for name, (low, high) in ends.items()]
@@ -148,6 +150,12 @@ def _command() -> dict[str, float]:
         first = timed(process)[1]
         later = sorted(timed(process)[1] for _ in range(_STARTS))
     return {"first": round(first, 2), "later": round(later[_STARTS // 2], 2)}
+
+
+def _text(results: Mapping[str, Any]) -> str:
+    """JSON with a line for each run."""
+    text = json.dumps(results, indent=1, ensure_ascii=False)
+    return re.sub(r"\{[^{}]*\}", lambda found: " ".join(found[0].split()), text) + "\n"
 
 
 if __name__ == "__main__":

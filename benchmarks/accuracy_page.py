@@ -115,7 +115,7 @@ def _of(runs: Sequence[Run], case: str) -> list[Run]:
 
 
 def _worst(run: Run) -> float:
-    return max(abs(error) for error in run["errors"].values())
+    return max(abs(error) for error in run["errors"])
 
 
 def _accuracy(runs: Sequence[Run]) -> str:

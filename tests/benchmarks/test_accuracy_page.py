@@ -34,7 +34,7 @@ RUNS = [
         "seed": seed,
         "seconds": seconds,
         "processor": 3.0 * seconds,
-        "errors": {"theta1": error, "theta2": 0.001},
+        "errors": [error, 0.001],
         "inside": [True, seed < 2],
         "widest": width,
     }
