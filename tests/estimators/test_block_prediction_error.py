@@ -63,7 +63,7 @@ def test_a_wrong_estimate_is_replaced_by_least_squares():
     """Assert that an estimate that least squares contradicts is named, and given up."""
     history, estimator = replayed(0)
     state = history.state.copy()
-    place = len(estimator.least_squares.init())
+    place = len(estimator.least_squares.init()) + 3
     assert np.array_equal(state[place : place + 5], history.coefficients[-1])
     state[place : place + 5] *= 10.0
     samples = estimator.pack(joint_samples(0))[-6000:]

@@ -11,12 +11,18 @@ The block's own information, its initial state eliminated, is then added to Λ. 
 bursts, once per block, and the estimate stands still in between.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexid.errors import ConvergenceError, SettingError
+from flexid.errors import ConvergenceError
+from flexid.estimators.beside_least_squares import (
+    FILLED,
+    STARTED,
+    BesideLeastSquares,
+    samples_in,
+    state_layout,
+)
 from flexid.estimators.block_covariance import Blocks, block_covariance
 from flexid.estimators.gauss_newton import (
     Equations,
@@ -26,11 +32,9 @@ from flexid.estimators.gauss_newton import (
     approach,
     segmented_motion,
 )
-from flexid.estimators.online import History, Status, packed_positions
 from flexid.estimators.recursive_least_squares import (
     LEAST_INFORMATION,
     N_BLOCKS,
-    RecursiveLeastSquares,
     recursive_least_squares,
 )
 from flexid.estimators.samples import FloatArray, Samples
@@ -42,7 +46,7 @@ from flexid.recording.velocities import position_noise
 _COARSE, _FINE = 1.0, 0.1  # length of a step, in standard deviations, that ends the iteration
 _FINEST = 1e-9  # noise over the largest position that is still told from none
 _BLOCKS_PER_MEMORY = 8.0  # as in recursive least squares
-_CLOCK, _BLOCK_LENGTH, _SPAN, _STARTED, _FILLED = 1, 2, 3, 4, 5  # places in a state's counts
+_CLOCK, _BLOCK_LENGTH, _SPAN = 1, 2, 3  # places in a state's counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,131 +68,18 @@ class _MotionWithPrior(SegmentedMotion):
 
 
 @dataclass(frozen=True, eq=False)
-class BlockPredictionError:
+class BlockPredictionError(BesideLeastSquares):
     """Prediction error block by block; made by `block_prediction_error`.
 
-    The innovations are those of the least squares beside it. Until the first block is done the
-    estimates are those of least squares, too.
+    The last sample of a block takes a thousand times as long as the others.
 
     Parameters
     ----------
-    least_squares : RecursiveLeastSquares
-        What runs beside it, starts it and checks it.
-    block_samples : int
-        Samples in a block.
     fading : float
         Factor of a weight from sample to sample.
     """
 
-    least_squares: RecursiveLeastSquares
-    block_samples: int
     fading: float
-    _layout: np.dtype
-
-    @property
-    def system(self) -> ParametricSystem:
-        """The model."""
-        return self.least_squares.system
-
-    def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """State before the first sample.
-
-        Parameters
-        ----------
-        values : mapping of str to float, optional
-            Initial estimates of least squares, which needs none.
-
-        Returns
-        -------
-        array
-            The state, packed. `coefficients` reads the estimates from it.
-
-        Raises
-        ------
-        SettingError
-            If a name is no coefficient of the model, or a value is not finite.
-        """
-        state = np.zeros(self._layout.itemsize // 8)
-        parts = self._parts(state)
-        parts["least_squares"][:] = self.least_squares.init(values)
-        parts["counts"][_BLOCK_LENGTH] = self.block_samples
-        return state
-
-    def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Take in one sample; the last one of a block takes a thousand times as long.
-
-        Parameters
-        ----------
-        state : array
-            From `init`, `step` or a replay; not changed.
-        sample : array, shape (n_rows + n_inputs,)
-            Float64: coordinates, then inputs.
-
-        Returns
-        -------
-        state : array
-            The new state.
-        info : array, shape (n_rows + 1,)
-            Innovations of least squares, and `Status`.
-        """
-        history = self.replay(state, sample[None, :])
-        return history.state, np.append(history.innovations[0], history.status[0])
-
-    def replay(self, state: FloatArray, samples: FloatArray) -> History:
-        """Take in many samples, exactly as `step` would one by one.
-
-        Parameters
-        ----------
-        state : array
-            From `init`, `step` or an earlier replay; not changed.
-        samples : array, shape (n, n_rows + n_inputs)
-            One sample per row; `pack` makes them.
-
-        Returns
-        -------
-        History
-        """
-        samples = np.ascontiguousarray(samples, dtype=np.float64)
-        state = state.copy()
-        parts = self._parts(state)
-        counts, buffer = parts["counts"], parts["buffer"]
-        before = self.least_squares.replay(parts["least_squares"], samples[:0])
-        pieces = [before]
-        bad = np.flatnonzero(~np.isfinite(samples).all(axis=1))
-        first = 0
-        while first < len(samples):
-            filled = int(counts[_FILLED])
-            stop = min(len(samples), first + self.block_samples - filled)
-            missing = bad[(bad >= first) & (bad < stop)]
-            if len(missing):  # a block that lacks a sample is no block
-                stop = int(missing[0]) + 1
-            part = self.least_squares.replay(parts["least_squares"], samples[first:stop])
-            parts["least_squares"][:] = part.state
-            if counts[_STARTED]:
-                part.coefficients[:] = parts["values"]
-            if len(missing):
-                counts[_FILLED] = 0.0
-            else:
-                buffer[filled : filled + stop - first] = samples[first:stop]
-                counts[_FILLED] += stop - first
-                if counts[_FILLED] == self.block_samples:
-                    part.status[-1] = self._take_block(parts, part.status[-1])
-                    part.coefficients[-1] = self.coefficients(state)
-            pieces.append(part)
-            first = stop
-        return History(
-            np.concatenate([piece.coefficients for piece in pieces]),
-            np.concatenate([piece.innovations for piece in pieces]),
-            np.concatenate([piece.status for piece in pieces]),
-            state,
-        )
-
-    def coefficients(self, state: FloatArray) -> FloatArray:
-        """Estimates in a state, shape (n_coefficients,)."""
-        parts = self._parts(state)
-        if parts["counts"][_STARTED]:
-            return parts["values"].copy()
-        return self.least_squares.coefficients(parts["least_squares"])
 
     def standard_deviations(self, state: FloatArray) -> FloatArray:
         """Standard deviation of each estimate, shape (n_coefficients,); see `covariance`."""
@@ -207,7 +98,7 @@ class BlockPredictionError:
         """
         parts = self._parts(state)
         counts = parts["counts"]
-        if not counts[_STARTED]:
+        if not parts["progress"][STARTED]:
             return self.least_squares.covariance(parts["least_squares"])
         kept, k = int(counts[0]), len(parts["values"])
         equations = parts["stored"][:kept]
@@ -223,40 +114,32 @@ class BlockPredictionError:
         )
         return block_covariance([slice(0, k)], parts["values"], blocks)
 
-    def pack(self, samples: Samples) -> FloatArray:
-        """Samples as `step` and `replay` take them, one per row; velocities are not needed."""
-        return packed_positions(samples)
+    def _values(self, parts: np.ndarray) -> FloatArray:
+        return parts["values"]
 
-    def _parts(self, state: FloatArray) -> np.ndarray:
-        """The state's parts by name; they are views of it."""
-        return state.view(self._layout)[0]
+    def _begin(self, parts: np.ndarray) -> None:
+        parts["values"][:] = self.least_squares.coefficients(parts["least_squares"])
+        for name in ("information", "peaks", "own", "noise", "counts"):
+            parts[name][...] = 0.0
+        parts["counts"][_BLOCK_LENGTH] = self.block_samples
 
-    def _take_block(self, parts: np.ndarray, status: float) -> float:
-        """Fit the block in the buffer; return the status of its last sample."""
-        counts = parts["counts"]
-        counts[_FILLED] = 0.0
-        least_squares = self.least_squares.coefficients(parts["least_squares"])
-        if not counts[_STARTED]:
-            if status != Status.USED:  # least squares cannot tell the coefficients yet
-                return status
-            parts["values"][:] = least_squares
-            for name in ("information", "peaks", "own", "noise"):
-                parts[name][...] = 0.0
-            counts[[0, _CLOCK, _SPAN]] = 0.0
-            counts[_BLOCK_LENGTH] = self.block_samples
+    def _run(self, parts: np.ndarray, samples: FloatArray, coefficients: FloatArray) -> None:
+        filled = int(parts["progress"][FILLED])
+        parts["buffer"][filled : filled + len(samples)] = samples
+        if parts["progress"][STARTED]:
+            coefficients[:] = parts["values"]
+
+    def _break_off(self, parts: np.ndarray) -> None:
+        """A block that lacks a sample is no block; there is nothing else to forget."""
+
+    def _finish_block(self, parts: np.ndarray) -> None:
         try:
             found = self._fit(parts)
-        except ConvergenceError:  # as if the block had not been: the check below goes on
-            counts[_CLOCK] += self.block_samples
+        except ConvergenceError:  # as if the block had not been
+            parts["counts"][_CLOCK] += self.block_samples
         else:
             self._learn(parts, found)
-            counts[_STARTED] = 1.0
-        if counts[_STARTED] and not self.least_squares.agrees(
-            parts["least_squares"], parts["values"]
-        ):
-            counts[_STARTED] = 0.0  # least squares takes over, and starts it anew
-            return float(Status.CONTRADICTED)
-        return status
+            parts["progress"][STARTED] = 1.0
 
     def _fit(self, parts: np.ndarray) -> Minimum:
         """The block's motion at its best coefficients; where the noise is a guess, once more."""
@@ -347,30 +230,26 @@ def block_prediction_error(
         If a setting is out of its range.
     """
     beside = recursive_least_squares(system, sample_time, filter_rate, hold, memory_time)
-    samples = round(block_duration / sample_time) if np.isfinite(block_duration) else 0
-    if samples < FEWEST_SAMPLES:
-        raise SettingError(
-            "block duration",
-            f"{block_duration} s is no block: give a time of {FEWEST_SAMPLES} samples or more",
-        )
+    samples = samples_in(block_duration, sample_time, FEWEST_SAMPLES, "block duration")
     k, n_rows = len(system.coefficients), len(system.rows)
-    layout = np.dtype(
-        [
-            ("least_squares", "f8", len(beside.init())),
-            ("values", "f8", k),
-            ("information", "f8", (k, k)),
-            ("peaks", "f8", k),
-            ("own", "f8", k * k + k),
-            ("counts", "f8", 6),  # as of `store_block`, then span, started, filled
-            ("noise", "f8", 1 + n_rows),  # weight, then sums of squares of residuals
-            ("ends", "f8", N_BLOCKS),
-            ("lengths", "f8", N_BLOCKS),
-            ("stored", "f8", (N_BLOCKS, k * k + k)),
-            ("buffer", "f8", (samples, n_rows + len(system.inputs))),
-        ]
+    square = k * k + k
+    layout = state_layout(
+        beside,
+        {
+            "values": k,
+            "information": (k, k),
+            "peaks": k,
+            "own": square,
+            "counts": 4,  # as of `store_block`, then span
+            "noise": 1 + n_rows,  # weight, then sums of squares of residuals
+            "ends": N_BLOCKS,
+            "lengths": N_BLOCKS,
+            "stored": (N_BLOCKS, square),
+            "buffer": (samples, n_rows + len(system.inputs)),
+        },
     )
     fading = float(np.exp(-sample_time / memory_time))
-    return BlockPredictionError(beside, samples, fading, layout)
+    return BlockPredictionError(beside, samples, layout, fading)
 
 
 def _weights(noise: FloatArray, positions: FloatArray) -> FloatArray:

@@ -37,8 +37,7 @@ _BLOCKS_PER_MEMORY = 8.0  # so that 40 blocks reach back over five memories
 _VELOCITY_WINDOW = 0.25  # half window of the velocity estimate, in time constants of the filter
 _LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at that cost
 _SHORTEST_BLOCK = 0.5  # s, where there is no filter to say how long noise is correlated
-_SLACK = 1.0  # part of a value by which another estimate may differ from it
-_EFFECT = 0.05  # and this part of the row's acceleration, for coefficients that are about zero
+_SLACK = 0.1  # part of a value by which another estimate may differ from it
 _AGREEMENT = 10.0  # and standard deviations
 
 LEAST_INFORMATION = 1e-4
@@ -102,11 +101,20 @@ class RecursiveLeastSquares(CompiledEstimator):
         sizes = [len(row.coefficients) for row in self.system.rows]
         return [matrix[:k, :k].copy() for matrix, k in zip(matrices[0], sizes, strict=True)]
 
+    def effects(self, state: FloatArray) -> FloatArray:
+        """Value of each coefficient that would explain its row alone, shape (n_coefficients,)."""
+        squares = np.concatenate([np.diag(matrix) for matrix in self.information(state)])
+        power = state[self._kernel.POWER_AT :][: self._kernel.N_ROWS]
+        powers = np.repeat(
+            np.maximum(power, 0.0), [len(row.coefficients) for row in self.system.rows]
+        )
+        return np.sqrt(powers / np.where(squares > 0.0, squares, np.inf))
+
     def agrees(self, state: FloatArray, values: FloatArray) -> bool:
         """Whether values from elsewhere can be true, as far as this estimate tells.
 
-        A value may differ by as much as itself, by what moves its row's acceleration by 5 %, and by
-        ten standard deviations; a row that is not excited contradicts nothing.
+        They may differ by a tenth of the value, for what the model leaves out, and by ten standard
+        deviations of this estimate; before there are any it contradicts nothing.
 
         Parameters
         ----------
@@ -118,12 +126,7 @@ class RecursiveLeastSquares(CompiledEstimator):
         own = self.coefficients(state)
         if not np.isfinite(values).all():
             return False
-        squares = np.concatenate([np.diag(matrix) for matrix in self.information(state)])
-        power = state[self._kernel.POWER_AT :][: self._kernel.N_ROWS]
-        counts = [len(row.coefficients) for row in self.system.rows]
-        powers = np.repeat(np.maximum(power, 0.0), counts)
-        effects = np.sqrt(powers / np.where(squares > 0.0, squares, np.inf))
-        excess = np.abs(values - own) - _SLACK * np.abs(own) - _EFFECT * effects
+        excess = np.abs(values - own) - _SLACK * np.abs(own)
         if np.all(excess <= 0.0):
             return True
         return bool(np.all(excess <= _AGREEMENT * self.standard_deviations(state)))
