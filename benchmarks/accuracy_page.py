@@ -14,6 +14,8 @@ PAGE = Path(__file__).parents[1] / "docs" / "comparison.md"
 BEGIN, END = "<!-- accuracy: begin -->", "<!-- accuracy: end -->"
 _CODE_BEGINS, _CODE_ENDS = "# user code begins", "# user code ends"
 
+_SAME_DATA = "encoders, noise × 1"  # where no tool sees more than another
+
 Run = Mapping[str, Any]
 
 
@@ -96,6 +98,7 @@ def render(results: Mapping[str, Any]) -> str:
         "",
         *table(_time),
         "",
+        *_beside_casadi(found),
         *_command(results.get("command")),
         "### Effort",
         "",
@@ -145,6 +148,32 @@ def _time(runs: Sequence[Run]) -> str:
     return " / ".join(
         f"{median(run[key] for run in timed):.2g}" for key in ("seconds", "processor")
     )
+
+
+def _beside_casadi(found: Mapping[str, Any]) -> list[str]:
+    """What equal accuracy costs, on the logs where both tools see the same data."""
+    runs = [_finished(found.get(key, {}).get("runs", [])) for key in ("flexid_10s", "casadi")]
+    shared = sorted(runs[0].keys() & runs[1].keys())
+    if not shared:
+        return []
+    (own, own_clock, own_processor), (error, clock, processor) = (
+        (
+            median(_worst(some[seed]) for seed in shared),
+            median(some[seed]["seconds"] for seed in shared),
+            median(some[seed]["processor"] for seed in shared),
+        )
+        for some in runs
+    )
+    return [
+        f"At equal accuracy ({_SAME_DATA}; errors {own:.2g} % and {error:.2g} %) CasADi's multiple "
+        f"shooting takes {clock / own_clock:.0f} times as long as flexid's prediction error over "
+        f"segments of 10 s, {processor / own_processor:.0f} times by the processors' seconds.",
+        "",
+    ]
+
+
+def _finished(runs: Sequence[Run]) -> dict[int, Run]:
+    return {run["seed"]: run for run in _of(runs, _SAME_DATA) if "failed" not in run}
 
 
 def _command(command: Mapping[str, float] | None) -> list[str]:

@@ -71,6 +71,19 @@ def test_no_interval_is_a_dash():
     assert row(render(results(bare)), "Intervals") == ["–"]
 
 
+def test_equal_accuracy_is_compared_on_the_same_logs():
+    """Assert that only seeds that both tools finished enter the ratio of their times."""
+    case = "encoders, noise × 1"
+    own = [{**run, "case": case} for run in RUNS]
+    other = [{**RUNS[1], "case": case, "seconds": 50.0, "processor": 240.0}]
+    found = results(own)
+    entry = found["tools"].pop("numpy")
+    found["tools"] = {"flexid_10s": entry, "casadi": {**entry, "runs": other}}
+    block = render(found)
+    assert "takes 50 times as long" in block
+    assert "80 times by the processors" in block
+
+
 def test_lines_of_code_leave_out_blank_lines_and_comments(tmp_path: Path):
     """Assert that only code between the marks counts."""
     source = tmp_path / "tool.py"
