@@ -118,7 +118,9 @@ def confidence_region_figure(
             _draw(ax, row, pair, fits, units)
         if not pairs:
             axes[0].set_axis_off()
-        entries = {label: handle for ax in axes for handle, label in _entries(ax)}
+        entries: dict[str, Artist] = {}
+        for handle, label in (entry for ax in axes for entry in _entries(ax)):
+            entries.setdefault(label, handle)
         if entries:
             figure.legend(
                 list(entries.values()), list(entries), loc="outside upper right", ncols=len(entries)
