@@ -211,8 +211,8 @@ def _parameter(
         if not np.isfinite(fit.covariance[place, place]):
             raise SettingError(
                 "known",
-                f"{name!r} cannot be joined to a log that leaves {coefficient!r} free: hold it at "
-                f"its value instead",
+                f"{name!r} cannot be joined to a log that leaves {coefficient!r} free: give it "
+                f"without an uncertainty",
             )
     return known[name]
 
