@@ -108,7 +108,9 @@ def test_rigid_pendulum(shared_data: Path, tmp_path: Path):
     """Assert that the pendulum of DFKI is read, with a middle dot in its torque's unit."""
     columns = tmp_path / "columns.toml"
     columns.write_text(PENDULUM_MAP, encoding="utf-8")
-    (piece,) = read_log(shared_data / "dfki-pendulum" / "ddp.csv", columns).pieces
+    log = read_log(shared_data / "dfki-pendulum" / "ddp.csv", columns)
+    (piece,) = log.pieces
+    assert not any("did you mean" in warning for warning in log.warnings)  # position is taken
     assert piece.sample_time == pytest.approx(0.002, rel=2e-3)
     assert piece.input_unit == "N m"
     assert piece.link_position is None

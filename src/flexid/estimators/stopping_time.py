@@ -2,7 +2,7 @@
 
 The friction of the term ``motor_stiction`` is linear in its coefficients about a stopping time T.
 Least squares over a grid of T finds where to begin; from there each fit says by alpha_holding /
-alpha_coulomb how far T is off, which is Gauss and Newton's step in the logarithm of T.
+alpha_coulomb how far T is off in the logarithm.
 
 Least squares needs velocities, and derived ones are smooth where friction changes sign: its T is a
 few per cent short. Prediction error over short segments is right to the noise.
@@ -23,9 +23,10 @@ from flexid.recording.recording import Hold
 _CANDIDATES = np.geomspace(5e-4, 5e-2, 9)  # s; within a factor of 1.8 of any value between
 _LARGEST_STEP = 2.0  # factor of the stopping time per step
 _CLOSE = 1e-2  # relative change of the stopping time that ends the iteration
-_CLOSER = 1e-4  # likewise, for prediction error
-_NEGLIGIBLE = 0.1  # or this part of its standard deviation
-_FLATTEST = 0.1  # slope of the error over the logarithm, minus one if the fit were linear
+_CLOSER = 3e-3  # likewise, for prediction error
+_USUAL_SLOPE = 0.5  # of the error over the logarithm; 1 if the friction were linear in it
+_FLATTEST = 0.1  # slope below which a line says nothing
+_FEWEST_FOR_A_LINE = 3
 _MOST_STEPS = 8
 
 
@@ -111,19 +112,19 @@ def fit_stopping_time(
     """
     fit = prediction_error(pieces, system, start, segment_duration, hold)
     tried: list[tuple[float, float]] = []
+    step = 0.0
     for _ in range(_MOST_STEPS):
-        place, error = float(np.log(system.constants[STOPPING])), _log_error(fit)
-        if abs(error) < _settled(fit):
+        tried.append((float(np.log(system.constants[STOPPING])), _log_error(fit)))
+        step = _step(tried)
+        if abs(step) < _CLOSER:
             return system, fit
-        tried.append((place, error))
         values = dict(zip(fit.names, map(float, fit.values), strict=True))
-        system = with_stopping_time(system, float(np.exp(place + _step(tried))), values)
+        system = with_stopping_time(system, float(np.exp(tried[-1][0] + step)), values)
         check = filtered_least_squares(pieces, system, start.filter_rate, hold)
         fit = prediction_error(pieces, system, check, segment_duration, hold)
     raise ConvergenceError(
         "stopping time",
-        f"it still moves by {abs(tried[-1][1]):.1%} after {_MOST_STEPS} fits: use the term "
-        f"motor_coulomb",
+        f"it still moves by {abs(step):.1%} after {_MOST_STEPS} fits: use the term motor_coulomb",
     )
 
 
@@ -134,17 +135,19 @@ def _log_error(fit: LeastSquaresFit | PredictionErrorFit) -> float:
     return float(np.log(np.clip(ratio, 1 / _LARGEST_STEP, _LARGEST_STEP)))
 
 
-def _settled(fit: PredictionErrorFit) -> float:
-    place = fit.names.index("alpha_holding")
-    deviation = np.sqrt(fit.gauss_newton_covariance[place, place]) / abs(fit.values[place])
-    return max(_CLOSER, _NEGLIGIBLE * float(np.nan_to_num(deviation, posinf=0.0)))
-
-
 def _step(tried: list[tuple[float, float]]) -> float:
-    """By the secant through the last two; the error alone where they show no way to zero."""
-    (other, before), (place, error) = tried[-2:] if len(tried) > 1 else tried * 2
-    slope = (error - before) / (place - other) if place != other else 0.0
-    step = -error / slope if slope < -_FLATTEST else error
+    """Step of the logarithm of the stopping time to where the error would vanish.
+
+    The friction switches within a sample or two, so that the error is not smooth in the stopping
+    time: a line through all that was tried averages over its jumps.
+    """
+    place, error = tried[-1]
+    if len(tried) < _FEWEST_FOR_A_LINE:
+        step = error / _USUAL_SLOPE
+    else:
+        places, errors = np.array(tried).T
+        slope, height = np.polyfit(places - place, errors, 1)
+        step = -height / slope if slope < -_FLATTEST else error / _USUAL_SLOPE
     return float(np.clip(step, -np.log(_LARGEST_STEP), np.log(_LARGEST_STEP)))
 
 

@@ -84,7 +84,7 @@ def read_channels(
     entries = {} if map_path is None else read_map(map_path)
     warnings: list[str] = []
     found = _canonical_columns(table)
-    warnings += _require(table, set(found) | set(entries), map_path)
+    warnings += _require(table, set(found) | set(entries), map_path, _mapped_columns(entries))
     wanted = _wanted(table, set(found) | set(entries), warnings)
     if map_path is None:
         unused = [name for name in table.names if split_header(name)[0] not in SI_UNITS]
@@ -175,7 +175,13 @@ def _canonical_columns(table: Table) -> dict[str, str]:
     return found
 
 
-def _require(table: Table, available: set[str], map_path: Path | None) -> list[str]:
+def _mapped_columns(entries: Mapping[str, Entry]) -> set[str]:
+    return {split_header(term.column)[0] for entry in entries.values() for term in entry.terms}
+
+
+def _require(
+    table: Table, available: set[str], map_path: Path | None, taken: set[str]
+) -> list[str]:
     """Raise unless time, a position and an input are there; warn if the link position is not."""
     choices = {
         "time": ("time",),
@@ -186,7 +192,7 @@ def _require(table: Table, available: set[str], map_path: Path | None) -> list[s
     missing = [label for label, names in choices.items() if not available.intersection(names)]
     if not missing:
         return []
-    bare = [split_header(name)[0] for name in table.names]
+    bare = [name for name, _ in map(split_header, table.names) if name not in taken]
     hints = [_did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
     what = "a column map" if map_path is None else f"the column map {map_path.name}"
