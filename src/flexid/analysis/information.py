@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexid.errors import SimulationError
-from flexid.estimators.gauss_newton import Point, segmented_motion
+from flexid.estimators.gauss_newton import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segments import Segments
 from flexid.models.parametric_system import ParametricSystem
@@ -116,15 +116,25 @@ def segmented_information(
         If the motion diverges.
     """
     point = Point(np.asarray(values, dtype=np.float64), initial_states)
-    problem = segmented_motion(system, segments, hold).at(point, 1.0 / noise)
+    return information_at(segmented_motion(system, segments, hold).at(point, 1.0 / noise), point)
+
+
+def information_at(problem: SegmentedMotion, point: Point) -> Information:
+    """Information of a motion that is ready to run: as `segmented_information`, many times over.
+
+    Raises
+    ------
+    SimulationError
+        If the motion diverges.
+    """
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise SimulationError(
             "the model's motion diverges within a segment: check its coefficients",
-            float(segments.start_times[0]),
+            float(problem.segments.start_times[0]),
         )
     reduced = problem.solve(equations)
     covariance = reduced.inverse.copy()
     covariance[reduced.free, :] = covariance[:, reduced.free] = 0.0
     covariance[reduced.free, reduced.free] = np.inf
-    return Information(system.coefficients, point.values, reduced.information, covariance)
+    return Information(problem.unknowns.names, point.values, reduced.information, covariance)

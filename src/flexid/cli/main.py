@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from flexid.cli.derive import derive
+from flexid.cli.design import design
 from flexid.cli.excitation import excitation
 from flexid.cli.identify import identify
 from flexid.cli.reproduce import reproduce
@@ -23,6 +24,7 @@ app = typer.Typer(
 # One line per command. Their modules import nothing heavy before they are called.
 app.command()(identify)
 app.command()(excitation)
+app.command()(design)
 app.command()(derive)
 app.command()(reproduce)
 

@@ -1,0 +1,198 @@
+"""The work of ``flexid design``: search, check on drives that are wrong, scale, compare."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+import flexid
+from flexid.design.criterion import deviation
+from flexid.design.drive import DOUBT, Case, Drive
+from flexid.design.drive_file import DriveFile
+from flexid.design.optimise import Search
+from flexid.design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
+from flexid.design.result import Design, Extreme, Prediction
+from flexid.errors import SettingError, SimulationError
+from flexid.estimators.samples import FloatArray
+from flexid.simulation.played_run import Command
+
+STARTS = 2
+"""Random starts of the search."""
+
+STEPS = STARTS + 2
+"""Calls of `finished`."""
+
+_LARGEST_SCALE = 2.0
+_HALVINGS = 12  # of the interval that the scale is sought in
+_SMALLEST_SCALE = 1e-3  # below which limits leave no motion to speak of
+
+REFERENCES: Mapping[str, tuple[tuple[float, float], ...]] = {
+    "paper's sine": ((1.0, 5.0),),
+    "two tones": ((20.0, 2.0), (10.0, 5.3)),
+}
+"""Torques to compare with, as amplitudes and angular frequencies (rad/s): the frequency of Huang
+(2003), section 4, and the pair on which estimators are usually compared."""
+
+
+def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Design:
+    """Design an experiment.
+
+    Parameters
+    ----------
+    file : DriveFile
+        What is believed and wanted.
+    seed : int
+        Of the search and of the wrong drives.
+    finished : callable
+        Is told the name of each step that is done.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    SettingError
+        If the limits leave no motion.
+    """
+    search = Search(file.drive, seed)
+    everyone = (search.nominal, *search.cases)
+    _check_rest(file.drive, everyone)
+    candidates = []
+    for weights in search.run(STARTS, finished):
+        scale = _scale(search, weights, everyone)
+        run = rehearse(
+            search.nominal,
+            search.command(search.fine, scale * weights),
+            file.drive.sample_time,
+        )
+        candidates.append((_criterion(search, run), scale, weights, run))
+    _, scale, weights, run = min(candidates, key=lambda candidate: candidate[0])
+    finished("limits checked on wrong drives")
+    command = search.command(search.fine, scale * weights)
+    use, deviations = _extremes(file.drive, command, search.cases)
+    prediction = predict("design", file.drive, search.nominal, run)
+    references = tuple(
+        reference(name, file.drive, prediction.peaks["torque"]) for name in REFERENCES
+    )
+    finished("compared")
+    return Design(
+        file.drive,
+        search.fine.angular_frequencies,
+        scale * weights,
+        search.fine.time,
+        command,
+        run,
+        prediction,
+        references,
+        use,
+        deviations,
+        scale,
+        seed,
+        {
+            "flexid_version": flexid.__version__,
+            "inputs": [{"file": name, "sha256": sha256} for name, sha256 in file.inputs],
+            "segment_duration": SEGMENT_DURATION,
+            "doubt": DOUBT,
+            "starts": STARTS,
+            "wrong_drives": len(search.cases),
+        },
+    )
+
+
+def predict(name: str, drive: Drive, case: Case, run: Rehearsed) -> Prediction:
+    """What a run of a case would tell."""
+    information = run.information(case, drive.position_noise)
+    return Prediction(
+        name,
+        dict(zip(information.names, information.relative_deviations.tolist(), strict=True)),
+        deviation(information.relative, "E"),
+        deviation(information.relative, "D"),
+        run.peaks(),
+        float(np.sqrt(np.mean(run.torque**2))),
+        max(run.use(drive.limits).values()) <= 1.0,
+    )
+
+
+def reference(name: str, drive: Drive, peak_torque: float) -> Prediction:
+    """What one of `REFERENCES` would tell at a peak torque in N m."""
+    count = round(drive.duration / drive.sample_time) + 1
+    time = drive.sample_time * np.arange(count, dtype=np.float64)
+    torque = np.sum([a * np.sin(rate * time) for a, rate in REFERENCES[name]], axis=0)
+    torque *= peak_torque / np.abs(torque).max()
+    command = Command(torque, np.zeros((count, 2)), np.zeros(2))
+    nominal = drive.nominal
+    return predict(name, drive, nominal, rehearse(nominal, command, drive.sample_time))
+
+
+def _criterion(search: Search, run: Rehearsed) -> float:
+    information = run.information(search.nominal, search.drive.position_noise)
+    return deviation(information.relative, search.drive.criterion)
+
+
+def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
+    for case in cases:
+        if np.abs(case.rest()).max() >= drive.limits.position:
+            raise SettingError(
+                "limits.position",
+                f"is exceeded at rest already ({case.name}): raise it, or correct the offsets",
+            )
+
+
+def _scale(search: Search, weights: FloatArray, cases: Sequence[Case]) -> float:
+    """Largest factor at which every drive keeps to the limits.
+
+    Raises
+    ------
+    SettingError
+        If it is next to nothing.
+    """
+    step = float(search.coarse.time[1])
+
+    def worst(factor: float, fine: bool) -> float:
+        tones = search.fine if fine else search.coarse
+        command = search.command(tones, factor * weights)
+        try:
+            uses = (
+                max(
+                    rehearse(case, command, search.drive.sample_time if fine else step)
+                    .use(search.drive.limits)
+                    .values()
+                )
+                for case in cases
+            )
+            return max(uses)
+        except SimulationError:
+            return np.inf
+
+    low, high = 0.0, _LARGEST_SCALE
+    if worst(high, False) <= 1.0:
+        low = high
+    for _ in range(_HALVINGS if low < high else 0):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if worst(middle, False) <= 1.0 else (low, middle)
+    while low > _SMALLEST_SCALE and worst(low, True) > 1.0:  # coarse samples miss some peaks
+        low *= 0.98
+    if low <= _SMALLEST_SCALE:
+        raise SettingError(
+            "limits", "leave no motion that could tell anything: raise the tightest of them"
+        )
+    return low
+
+
+def _extremes(
+    drive: Drive, command: Command, cases: Sequence[Case]
+) -> tuple[dict[str, Extreme], dict[str, Extreme]]:
+    uses: dict[str, Extreme] = {}
+    deviations: dict[str, Extreme] = {}
+    for case in cases:
+        run = rehearse(case, command, drive.sample_time)
+        used = run.use(drive.limits)
+        for channel in CHANNELS:
+            if channel not in uses or used[channel] > uses[channel].value:
+                uses[channel] = Extreme(used[channel], case.name)
+        information = run.information(case, drive.position_noise)
+        told = zip(information.names, information.relative_deviations.tolist(), strict=True)
+        for name, value in told:
+            if name not in deviations or value > deviations[name].value:
+                deviations[name] = Extreme(value, case.name)
+    return uses, deviations

@@ -1,0 +1,213 @@
+"""What is believed of a drive, and within which limits it may move."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import root
+
+from flexid.errors import SettingError
+from flexid.estimators.samples import FloatArray
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem
+
+Kind = Literal["multisine", "trajectory"]
+Criterion = Literal["E", "D"]
+
+DOUBT = 0.3
+"""Relative error of every parameter that a design must bear."""
+
+_RANDOM_CASES = 16
+
+_TERMS = {
+    "gravity_torque": "gravity",
+    "motor_viscous_friction": "motor_viscous",
+    "link_viscous_friction": "link_viscous",
+    "joint_damping": "joint_damping",
+    "motor_coulomb_friction": "motor_coulomb",
+    "link_coulomb_friction": "link_coulomb",
+    "cubic_joint_stiffness": "cubic_stiffness",
+    "link_offset_torque": "link_offset",
+    "motor_offset_torque": "motor_offset",
+}
+"""The term of the model that each optional parameter switches on."""
+
+_LINK = {
+    "theta1": "gravity_torque",
+    "theta2": "joint_stiffness",
+    "theta_viscous": "link_viscous_friction",
+    "theta_damping": "joint_damping",
+    "theta_coulomb": "link_coulomb_friction",
+    "theta_cubic": "cubic_joint_stiffness",
+    "theta_offset": "link_offset_torque",
+}
+_MOTOR = {
+    "alpha1": "joint_stiffness",
+    "alpha2": "motor_viscous_friction",
+    "alpha_damping": "joint_damping",
+    "alpha_coulomb": "motor_coulomb_friction",
+    "alpha_cubic": "cubic_joint_stiffness",
+    "alpha_offset": "motor_offset_torque",
+}
+"""The parameter that, over its side's inertia, gives each coefficient."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Largest magnitudes: torque in N m, velocity in rad/s, position and deflection in rad.
+
+    Velocity and position hold for link and motor.
+    """
+
+    torque: float
+    velocity: float
+    position: float
+    deflection: float
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive as it is believed to be, and the experiment wanted on it.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Physical parameters in SI units; those given make up the model.
+    known : tuple of str
+        Parameters that are known exactly. Only ``motor_inertia`` can be.
+    limits : Limits
+        What the design must keep to.
+    position_noise : float
+        Standard deviation of each encoder's noise in rad.
+    duration, sample_time : float
+        Length of the experiment and time between samples in s.
+    kind : {"multisine", "trajectory"}
+        A torque to play, or a motor position for the drive's position loop to follow.
+    criterion : {"E", "D"}
+        Make the worst direction's or all directions' information large.
+    harmonics : int
+        Number of tones.
+    highest_frequency : float or None
+        Of the tones in rad/s; twice the joint's resonance if None.
+    ramp : float
+        Time in s over which the motion swells at the start and fades at the end.
+    bandwidth : float or None
+        Of the position loop that follows a trajectory, in rad/s; twice the resonance if None.
+    """
+
+    parameters: Mapping[str, float]
+    known: tuple[str, ...]
+    limits: Limits
+    position_noise: float
+    duration: float
+    sample_time: float
+    kind: Kind
+    criterion: Criterion
+    harmonics: int
+    highest_frequency: float | None
+    ramp: float
+    bandwidth: float | None
+
+    def __post_init__(self) -> None:
+        for name in self.known:
+            if name != "motor_inertia":
+                raise SettingError("known", f"{name!r} cannot be known alone; motor_inertia can")
+        for name, value in self.parameters.items():
+            if value == 0.0:
+                raise SettingError(
+                    f"parameters.{name}",
+                    "is zero, and nothing can be told to a share of zero: leave it out, or give "
+                    "the size that matters",
+                )
+
+    @property
+    def resonance(self) -> float:
+        """Angular frequency in rad/s of the joint's two inertias on its spring."""
+        p = self.parameters
+        inverse = 1.0 / p["link_inertia"] + 1.0 / p["motor_inertia"]
+        return float(np.sqrt(p["joint_stiffness"] * inverse))
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """All coefficients of the model, those known among them."""
+        p = self.parameters
+        link = {c: p[n] / p["link_inertia"] for c, n in _LINK.items() if n in p}
+        motor = {c: p[n] / p["motor_inertia"] for c, n in _MOTOR.items() if n in p}
+        return link | motor | {"beta1": 1.0 / p["motor_inertia"]}
+
+    def case(self, parameters: Mapping[str, float], name: str = "nominal") -> "Case":
+        """The model with some values of its parameters."""
+        believed = replace(self, parameters=dict(parameters))
+        coefficients = believed.coefficients
+        terms = tuple(term for parameter, term in _TERMS.items() if parameter in parameters)
+        known = {"beta1": coefficients["beta1"]} if self.known else {}
+        system = flexible_joint(terms, known)
+        return Case(name, system, {c: coefficients[c] for c in system.coefficients})
+
+    @property
+    def nominal(self) -> "Case":
+        """The drive as it is believed to be."""
+        return self.case(self.parameters)
+
+    def cases(self, seed: int) -> Iterator["Case"]:
+        """Drives whose parameters are wrong: each alone both ways, all at once at random corners.
+
+        What is known exactly stays.
+        """
+        doubtful = [name for name in self.parameters if name not in self.known]
+        for name, sign in product(doubtful, (-1.0, 1.0)):
+            changed = {**self.parameters, name: self.parameters[name] * (1.0 + sign * DOUBT)}
+            yield self.case(changed, f"{name} {100 * sign * DOUBT:+.0f} %")
+        generator = np.random.default_rng(seed)
+        for place in range(_RANDOM_CASES):
+            signs = generator.choice([-1.0, 1.0], len(doubtful))
+            corner = {
+                name: self.parameters[name] * (1.0 + sign * DOUBT)
+                for name, sign in zip(doubtful, signs.tolist(), strict=True)
+            }
+            yield self.case({**self.parameters, **corner}, f"random corner {place + 1}")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A model with values, and where it rests.
+
+    Parameters
+    ----------
+    name : str
+        What is different about it.
+    system : ParametricSystem
+        The model.
+    coefficients : mapping of str to float
+        Values of its unknown coefficients.
+    """
+
+    name: str
+    system: ParametricSystem
+    coefficients: Mapping[str, float]
+
+    @property
+    def values(self) -> FloatArray:
+        """The coefficients' values in the model's order, shape (k,)."""
+        return np.array([self.coefficients[name] for name in self.system.coefficients])
+
+    def rest(self) -> FloatArray:
+        """State of rest without torque, shape (4,); zero if constant torques leave none."""
+        state = np.zeros(4)
+        if not any(name.endswith("_offset") for name in self.coefficients):
+            return state
+        p = self.coefficients
+
+        def torques(q: FloatArray) -> list[float]:
+            twist = q[0] - q[1]
+            link = p.get("theta_offset", 0.0) - p.get("theta1", 0.0) * np.sin(q[0])
+            link -= p["theta2"] * twist + p.get("theta_cubic", 0.0) * twist**3
+            motor = p.get("alpha_offset", 0.0) + p["alpha1"] * twist
+            return [link, motor + p.get("alpha_cubic", 0.0) * twist**3]
+
+        found = root(torques, np.zeros(2))
+        if found.success:
+            state[::2] = found.x
+        return state

@@ -1,0 +1,186 @@
+"""Drive files: a `Drive` written down in TOML, and what an earlier identification knows better."""
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexid.design.drive import Drive, Limits
+from flexid.errors import SettingError
+
+_MAX_BYTES = 200_000
+_LARGEST_RAMP = 0.25  # of the duration, at either end
+_RAMP = 0.1  # of the duration, by default
+_SLOWEST_SAMPLING = 10.0  # samples per period of the fastest tone
+_FEWEST_SAMPLES = 200
+_MOST_SAMPLES = 1_000_000
+
+
+@dataclass(frozen=True)
+class DriveFile:
+    """A drive and where it was read.
+
+    Parameters
+    ----------
+    drive : Drive
+        What the file says.
+    inputs : tuple of (str, str)
+        Files read, with the hashes of their contents.
+    """
+
+    drive: Drive
+    inputs: tuple[tuple[str, str], ...]
+
+
+def read_drive(
+    path: Path, estimate: Path | None = None, choices: Mapping[str, Any] | None = None
+) -> DriveFile:
+    """Read a drive file.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file with the tables ``parameters``, ``limits``, ``sensors`` and ``experiment``.
+    estimate : Path, optional
+        An ``estimate.json`` of an earlier identification, whose values take the place of the
+        parameters that the drive file gives.
+    choices : mapping, optional
+        Keys of ``experiment`` whose values take the place of the file's.
+
+    Raises
+    ------
+    SettingError
+        If a file cannot be read or used; the text names file, key and remedy.
+    """
+    raw = _bytes(path, "a TOML file")
+    inputs = [(path.name, hashlib.sha256(raw).hexdigest())]
+    content = _toml(path, raw)
+    experiment = content.get("experiment")
+    if isinstance(experiment, dict):
+        experiment.update(choices or {})
+    if estimate is not None:
+        better = _bytes(estimate, "an estimate.json of flexid identify")
+        inputs.append((estimate.name, hashlib.sha256(better).hexdigest()))
+        _take_over(content, estimate, better)
+    return DriveFile(_drive(path, content), tuple(inputs))
+
+
+def _bytes(path: Path, wanted: str) -> bytes:
+    try:
+        with path.open("rb") as file:
+            raw = file.read(_MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = (getattr(error, "strerror", None) or "cannot be opened").lower()
+        raise SettingError(str(path), f"{reason}: give the path of {wanted}") from None
+    if len(raw) > _MAX_BYTES:
+        raise SettingError(str(path), f"is larger than {_MAX_BYTES} bytes: give {wanted}")
+    return raw
+
+
+def _toml(path: Path, raw: bytes) -> dict[str, Any]:
+    try:
+        return tomllib.loads(raw.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise SettingError(
+            str(path), f"is no text at byte {error.start}: save it as UTF-8 TOML"
+        ) from None
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        raise SettingError(str(path), f"is no TOML: {_one_line(str(error))}; correct it") from None
+
+
+def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> None:
+    """Replace parameters by estimates of the same name."""
+    try:
+        estimates = json.loads(raw.decode("utf-8"))["parameters"]
+        found = {name: float(estimate["value"]) for name, estimate in estimates.items()}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise SettingError(
+            str(path), "holds no parameters with values: give an estimate.json of flexid identify"
+        ) from None
+    parameters = content.get("parameters")
+    if isinstance(parameters, dict):
+        parameters.update({name: value for name, value in found.items() if name in parameters})
+
+
+def _drive(path: Path, content: dict[str, Any]) -> Drive:
+    from pydantic import ValidationError
+
+    from flexid.design.drive_schema import DriveContent
+
+    try:
+        checked = DriveContent.model_validate(content)
+    except ValidationError as error:
+        raise SettingError(str(path), _first_complaint(error)) from None
+    wanted, sensors = checked.experiment, checked.sensors
+    noise = sensors.position_noise
+    if noise is None:
+        noise = 2.0 * np.pi / 2.0 ** (sensors.encoder_bits or 0) / np.sqrt(12.0)
+    try:
+        drive = Drive(
+            checked.parameters.model_dump(exclude_none=True),
+            tuple(checked.known),
+            Limits(**checked.limits.model_dump()),
+            float(noise),
+            wanted.duration,
+            wanted.sample_time,
+            wanted.kind,
+            wanted.criterion,
+            wanted.harmonics,
+            wanted.highest_frequency,
+            _RAMP * wanted.duration if wanted.ramp is None else wanted.ramp,
+            wanted.bandwidth,
+        )
+        _check(drive)
+    except SettingError as error:
+        raise SettingError(f"{path}: {error.setting}", error.reason) from None
+    return drive
+
+
+def _check(drive: Drive) -> None:
+    """Refuse what no experiment can be."""
+    samples = drive.duration / drive.sample_time
+    if not _FEWEST_SAMPLES <= samples <= _MOST_SAMPLES:
+        raise SettingError(
+            "experiment.sample_time",
+            f"makes {samples:.0f} samples; choose it for {_FEWEST_SAMPLES} to {_MOST_SAMPLES}",
+        )
+    if drive.ramp > _LARGEST_RAMP * drive.duration:
+        raise SettingError(
+            "experiment.ramp", f"is more than {_LARGEST_RAMP:.0%} of the duration: shorten it"
+        )
+    fastest = drive.highest_frequency or 2.0 * drive.resonance
+    if fastest * drive.sample_time * _SLOWEST_SAMPLING > 2.0 * np.pi:
+        raise SettingError(
+            "experiment.highest_frequency" if drive.highest_frequency else "experiment.sample_time",
+            f"leaves fewer than {_SLOWEST_SAMPLING:.0f} samples per period of a tone of "
+            f"{fastest:.3g} rad/s: sample faster, or lower highest_frequency",
+        )
+    if fastest * drive.duration < 2.0 * np.pi * drive.harmonics:
+        raise SettingError(
+            "experiment.harmonics",
+            f"are {drive.harmonics}, more than {drive.duration:g} s have between zero and "
+            f"{fastest:.3g} rad/s: take fewer, or longer",
+        )
+
+
+def _first_complaint(error: Any) -> str:
+    errors = error.errors(include_url=False, include_context=False)
+    # A misspelt key is missing too; its own spelling says more.
+    first = min(errors, key=lambda one: one["type"] != "extra_forbidden")
+    key = _one_line(".".join(map(str, first["loc"])))[:80]
+    kind = first["type"]
+    if kind == "missing":
+        return f"the key {key!r} is missing: add it"
+    if kind == "extra_forbidden":
+        return f"the key {key!r} is unknown: remove it or correct its spelling"
+    message = _one_line(first["msg"]).removeprefix("Value error, ")
+    return f"the key {key!r}: {message[:1].lower()}{message[1:]}: correct its value"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

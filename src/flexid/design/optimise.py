@@ -1,0 +1,199 @@
+"""Tones whose motion tells the most within limits.
+
+The weights of the tones are sought by a quasi-Newton method (SciPy's L-BFGS-B) from several random
+starts. Small for it is log(σ U), with σ the criterion as a standard deviation and U the largest use
+of a limit: for small motions a larger amplitude changes neither, so that shapes compete and not
+sizes; (log U)² besides keeps U near 1. Once that has settled, drives whose parameters are wrong
+play what was found, and those that come furthest beyond a limit have a say in U in a second search
+from there. Both sample more coarsely than the experiment, just finely enough for the joint.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import minimize
+
+from flexid.analysis.information import information_at
+from flexid.design.criterion import smooth_cost
+from flexid.design.drive import Case, Drive
+from flexid.design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
+from flexid.design.waveform import Waveform, waveform
+from flexid.errors import SimulationError
+from flexid.estimators.gauss_newton import Point, SegmentedMotion, segmented_motion
+from flexid.estimators.samples import FloatArray
+from flexid.estimators.segments import divide
+from flexid.simulation.played_run import Command
+
+_BANDWIDTH = 2.0  # times the resonance, of the position loop that follows a trajectory
+_HIGHEST = 1.5  # times the resonance, of the fastest tone
+_SAMPLES_PER_RADIAN = 4.0  # of the fastest motion, in the search
+_TIE = 2.0  # weight of (log U)²
+_NORM = 24.0  # of the smooth stand-in for a largest magnitude
+_NORM_OF_USES = 8.0  # of the smooth stand-in for the largest of several uses
+_NEAR = 0.8  # use of a limit from which on a wrong drive counts as near it
+_FIRST, _SECOND = 25, 20  # iterations of the two searches
+_STEP = 1e-4  # of finite differences, over the typical size of a weight
+_LOST = 100.0  # cost of a motion that diverges
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The search for the weights of the tones.
+
+    Parameters
+    ----------
+    drive : Drive
+        What is believed, and what is wanted.
+    seed : int
+        Of the random starts and of the wrong drives.
+    """
+
+    drive: Drive
+    seed: int
+
+    @property
+    def highest_frequency(self) -> float:
+        """Of the tones, in rad/s."""
+        return self.drive.highest_frequency or _HIGHEST * self.drive.resonance
+
+    @property
+    def gains(self) -> FloatArray:
+        """Gains of the position loop: critically damped for the motor alone; zero for a torque."""
+        if self.drive.kind == "multisine":
+            return np.zeros(2)
+        bandwidth = self.drive.bandwidth or _BANDWIDTH * self.drive.resonance
+        inertia = self.drive.parameters["motor_inertia"]
+        return inertia * np.array([bandwidth**2, 2.0 * bandwidth])
+
+    @cached_property
+    def coarse(self) -> Waveform:
+        """Tones at the samples of the search."""
+        fastest = max(self.highest_frequency, self.drive.resonance)
+        wanted = 1.0 / (_SAMPLES_PER_RADIAN * fastest)
+        count = max(1, int(wanted / self.drive.sample_time))
+        return self._waveform(count * self.drive.sample_time)
+
+    @cached_property
+    def fine(self) -> Waveform:
+        """Tones at the samples of the experiment."""
+        return self._waveform(self.drive.sample_time)
+
+    def _waveform(self, sample_time: float) -> Waveform:
+        drive = self.drive
+        return waveform(
+            drive.duration, sample_time, drive.ramp, self.highest_frequency, drive.harmonics
+        )
+
+    @cached_property
+    def nominal(self) -> Case:
+        """The drive as it is believed to be."""
+        return self.drive.nominal
+
+    @cached_property
+    def cases(self) -> Sequence[Case]:
+        """Drives that are wrong."""
+        return tuple(self.drive.cases(self.seed))
+
+    @cached_property
+    def _problem(self) -> SegmentedMotion:
+        """The nominal drive's motion over segments of the search, for any command."""
+        step = float(self.coarse.time[1])
+        run = rehearse(self.nominal, self.command(self.coarse, self.start(0)), step)
+        segments = divide([run.samples()], SEGMENT_DURATION)
+        # Fewer samples tell less each by as much as there are fewer.
+        noise = self.drive.position_noise * np.sqrt(self.drive.sample_time / step)
+        point = Point(self.nominal.values, run.states[segments.starts])
+        problem = segmented_motion(self.nominal.system, segments, "zero")
+        return problem.at(point, np.full(2, 1.0 / noise))
+
+    def command(self, tones: Waveform, weights: FloatArray) -> Command:
+        """What the drive is given for some weights."""
+        signal = tones.signal(weights)
+        if self.drive.kind == "multisine":
+            return Command(signal, np.zeros((len(signal), 2)), self.gains)
+        rest = self.nominal.rest()[2]
+        reference = np.column_stack((rest + signal, tones.rate(weights)))
+        return Command(np.zeros(len(signal)), reference, self.gains)
+
+    def cost(self, weights: FloatArray, watched: Sequence[Case]) -> float:
+        """What the search makes small while some wrong drives keep to the limits too."""
+        step = float(self.coarse.time[1])
+        command = self.command(self.coarse, weights)
+        try:
+            run = rehearse(self.nominal, command, step)
+            segments = replace(self._problem.segments, inputs=run.torque[:, None])
+            point = Point(self.nominal.values, run.states[segments.starts])
+            information = information_at(replace(self._problem, segments=segments), point)
+            runs = [run, *(rehearse(case, command, step) for case in watched)]
+        except SimulationError:
+            return _LOST
+        uses = np.array([use for one in runs for use in self._smooth_uses(one)])
+        log_use = float(np.log(np.mean(uses**_NORM_OF_USES))) / _NORM_OF_USES
+        cost = smooth_cost(information.relative, self.drive.criterion)
+        return cost + log_use + _TIE * log_use**2
+
+    def _smooth_uses(self, run: Rehearsed) -> list[float]:
+        """Use of each limit, the largest magnitudes replaced by a smooth stand-in."""
+        uses = []
+        for share in run.shares(self.drive.limits).values():
+            magnitudes = np.abs(share)
+            largest = max(float(magnitudes.max()), 1e-300)
+            norm = float(np.mean((magnitudes / largest) ** _NORM)) ** (1.0 / _NORM)
+            uses.append(largest * norm)
+        return uses
+
+    def furthest(self, weights: FloatArray) -> list[Case]:
+        """For each channel the wrong drive that comes furthest, if beyond its limit."""
+        step = float(self.coarse.time[1])
+        command = self.command(self.coarse, weights)
+        furthest: dict[str, tuple[float, Case]] = {}
+        for case in self.cases:
+            try:
+                uses = rehearse(case, command, step).use(self.drive.limits)
+            except SimulationError:
+                uses = dict.fromkeys(CHANNELS, np.inf)
+            for name, use in uses.items():
+                if use > furthest.get(name, (_NEAR, case))[0]:
+                    furthest[name] = (use, case)
+        return list({case.name: case for _, case in furthest.values()}.values())
+
+    def start(self, place: int) -> FloatArray:
+        """Random weights within the limits of the nominal drive."""
+        generator = np.random.default_rng([self.seed, place])
+        count = len(self.coarse.angular_frequencies)
+        weights = generator.standard_normal(2 * count)
+        if self.drive.kind == "trajectory":  # about the same speed in every tone
+            weights /= np.tile(self.coarse.angular_frequencies, 2)
+        step = float(self.coarse.time[1])
+        for _ in range(60):
+            try:
+                run = rehearse(self.nominal, self.command(self.coarse, weights), step)
+                worst = max(run.use(self.drive.limits).values())
+            except SimulationError:
+                worst = np.inf
+            if worst <= 1.0:
+                break
+            weights *= max(0.9 / worst, 0.3)
+        return weights
+
+    def run(self, starts: int, finished: Callable[[str], None]) -> list[FloatArray]:
+        """Weights found from each start; the caller compares them on the full experiment."""
+        found = []
+        for place in range(starts):
+            weights = self._descend(self.start(place), (), _FIRST)
+            weights = self._descend(weights, self.furthest(weights), _SECOND)
+            found.append(weights)
+            finished(f"search {place + 1} of {starts}")
+        return found
+
+    def _descend(self, weights: FloatArray, watched: Sequence[Case], iterations: int) -> FloatArray:
+        size = float(np.sqrt(np.mean(weights**2)))
+        result = minimize(
+            lambda z: self.cost(size * z, watched),
+            weights / size,
+            method="L-BFGS-B",
+            options={"maxiter": iterations, "maxfun": 10**9, "eps": _STEP},
+        )
+        return size * result.x

@@ -1,0 +1,77 @@
+"""Figure of a design: what is played, its tones, and what it tells beside other inputs."""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flexid.design.result import Design
+from flexid.report.style import BLUE, GREEN, GREY, ORANGE, STYLE, new_figure, save
+
+
+def save_design_figure(result: Design, directory: Path) -> None:
+    """Write design.png."""
+    with mpl.rc_context(STYLE):
+        save(design_figure(result), directory, "design")
+
+
+def design_figure(result: Design) -> Figure:
+    """Torque, positions, tones and predicted deviations."""
+    figure = new_figure(height=6.4)
+    grid = figure.add_gridspec(3, 2)
+    torque = figure.add_subplot(grid[0, :])
+    motion = figure.add_subplot(grid[1, :], sharex=torque)
+    _draw_torque(torque, result)
+    _draw_motion(motion, result)
+    _draw_tones(figure.add_subplot(grid[2, 0]), result)
+    _draw_deviations(figure.add_subplot(grid[2, 1]), result)
+    return figure
+
+
+def _draw_torque(ax: Axes, result: Design) -> None:
+    ax.plot(result.time, result.run.torque, color=BLUE, linewidth=1.0)
+    ax.set_ylabel("torque (N m)")
+    played = "played" if result.drive.kind == "multisine" else "that the position loop asks for"
+    ax.set_title(f"Torque {played}")
+
+
+def _draw_motion(ax: Axes, result: Design) -> None:
+    x = result.run.states
+    ax.plot(result.time, x[:, 0], color=BLUE, linewidth=1.2, label="link position")
+    ax.plot(result.time, x[:, 0] - x[:, 2], color=ORANGE, linewidth=1.0, label="deflection")
+    if result.drive.kind == "trajectory":
+        reference = result.command.reference[:, 0]
+        ax.plot(result.time, reference, "--", color=GREY, linewidth=1.0, label="motor reference")
+    ax.set_xlabel("time (s)")
+    ax.set_ylabel("angle (rad)")
+    ax.set_title("What the drive, as believed, does")
+    ax.legend(loc="upper right", ncols=3)
+
+
+def _draw_tones(ax: Axes, result: Design) -> None:
+    unit = "N m" if result.drive.kind == "multisine" else "rad"
+    ax.vlines(result.angular_frequencies, 0.0, result.amplitudes, color=BLUE)
+    ax.plot(result.angular_frequencies, result.amplitudes, "o", color=BLUE)
+    ax.axvline(result.drive.resonance, color=GREY, linestyle="--", linewidth=1.0)
+    ax.set_xscale("log")
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel("angular frequency (rad/s)")
+    ax.set_ylabel(f"amplitude ({unit})")
+    ax.set_title("Tones; dashed: the resonance")
+
+
+def _draw_deviations(ax: Axes, result: Design) -> None:
+    inputs = (result.prediction, *result.references)
+    names = list(result.prediction.deviations)
+    places = np.arange(len(names))
+    for shift, (one, colour) in enumerate(zip(inputs, (BLUE, ORANGE, GREEN), strict=True)):
+        values = [100.0 * one.deviations[name] for name in names]
+        ax.barh(places + 0.27 * (shift - 1), values, height=0.25, color=colour, label=one.name)
+    ax.set_xscale("log")
+    ax.set_yticks(places, names)
+    ax.invert_yaxis()
+    ax.set_xlabel("predicted standard deviation (%)")
+    ax.set_title("At the same peak torque")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.3), ncols=3)

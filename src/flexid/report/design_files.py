@@ -1,0 +1,52 @@
+"""The files of a design: what a drive can play, and a summary."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from flexid.design.result import Design
+
+_DIGITS = 10  # significant; a drive has fewer
+
+
+def save_command(result: Design, directory: Path) -> None:
+    """Write command.csv: the torque to play, or the reference with the torque to be expected."""
+    columns = {"time [s]": result.time}
+    if result.drive.kind == "trajectory":
+        columns["motor_position_reference [rad]"] = result.command.reference[:, 0]
+        columns["motor_velocity_reference [rad/s]"] = result.command.reference[:, 1]
+    columns["motor_torque [N m]"] = result.run.torque
+    table = pl.DataFrame({name: _rounded(values) for name, values in columns.items()})
+    table.write_csv(directory / "command.csv")
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    size = float(np.abs(values).max()) or 1.0
+    return np.round(values, max(0, _DIGITS - 1 - int(np.floor(np.log10(size))))) + 0.0
+
+
+def design_document(result: Design) -> dict[str, Any]:
+    """Everything of a design but its time series, ready for JSON."""
+    return {
+        "drive": asdict(result.drive),
+        "coefficients": dict(result.drive.coefficients),
+        "tones": {
+            "angular_frequencies": result.angular_frequencies.tolist(),
+            "cosines": np.split(result.weights, 2)[0].tolist(),
+            "sines": np.split(result.weights, 2)[1].tolist(),
+        },
+        "position_loop_gains": result.command.gains.tolist(),
+        "prediction": asdict(result.prediction),
+        "references": [asdict(one) for one in result.references],
+        "largest_use": {name: asdict(one) for name, one in result.largest_use.items()},
+        "largest_deviations": {
+            name: asdict(one) for name, one in result.largest_deviations.items()
+        },
+        "scale": result.scale,
+        "supported": result.supported,
+        "seed": result.seed,
+        "provenance": dict(result.provenance),
+    }

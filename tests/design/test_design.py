@@ -1,0 +1,156 @@
+"""A designed experiment on Table I's joint: better than others, within limits, as predicted."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+
+from flexid.design.design import REFERENCES, design
+from flexid.design.drive_file import read_drive
+from flexid.design.result import Design
+from flexid.estimators.prediction_error import prediction_error
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.report.design_files import save_command
+
+SEEDS = 40
+
+
+def quick(examples, **choices):
+    """The example drive with a short experiment of few tones, and room for the two tones."""
+    file = read_drive(examples / "drive.toml")
+    limits = replace(file.drive.limits, velocity=40.0, position=40.0, deflection=2.0)
+    short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6, "ramp": 0.6}
+    return replace(file, drive=replace(file.drive, limits=limits, **{**short, **choices}))
+
+
+@pytest.fixture(scope="module")
+def designed(examples) -> Design:
+    """One design for all tests of this file."""
+    return design(quick(examples), 0, lambda _: None)
+
+
+@pytest.mark.parametrize("place", range(len(REFERENCES)))
+@pytest.mark.parametrize("figure", ["worst", "e_deviation"])
+def test_beats_other_inputs_at_equal_torque(designed, place, figure):
+    """Assert that criterion and worst deviation are smaller than another input's."""
+    other = designed.references[place]
+    assert other.peaks["torque"] == pytest.approx(designed.prediction.peaks["torque"])
+    assert getattr(designed.prediction, figure) < getattr(other, figure)
+
+
+def test_limits_hold_on_wrong_drives(designed):
+    """Assert that no wrong drive exceeds a limit, and that the tightest one is used."""
+    uses = [extreme.value for extreme in designed.largest_use.values()]
+    assert max(uses) <= 1.0
+    assert max(uses) > 0.9
+    assert designed.prediction.within_limits
+
+
+def test_worst_case_is_worse_than_belief(designed):
+    """Assert that the largest deviation over wrong drives is not below the believed one."""
+    for name, extreme in designed.largest_deviations.items():
+        assert extreme.value > designed.prediction.deviations[name] * 0.9
+
+
+def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
+    """Assert that what the drive plays from the file, seen with noise, is fitted as predicted."""
+    save_command(designed, tmp_path)
+    table = pl.read_csv(tmp_path / "command.csv")
+    torque = table["motor_torque [N m]"].to_numpy()
+    case, drive = designed.drive.nominal, designed.drive
+    np.testing.assert_allclose(torque, designed.run.torque, atol=1e-8 * np.abs(torque).max())
+    generator = np.random.default_rng(7)
+    errors = []
+    for _ in range(SEEDS):
+        noise = drive.position_noise * generator.standard_normal((len(torque), 2))
+        positions = designed.run.states[:, ::2] + noise
+        samples = Samples(positions, None, torque[:, None], drive.sample_time)
+        start = filtered_least_squares([samples], case.system, 20.0, "zero")
+        fit = prediction_error([samples], case.system, start, 1.0, "zero")
+        errors.append(fit.values / case.values - 1.0)
+    scatter = np.sqrt(np.mean(np.square(errors), axis=0))
+    predicted = np.array([designed.prediction.deviations[name] for name in case.coefficients])
+    # The root mean square of 40 draws scatters by 11 %.
+    np.testing.assert_allclose(scatter / predicted, 1.0, atol=0.4)
+
+
+def test_command_starts_and_ends_at_rest(designed):
+    """Assert that the torque rises from nothing and ends at nothing, without a jump."""
+    torque = designed.command.torque
+    step = np.abs(np.diff(torque)).max()
+    assert abs(torque[0]) < 1e-9
+    assert abs(torque[-1]) < 1e-9
+    assert step < 0.2 * np.abs(torque).max()
+
+
+def test_a_trajectory_keeps_to_its_limits(examples, tmp_path):
+    """Assert that a designed motor trajectory tells everything and is written with its rate."""
+    file = quick(examples, kind="trajectory", duration=3.0, ramp=0.5, harmonics=4)
+    limits = replace(file.drive.limits, position=3.0, torque=60.0)
+    result = design(replace(file, drive=replace(file.drive, limits=limits)), 1, lambda _: None)
+    assert max(extreme.value for extreme in result.largest_use.values()) <= 1.0
+    assert result.supported
+    save_command(result, tmp_path)
+    table = pl.read_csv(tmp_path / "command.csv")
+    position = table["motor_position_reference [rad]"].to_numpy()
+    rate = table["motor_velocity_reference [rad/s]"].to_numpy()
+    assert np.abs(np.gradient(position, 0.002) - rate).max() < 0.02 * np.abs(rate).max()
+    followed = result.run.states[:, 2]
+    assert np.sqrt(np.mean((followed - position) ** 2)) < 0.5 * np.std(position)
+
+
+@pytest.fixture(scope="module")
+def tiny_drive(examples, tmp_path_factory):
+    """A drive file whose design takes seconds."""
+    text = (examples / "drive.toml").read_text()
+    text = text.replace("duration = 10.0", "duration = 2.0")
+    text = text.replace("sample_time = 0.001", "sample_time = 0.004\nharmonics = 3")
+    path = tmp_path_factory.mktemp("drive") / "drive.toml"
+    path.write_text(text)
+    return path
+
+
+def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
+    """Assert that the command prints within the page and leaves a log that flexid can read."""
+    outcome = flexid("design", tiny_drive, "--out", tmp_path, "--criterion", "D")
+    assert outcome.status == 0, outcome.stderr
+    assert max(map(len, outcome.stdout.splitlines())) <= 100
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"command.csv", "design.json", "design.png"}
+    document = json.loads((tmp_path / "design.json").read_text())
+    assert document["drive"]["criterion"] == "D"
+    assert document["provenance"]["inputs"][0]["file"] == "drive.toml"
+    header = (tmp_path / "command.csv").read_text().splitlines()[0]
+    assert header == "time [s],motor_torque [N m]"
+
+
+def test_same_seed_same_design(flexid, tiny_drive):
+    """Assert that a design can be had again, and that another seed gives another."""
+    first, again, other = (
+        flexid("design", tiny_drive, "--json", "--seed", seed).stdout for seed in (3, 3, 4)
+    )
+    assert first == again
+    assert json.loads(first)["tones"] != json.loads(other)["tones"]
+
+
+def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
+    """Assert that limits no motion can keep to are one sentence and status 2."""
+    offset = "motor_viscous_friction = 0.1\nmotor_offset_torque = 4.9"
+    text = tiny_drive.read_text().replace("motor_viscous_friction = 0.1", offset)
+    path = tmp_path / "offset.toml"
+    path.write_text(text.replace("position = 6.0", "position = 0.01"))
+    outcome = flexid("design", path)
+    assert outcome.status == 2
+    assert "limits.position" in outcome.stderr
+    assert len(outcome.stderr.strip().splitlines()) == 1
+
+
+def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
+    """Assert that a design that cannot tell every coefficient says so by status 1."""
+    text = tiny_drive.read_text().replace("position_noise = 1e-4", "position_noise = 0.3")
+    path = tmp_path / "noisy.toml"
+    path.write_text(text)
+    assert flexid("design", path, "--json").status == 1

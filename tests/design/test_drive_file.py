@@ -1,0 +1,127 @@
+"""Drive files: what they mean, and one sentence for each that means nothing."""
+
+import json
+
+import numpy as np
+import pytest
+
+from flexid.design.drive_file import read_drive
+from flexid.errors import SettingError
+from flexid.models.physical import lumped_coefficients, physical_parameters
+
+PARAMETERS = {
+    "gravity_torque": 5.0,
+    "link_inertia": 1.0,
+    "joint_stiffness": 100.0,
+    "motor_inertia": 0.3,
+    "motor_viscous_friction": 0.1,
+}
+
+
+@pytest.fixture
+def text(examples):
+    """The shipped example."""
+    return (examples / "drive.toml").read_text()
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a drive file and return its path."""
+
+    def write(content):
+        path = tmp_path / "drive.toml"
+        path.write_text(content)
+        return path
+
+    return write
+
+
+def test_the_example_is_table_1(examples):
+    """Assert that the example has the paper's coefficients and model."""
+    drive = read_drive(examples / "drive.toml").drive
+    assert drive.coefficients == pytest.approx(lumped_coefficients(**PARAMETERS))
+    assert set(drive.nominal.coefficients) == set(drive.coefficients)
+
+
+def test_every_parameter_comes_back(text, written):
+    """Assert that the coefficients of a drive with every term give its parameters back."""
+    more = {
+        "link_viscous_friction": 0.2,
+        "joint_damping": 0.3,
+        "motor_coulomb_friction": 0.4,
+        "link_coulomb_friction": 0.5,
+        "cubic_joint_stiffness": 60.0,
+        "link_offset_torque": 0.7,
+        "motor_offset_torque": -0.8,
+    }
+    lines = "".join(f"{name} = {value}\n" for name, value in more.items())
+    drive = read_drive(written(text.replace("[limits]", lines + "[limits]"))).drive
+    coefficients = drive.coefficients
+    for parameter in physical_parameters(coefficients, input_is_torque=True):
+        assert parameter.value(coefficients) == pytest.approx(drive.parameters[parameter.name])
+
+
+def test_known_inertia_is_not_doubted(text, written):
+    """Assert that what is known leaves the unknowns and stays right in every wrong drive."""
+    drive = read_drive(written('known = ["motor_inertia"]\n' + text)).drive
+    assert "beta1" not in drive.nominal.coefficients
+    assert {case.system.constants["beta1"] for case in drive.cases(0)} == {1 / 0.3}
+
+
+def test_encoder_bits_are_noise(text, written):
+    """Assert that an encoder's step counts as uniform noise."""
+    drive = read_drive(written(text.replace("position_noise = 1e-4", "encoder_bits = 12"))).drive
+    assert drive.position_noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12))
+
+
+def test_an_estimate_replaces_beliefs(examples, tmp_path):
+    """Assert that estimates take the place of parameters of the same name, and no others."""
+    path = tmp_path / "estimate.json"
+    estimates = {"link_inertia": {"value": 1.5}, "joint_damping": {"value": 0.1}}
+    path.write_text(json.dumps({"parameters": estimates}))
+    file = read_drive(examples / "drive.toml", path)
+    assert file.drive.parameters == {**PARAMETERS, "link_inertia": 1.5}
+    assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("torque = 30.0", "torque = nan", "limits.torque"),
+        ("torque = 30.0", "torque = inf", "limits.torque"),
+        ("torque = 30.0", "torque = -1.0", "limits.torque"),
+        ("torque = 30.0", 'torque = "30"', "limits.torque"),
+        ("torque = 30.0", "torqe = 30.0", "torqe"),
+        ("link_inertia = 1.0", "link_inertia = 0.0", "link_inertia"),
+        ("link_inertia = 1.0", "", "link_inertia"),
+        ("gravity_torque = 5.0", "gravity_torque = 0.0", "gravity_torque"),
+        ("duration = 10.0", "duration = -10.0", "duration"),
+        ("duration = 10.0", "duration = 1e9", "duration"),
+        ("sample_time = 0.001", "sample_time = 0.05", "sample_time"),
+        ("sample_time = 0.001", "sample_time = 0.001\nharmonics = 1000", "harmonics"),
+        ("sample_time = 0.001", "sample_time = 0.001\nramp = 6.0", "ramp"),
+        ("sample_time = 0.001", "sample_time = 0.001\nhighest_frequency = 0.1", "harmonics"),
+        ("position_noise = 1e-4", "", "position_noise"),
+        ("position_noise = 1e-4", "position_noise = 1e-4\nencoder_bits = 12", "position_noise"),
+        ('criterion = "E"', 'criterion = "A"', "criterion"),
+        ("[limits]", "[limits", "TOML"),
+        ("[sensors]", "[sensor]", "sensor"),
+    ],
+)
+def test_bad_files_are_one_sentence(text, written, old, new, complaint):
+    """Assert that the message names the file and the key, in one line."""
+    assert old in text
+    path = written(text.replace(old, new))
+    with pytest.raises(SettingError, match=complaint) as caught:
+        read_drive(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"parameters": 3}', '{"parameters": {"a": 1}}'])
+def test_bad_estimates_are_one_sentence(examples, tmp_path, content):
+    """Assert that a file that is no estimate is refused by name."""
+    path = tmp_path / "estimate.json"
+    path.write_text(content)
+    with pytest.raises(SettingError, match=r"estimate\.json"):
+        read_drive(examples / "drive.toml", path)
