@@ -51,8 +51,8 @@ def test_the_printed_form_with_the_rate_of_the_input_is_the_same():
     gains = dict(zip(observer.gains, GAINS.values(), strict=True))
 
     def composed(expression: sp.Expr) -> sp.Expr:
-        found = expression.subs(names).subs(gains).subs(rate, law_rate)
-        return found.subs(u, law).subs(truth)
+        found = expression.xreplace(names).xreplace(gains).xreplace({rate: law_rate})
+        return found.xreplace({u: law}).xreplace(truth)
 
     rates = [composed(e) for e in (*observer.symbolic.right_hand_side, *updates)]
     outputs = [composed(e) for e in estimates]

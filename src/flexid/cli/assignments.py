@@ -1,8 +1,12 @@
-"""Options that hold several values: names after commas, and name=number."""
+"""Options that hold several values, or a value with something about it."""
 
+import re
 from collections.abc import Iterable
+from typing import Literal
 
 from flexid.errors import SettingError
+
+_UNCERTAIN = re.compile(r"(.+?)(?:±|\+-)(.+)")
 
 
 def parse_names(text: str) -> tuple[str, ...]:
@@ -10,21 +14,75 @@ def parse_names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def parse_known(assignments: Iterable[str]) -> dict[str, float]:
-    """Values by name.
+def parse_known(assignments: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Values by name, and standard deviations of those that have one.
 
     Raises
     ------
     SettingError
-        If one is no name=number.
+        If one is neither name=number nor name=number±number.
+
+    Examples
+    --------
+    >>> parse_known(["motor_inertia=0.3", "theta2=100+-5"])
+    ({'motor_inertia': 0.3, 'theta2': 100.0}, {'theta2': 5.0})
     """
-    known = {}
+    known, deviations = {}, {}
     for assignment in assignments:
-        name, _, text = assignment.partition("=")
+        name, _, text = (part.strip() for part in assignment.partition("="))
+        uncertain = _UNCERTAIN.fullmatch(text)
         try:
-            known[name.strip()] = float(text)
+            known[name] = float(uncertain[1] if uncertain else text)
+            if uncertain:
+                deviations[name] = float(uncertain[2])
         except ValueError:
             raise SettingError(
-                "--known", f"{assignment!r} is no name=number, e.g. motor_inertia=0.3"
+                "--known",
+                f"{assignment!r} is no name=number, e.g. motor_inertia=0.3 or 0.3+-0.01",
             ) from None
-    return known
+    return known, deviations
+
+
+def parse_bounds(assignments: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """Lower and upper ends by name; an end left out is infinite.
+
+    Raises
+    ------
+    SettingError
+        If one is no name=lower:upper.
+
+    Examples
+    --------
+    >>> parse_bounds(["alpha2=0:", "theta2=50:200"])
+    {'alpha2': (0.0, inf), 'theta2': (50.0, 200.0)}
+    """
+    bounds = {}
+    for assignment in assignments:
+        name, _, text = assignment.partition("=")
+        lower, colon, upper = text.partition(":")
+        try:
+            if not colon:
+                raise ValueError
+            bounds[name.strip()] = (float(lower or "-inf"), float(upper or "inf"))
+        except ValueError:
+            raise SettingError(
+                "--bounds",
+                f"{assignment!r} is no name=lower:upper, e.g. theta2=50:200 or alpha2=0:",
+            ) from None
+    return bounds
+
+
+def parse_number(option: str, text: str) -> float | Literal["auto"]:
+    """A number, or ``auto``.
+
+    Raises
+    ------
+    SettingError
+        If the text is neither.
+    """
+    if text == "auto":
+        return "auto"
+    try:
+        return float(text)
+    except ValueError:
+        raise SettingError(option, f"{text!r} is neither a number nor auto") from None

@@ -42,9 +42,11 @@ def excitation(
     from flexid.report.documents import output_directory, to_json
     from flexid.report.excitation_table import print_excitation
 
+    values, deviations = parse_known(known or [])
     settings = Settings(
         terms=parse_names(terms),
-        known=parse_known(known or []),
+        known=values,
+        known_deviations=deviations,
         hold=hold,  # type: ignore[arg-type] - Settings checks it
     )
     errors = Console(stderr=True)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from flexid.errors import SettingError
+from flexid.cli.assignments import parse_bounds, parse_known, parse_names, parse_number
 
 
 def identify(
@@ -15,26 +15,46 @@ def identify(
     ] = None,
     known: Annotated[
         list[str] | None,
-        typer.Option(help="What is known, e.g. motor_inertia=0.3 (kg m²); may be repeated."),
+        typer.Option(help="What is known, e.g. motor_inertia=0.3 or 0.3+-0.01; may be repeated."),
+    ] = None,
+    bounds: Annotated[
+        list[str] | None,
+        typer.Option(help="Ends of a coefficient, e.g. alpha2=0: or theta2=50:200; repeatable."),
     ] = None,
     terms: Annotated[
         str, typer.Option(help="Terms of the model beside the joint spring, comma-separated.")
-    ] = "gravity,motor_viscous",
-    hold: Annotated[
-        str, typer.Option(help="Input between samples: zero (held), linear or auto.")
     ] = "auto",
-    filter_rate: Annotated[
-        float | None, typer.Option(help="Rate of the filter in 1/s; chosen from the log if unset.")
-    ] = None,
+    hold: Annotated[str, typer.Option(help="Input between samples: zero (held), linear.")] = "auto",
+    input_delay: Annotated[
+        str, typer.Option(help="Seconds by which the input acts later than recorded.")
+    ] = "auto",
+    link_delay: Annotated[
+        str, typer.Option(help="Seconds by which the link encoder lags behind the motor's.")
+    ] = "auto",
+    coulomb_velocity: Annotated[
+        str, typer.Option(help="Velocity in rad/s over which Coulomb friction changes sign.")
+    ] = "auto",
+    filter_rate: Annotated[str, typer.Option(help="Rate of the filter in 1/s.")] = "auto",
+    estimator: Annotated[
+        str, typer.Option(help="Where the values come from: prediction-error, least-squares.")
+    ] = "auto",
+    segment_duration: Annotated[
+        str, typer.Option(help="Segments of the prediction error in s.")
+    ] = "auto",
     validation_share: Annotated[
         float, typer.Option(help="Share of each log, at its end, kept out for the free run.")
     ] = 1 / 3,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Show the evidence for every choice.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(help="Directory for estimate.json and the figures.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Identify a flexible joint: physical parameters with intervals and a verdict.
+
+    What is auto is chosen from the log. With one encoder the joint is taken as rigid.
 
     Exit status 0: every coefficient is told by the data; 1: some are not, and the result says
     which and why; 2: bad input.
@@ -47,20 +67,33 @@ def identify(
     from flexid.report.documents import identification_document, output_directory, to_json
     from flexid.report.identification_table import print_identification
 
+    values, deviations = parse_known(known or [])
     settings = Settings(
-        terms=tuple(term.strip() for term in terms.split(",") if term.strip()),
-        known=_parse_known(known or []),
+        terms="auto" if terms == "auto" else parse_names(terms),
+        known=values,
+        known_deviations=deviations,
+        bounds=parse_bounds(bounds or []),
         hold=hold,  # type: ignore[arg-type] - Settings checks it
-        filter_rate=filter_rate,
+        input_delay=parse_number("--input-delay", input_delay),
+        link_delay=parse_number("--link-delay", link_delay),
+        coulomb_velocity=parse_number("--coulomb-velocity", coulomb_velocity),
+        filter_rate=parse_number("--filter-rate", filter_rate),
+        estimator=estimator,  # type: ignore[arg-type] - Settings checks it
+        segment_duration=parse_number("--segment-duration", segment_duration),
         validation_share=validation_share,
     )
     errors = Console(stderr=True)
-    with errors.status("Identifying … (the first run on a machine compiles for some seconds)"):
-        result = run([read_log(log, columns) for log in logs], settings)
+    with errors.status("reading (the first run on a machine compiles for some seconds)") as status:
+        result = run(
+            [read_log(log, columns) for log in logs],
+            settings,
+            lambda step: status.update(f"identifying: {step}"),
+        )
         document = to_json(identification_document(result))
         if out is not None:
             from flexid.report.identification_figures import save_identification_figures
 
+            status.update("drawing")
             with output_directory(out) as directory:
                 (directory / "estimate.json").write_text(document, encoding="utf-8")
                 save_identification_figures(result, directory)
@@ -69,19 +102,6 @@ def identify(
     if as_json:
         typer.echo(document, nl=False)
     else:
-        print_identification(result)
+        print_identification(result, explain=explain)
     if not result.supported:
         raise typer.Exit(1)
-
-
-def _parse_known(assignments: list[str]) -> dict[str, float]:
-    known = {}
-    for assignment in assignments:
-        name, _, text = assignment.partition("=")
-        try:
-            known[name.strip()] = float(text)
-        except ValueError:
-            raise SettingError(
-                "--known", f"{assignment!r} is no name=number, e.g. motor_inertia=0.3"
-            ) from None
-    return known

@@ -1,70 +1,63 @@
 """The main job: logs and a model become an estimate with intervals and a verdict."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-
-import numpy as np
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 
 import flexid
-from flexid.analysis.excitation import Excitation, excitation_of_gram
-from flexid.errors import RecordingError, SettingError
-from flexid.estimators.filter_rate import choose_filter_rate
-from flexid.estimators.samples import samples_of_recording
-from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
-from flexid.identification.estimates import (
-    coefficient_estimates,
-    filter_shifts,
-    parameter_estimates,
-)
+from flexid.errors import ConvergenceError
+from flexid.estimators.prediction_error import PredictionErrorFit
+from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.identification import intervals
+from flexid.identification.alignment import Alignment, aligned, estimate_alignment
+from flexid.identification.candidate import Candidate, Fitted
+from flexid.identification.choose import Choice, choose
+from flexid.identification.compliance import compare_with_rigid, one_encoder
+from flexid.identification.estimates import coefficient_estimates, parameter_estimates
+from flexid.identification.findings import findings
+from flexid.identification.joint import Joint, flexible, rigid
 from flexid.identification.observer_stream import stream
-from flexid.identification.residuals import residual_excess
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
+from flexid.identification.preparation import Pieces, prepare
+from flexid.identification.prior_knowledge import Known, informed
+from flexid.identification.result import Choices, Identification
+from flexid.identification.settings import Auto, Settings
+from flexid.identification.summary import summary
 from flexid.identification.validation import validate
-from flexid.identification.warnings import residual_warnings, sign_warnings, validation_warnings
-from flexid.models.flexible_joint import flexible_joint
-from flexid.models.parametric_system import ParametricSystem
-from flexid.recording.recording import Hold, Log, Recording
-from flexid.recording.velocities import with_velocities
+from flexid.identification.warnings import (
+    compliance_warnings,
+    residual_warnings,
+    sign_warnings,
+    validation_warnings,
+)
+from flexid.models.terms import SMOOTHING
+from flexid.recording.recording import Log, Recording
 
-_FEWEST_TRAINING_SAMPLES = 50
-_FEWEST_HELD_OUT_SAMPLES = 10
-# Other filter rates at which a right model gives the same answer. Slower ones see another part of
-# the motion and hardly any noise; beyond twice the rate noise in the regressors biases the answer.
-_RATE_FACTORS = (0.125, 0.25, 0.5, 2.0)
+Progress = Callable[[str], None]
 
-
-@dataclass(frozen=True)
-class _Fitter:
-    """Least squares with the choices made once, on the training data."""
-
-    system: ParametricSystem
-    filter_rate: float
-    hold: Hold
-
-    def at(self, filter_rate: float) -> "_Fitter":
-        return replace(self, filter_rate=filter_rate)
-
-    def fit(self, pieces: Sequence[Recording]) -> LeastSquaresFit:
-        samples = [samples_of_recording(piece) for piece in pieces]
-        return filtered_least_squares(
-            samples, self.system, filter_rate=self.filter_rate, hold=self.hold
-        )
+AnyFitted = Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit]
 
 
-def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identification:
-    """Identify a flexible joint from one or several logs.
+def _silent(_: str) -> None:
+    pass
 
-    State-variable-filter least squares on positions gives the coefficients, once from the data
-    before the held-out end of each piece, for the validation by free run, and once from all data,
-    for the report. The paper's observer runs over the same logs as a stream.
+
+def identify(
+    logs: Sequence[Log], settings: Settings | None = None, progress: Progress = _silent
+) -> Identification:
+    """Identify a joint from one or several logs.
+
+    The channels are aligned in time; terms, segment length and estimator are chosen on the data
+    before the held-out end of each piece; the model is fitted to that data and run freely over the
+    ends; and it is fitted once more, to all data, for the report.
 
     Parameters
     ----------
     logs : sequence of Log
-        Of the same drive, with the same kind of input.
+        Of the same drive, with the same kind of input and the same encoders. With one encoder the
+        joint is taken as rigid.
     settings : Settings, optional
         Choices; see there.
+    progress : callable, optional
+        Told of each step in words.
 
     Returns
     -------
@@ -76,147 +69,180 @@ def identify(logs: Sequence[Log], settings: Settings | None = None) -> Identific
         If the logs do not go together or are too short.
     SettingError
         If a setting does not suit the logs.
+    ConvergenceError
+        If prediction error is insisted upon and does not converge.
     """
     settings = settings or Settings()
-    _check_distinct(logs)
-    input_unit = _common_input_unit(logs)
-    known = settings.known_coefficients(input_is_torque=input_unit == "N m")
-    system = flexible_joint(settings.terms, known)
-    measured, dropped = _long_enough(logs, settings.validation_share)
-    starts = [_held_out_start(piece, settings.validation_share) for piece in measured]
-    parts = [piece.window(0, start) for piece, start in zip(measured, starts, strict=True)]
-    # Derived apart, so that no velocity of the training data knows of the held-out positions.
-    training = [with_velocities(part) for part in parts]
-    pieces = [with_velocities(piece) for piece in measured]
-    fitter = _choose(training, system, settings)
+    pieces, dropped = prepare(logs, settings.validation_share)
+    input_unit = pieces.recorded[0].input_unit
+    joint = rigid() if pieces.recorded[0].link_position is None else flexible()
+    fixed = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
 
-    trained = fitter.fit(training)
-    values = dict(zip(trained.names, map(float, trained.values), strict=True))
-    validation = validate(list(zip(pieces, starts, strict=True)), system, values, fitter.hold)
+    pieces, alignment, choice = _best_choice(joint, pieces, fixed, settings, progress)
+    candidate = choice.candidate
 
-    fit = fitter.fit(pieces)
-    excitation = _excitation(fit)
-    others = [fitter.at(factor * fitter.filter_rate).fit(pieces) for factor in _RATE_FACTORS]
-    excess = residual_excess(fit, pieces, system)
-    coefficients = coefficient_estimates(
-        fit,
-        filter_shifts(fit, others),
-        excess,
-        excitation,
-        validation.fit_percent,
-        known,
-        input_unit,
+    progress("free run over the held-out data")
+    trained, _ = _fit(candidate, pieces.fitted, pieces.groups, settings)
+    coefficients = trained.coefficients(len(pieces.recorded))
+    validation = validate(candidate.joint, pieces, coefficients, candidate.hold)
+
+    progress("fit to all data")
+    reported, retreat = _fit(candidate, pieces.whole, pieces.groups, settings)
+    found = findings(candidate, pieces, reported, choice.shifts, validation.fit_percent)
+    fit, contradictions = _informed(candidate.joint, reported, fixed, settings, input_unit)
+    estimates = coefficient_estimates(
+        fit, found.evidence, candidate.joint.units, _fixed(reported, fixed), input_unit
     )
+    progress("the rigid joint as a rival")
+    compliance = (
+        compare_with_rigid(candidate, pieces, validation)
+        if joint.kind == "flexible"
+        else one_encoder()
+    )
+    choices = _choices(choice, alignment, reported)
     return Identification(
-        coefficients=coefficients,
-        parameters=parameter_estimates(fit, coefficients, input_unit),
-        excitation=excitation,
-        residual_excess=excess,
+        model=joint.kind,
+        coefficients=estimates,
+        parameters=parameter_estimates(
+            candidate.joint, fit, reported.unknowns, estimates, input_unit
+        ),
+        least_squares=dict(zip(found.start.names, found.start.values.tolist(), strict=True)),
+        excitation=found.excitation,
+        residual_excess=found.residual_excess,
         validation=validation,
-        observer=stream(pieces, system, fitter.hold),
-        hold=fitter.hold,
-        filter_rate=fitter.filter_rate,
+        compliance=compliance,
+        observer=stream(candidate.samples(pieces.whole), reported.unknowns, candidate.hold),
+        fit=fit,
+        choices=choices,
+        summary=summary(choices, reported.fit, found.start),
         warnings=(
             *(warning for log in logs for warning in log.warnings),
             *dropped,
-            *sign_warnings(coefficients),
-            *residual_warnings(excess),
+            *retreat,
+            *contradictions,
+            *sign_warnings(estimates),
+            *residual_warnings(found.residual_excess),
             *validation_warnings(validation.fit_percent),
+            *compliance_warnings(compliance),
         ),
-        provenance=_provenance(logs, settings, fitter),
+        provenance=_provenance(logs, settings, choices),
     )
 
 
-def _check_distinct(logs: Sequence[Log]) -> None:
-    """Refuse the same data twice: counted as independent, they would narrow every interval."""
-    sources: dict[str, str] = {}
-    for log in logs:
-        if log.sha256 and log.sha256 in sources:
-            raise RecordingError(
-                log.source, "", f"holds the same data as {sources[log.sha256]}: give it only once"
-            )
-        sources[log.sha256] = log.source
+def _best_choice(
+    joint: Joint,
+    recorded: Pieces,
+    fixed: Mapping[str, float],
+    settings: Settings,
+    progress: Progress,
+) -> tuple[Pieces, Alignment, Choice]:
+    """Align the channels and choose the rest; a delay of the input must pay in the free run.
 
-
-def _common_input_unit(logs: Sequence[Log]) -> str:
-    units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
-    if len(units) > 1:
-        (first, second), sources = list(units)[:2], list(units.values())
-        raise RecordingError(
-            sources[1],
-            "input",
-            f"is in {second} where {sources[0]} has {first}: identify them one by one",
-        )
-    return next(iter(units))
-
-
-def _long_enough(logs: Sequence[Log], share: float) -> tuple[list[Recording], list[str]]:
-    """Pieces that leave enough to fit, all if none does, and a warning for each of the others."""
-    pieces = [piece for log in logs for piece in log.pieces]
-    kept = [p for p in pieces if round(len(p) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES] or pieces
-    warnings = [
-        f"{piece.source}: the {len(piece)} samples from {piece.start_time:g} s on are too few to "
-        f"fit and validate, so they were left out: record without gaps"
-        for piece in pieces
-        if piece not in kept
-    ]
-    return kept, warnings
-
-
-def _held_out_start(piece: Recording, share: float) -> int:
-    start = round(len(piece) * (1 - share))
-    if start < _FEWEST_TRAINING_SAMPLES:
-        raise RecordingError(
-            piece.source,
-            f"piece from {piece.start_time:g} s",
-            f"leaves {start} samples to fit after {share:.0%} are kept out for validation, fewer "
-            f"than {_FEWEST_TRAINING_SAMPLES}: record longer",
-        )
-    if len(piece) - start < _FEWEST_HELD_OUT_SAMPLES:
-        raise SettingError(
-            "validation-share",
-            f"{share:g} keeps only {len(piece) - start} samples of {piece.source} out, fewer than "
-            f"{_FEWEST_HELD_OUT_SAMPLES}: raise it, or record longer",
-        )
-    return start
-
-
-def _choose(training: Sequence[Recording], system: ParametricSystem, settings: Settings) -> _Fitter:
-    """Settle the hold and the filter rate on the training data.
-
-    Holds are compared at one rate, for residuals at different rates say nothing about the hold;
-    the rate is then chosen for the hold that it will be used with.
+    What the model lacks can look like a delay. So where one is found, all is chosen once more
+    without it, and the better of both repeats the data better.
     """
-    samples = [samples_of_recording(piece) for piece in training]
 
-    def best_rate(hold: Hold) -> float:
-        return settings.filter_rate or choose_filter_rate(samples, system, hold)
+    def chosen(input_delay: float | Auto) -> tuple[Pieces, Alignment, Choice]:
+        progress("time alignment")
+        alignment = estimate_alignment(
+            recorded.fitted, settings.hold, input_delay, settings.link_delay
+        )
+        pieces = recorded.changed(
+            lambda piece: aligned(piece, alignment), settings.validation_share
+        )
+        return pieces, alignment, choose(joint, pieces, alignment, fixed, settings, progress)
 
-    if settings.hold != "auto":
-        return _Fitter(system, best_rate(settings.hold), settings.hold)
-    linear = _Fitter(system, best_rate("linear"), "linear")
-    held = replace(linear, hold="zero")
-    if _misfit(linear.fit(training)) <= _misfit(held.fit(training)):
-        return linear
-    return held.at(best_rate("zero"))
+    first = chosen(settings.input_delay)
+    if first[1].input_delay.status != "found":
+        return first
+    second = chosen(0.0)
+    if first[2].error <= second[2].error:
+        return first
+    doubted = replace(
+        first[1].input_delay,
+        value=0.0,
+        status="none",
+        reason="with the delay that fits best, the free run repeats the held-out motion worse",
+    )
+    return second[0], replace(second[1], input_delay=doubted), second[2]
 
 
-def _misfit(fit: LeastSquaresFit) -> float:
-    return sum(row.residual_sum / row.total_sum for row in fit.rows)
+def _fit(
+    candidate: Candidate,
+    recordings: Sequence[Recording],
+    groups: Sequence[int],
+    settings: Settings,
+) -> tuple[AnyFitted, tuple[str, ...]]:
+    """Fit as chosen; where that fails and was not asked for, least squares with a warning."""
+    if candidate.segment_duration == 0:
+        return candidate.least_squares(recordings, groups), ()
+    try:
+        return candidate.prediction_error(recordings, groups), ()
+    except ConvergenceError as error:
+        if settings.estimator == "prediction-error":
+            raise
+        return candidate.least_squares(recordings, groups), (
+            f"{error}; the values are those of least squares",
+        )
 
 
-def _excitation(fit: LeastSquaresFit) -> Mapping[str, Excitation]:
-    return {
-        row.name: excitation_of_gram(row.name, row.coefficients, row.gram / len(row.time))
-        for row in fit.rows
-    }
+def _informed(
+    joint: Joint,
+    reported: AnyFitted,
+    fixed: Mapping[str, float],
+    settings: Settings,
+    input_unit: str,
+) -> tuple[intervals.Fitted, tuple[str, ...]]:
+    """The fit with what is known uncertainly joined to it, and where the two contradict."""
+    uncertain = [
+        Known(name, settings.known[name], std)
+        for name, std in settings.known_deviations.items()
+        if std > 0
+    ]
+    if not uncertain:
+        return reported.fit, ()
+    given = {**fixed, **reported.at_bound}
+    parameters = joint.parameters({*reported.fit.names, *given}, input_unit == "N m")
+    both = informed(reported.fit, uncertain, parameters, given)
+    return both, both.warnings
 
 
-def _provenance(logs: Sequence[Log], settings: Settings, fitter: _Fitter) -> dict[str, object]:
-    chosen = replace(settings, hold=fitter.hold, filter_rate=float(np.round(fitter.filter_rate, 6)))
+def _fixed(reported: AnyFitted, given: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+    """What was not estimated, and why."""
+    fixed = {name: (value, "given") for name, value in given.items()}
+    return fixed | {name: (value, "at its bound") for name, value in reported.at_bound.items()}
+
+
+def _choices(choice: Choice, alignment: Alignment, reported: AnyFitted) -> Choices:
+    candidate, constants = choice.candidate, choice.candidate.joint.system.constants
+    finished = isinstance(reported.fit, PredictionErrorFit)
+    smoothed = any("coulomb" in term for term in candidate.terms)
+    return Choices(
+        terms=candidate.terms,
+        alignment=alignment,
+        hold=candidate.hold,
+        coulomb_velocity=constants[SMOOTHING] if smoothed else None,
+        filter_rate=candidate.filter_rate,
+        estimator="prediction-error" if finished else "least-squares",
+        segment_duration=candidate.segment_duration if finished else None,
+        term_evidence=choice.terms,
+        segment_evidence=choice.segments,
+    )
+
+
+def _provenance(logs: Sequence[Log], settings: Settings, choices: Choices) -> dict[str, object]:
     return {
         "flexid_version": flexid.__version__,
-        "settings": {**asdict(settings), "terms": list(settings.terms)},
-        "chosen": {"hold": chosen.hold, "filter_rate": chosen.filter_rate},
+        "settings": asdict(settings),
+        "chosen": {
+            "terms": list(choices.terms),
+            "hold": choices.hold,
+            "input_delay": choices.alignment.input_delay.value,
+            "link_delay": choices.alignment.link_delay.value,
+            "coulomb_velocity": choices.coulomb_velocity,
+            "filter_rate": round(choices.filter_rate, 6),
+            "estimator": choices.estimator,
+            "segment_duration": choices.segment_duration,
+        },
         "inputs": [{"file": log.source, "sha256": log.sha256} for log in logs],
     }

@@ -6,42 +6,58 @@ import numpy as np
 
 from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
-from flexid.estimators.samples import samples_of_recording
+from flexid.estimators.samples import Samples
+from flexid.estimators.unknowns import Unknowns
 from flexid.identification.result import ObserverTrace
-from flexid.models.parametric_system import ParametricSystem
-from flexid.recording.recording import Hold, Recording
+from flexid.recording.recording import Hold
 
 _KEPT = 2000  # samples of the trace that are kept for the figure
 
 
-def stream(pieces: Sequence[Recording], system: ParametricSystem, hold: Hold) -> ObserverTrace:
+def stream(pieces: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> ObserverTrace:
     """Run the observer with suggested constant gains over pieces, one after the other.
 
     Parameters
     ----------
-    pieces : sequence of Recording
+    pieces : sequence of Samples
         With velocities. The estimates at the end of one are where the next begins.
-    system : ParametricSystem
-        The model.
+    unknowns : Unknowns
+        What is sought. What is fixed keeps its value; the observer does not tell logs apart.
     hold : {"zero", "linear"}
         Behaviour of the input between samples.
 
     Returns
     -------
     ObserverTrace
-        Starting from zero estimates.
+        Of the coefficients that are sought, starting from zero estimates.
     """
-    all_samples = [samples_of_recording(piece) for piece in pieces]
-    longest = max(all_samples, key=len)
-    gains = suggest_gains(longest, system)
-    values = dict.fromkeys(system.coefficients, 0.0)
+    system = unknowns.system
+    sought = [c for c in system.coefficients if c not in unknowns.fixed]
+    gains = _gains(max(pieces, key=len), unknowns, sought)
+    values = {c: unknowns.fixed.get(c, 0.0) for c in system.coefficients}
     estimates = []
-    for samples in all_samples:
+    for samples in pieces:
         observer = parametric_observer(system, gains, samples.sample_time, hold)
         history = observer.replay(observer.init(values), packed(samples)).coefficients
         values = dict(zip(system.coefficients, map(float, history[-1]), strict=True))
         estimates.append(history)
-    time = np.concatenate([piece.time for piece in pieces])
+    time = np.concatenate([samples.time for samples in pieces])
     thinning = max(1, len(time) // _KEPT)
     kept = np.r_[0 : len(time) - 1 : thinning, len(time) - 1]
-    return ObserverTrace(time[kept], system.coefficients, np.concatenate(estimates)[kept], gains)
+    places = [system.coefficients.index(c) for c in sought]
+    return ObserverTrace(
+        time[kept],
+        tuple(sought),
+        np.concatenate(estimates)[np.ix_(kept, places)],
+        {c: gains[c] for c in sought},
+    )
+
+
+def _gains(samples: Samples, unknowns: Unknowns, sought: Sequence[str]) -> dict[str, float]:
+    """Suggested gains, shared among what is sought of each row; none for the rest."""
+    suggested = suggest_gains(samples, unknowns.system)
+    gains = dict.fromkeys(suggested, 0.0)
+    for row in unknowns.system.rows:
+        here = [c for c in row.coefficients if c in sought]
+        gains |= {c: suggested[c] * len(row.coefficients) / len(here) for c in here}
+    return gains

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexid.estimators.samples import samples_of_recording
+from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.models.parametric_system import ParametricSystem
-from flexid.recording.recording import Recording
+from flexid.estimators.unknowns import Unknowns
 from flexid.recording.velocities import position_noise
 from flexid.simulation.free_run import free_run_kernel
 from flexid.simulation.linearisation import jacobian
@@ -27,7 +26,7 @@ _MEMORY = 40.0  # time constants of the filter after which its response has vani
 
 
 def residual_excess(
-    fit: LeastSquaresFit, pieces: Sequence[Recording], system: ParametricSystem
+    fit: LeastSquaresFit, unknowns: Unknowns, pieces: Sequence[Samples]
 ) -> dict[str, float]:
     """Residual of each row over the residual that noise of the positions would leave.
 
@@ -35,21 +34,20 @@ def residual_excess(
     ----------
     fit : LeastSquaresFit
         Of these pieces.
-    pieces : sequence of Recording
+    unknowns : Unknowns
+        What it sought.
+    pieces : sequence of Samples
         With velocities.
-    system : ParametricSystem
-        The model.
 
     Returns
     -------
     dict of str to float
         Ratio of root mean squares by row; near 1 for a right model with white noise.
     """
-    longest = max(pieces, key=len)
-    noise = np.array(
-        [position_noise(longest.needed_link_position), position_noise(longest.motor_position)]
-    )
-    stiffness, damping = _linearised(fit, longest, system)
+    place = max(range(len(pieces)), key=lambda i: len(pieces[i]))
+    longest = pieces[place]
+    noise = np.array([position_noise(position) for position in longest.positions.T])
+    stiffness, damping = _linearised(unknowns, unknowns.coefficients(fit.values, place), longest)
     smooth, first, second = _responses(fit.filter_rate, longest.sample_time)
     excess = {}
     for place, row in enumerate(fit.rows):
@@ -76,10 +74,10 @@ def _responses(filter_rate: float, sample_time: float) -> tuple[FloatArray, Floa
 
 
 def _linearised(
-    fit: LeastSquaresFit, piece: Recording, system: ParametricSystem
+    unknowns: Unknowns, coefficients: FloatArray, samples: Samples
 ) -> tuple[FloatArray, FloatArray]:
     """Mean derivatives of the accelerations by positions and velocities, each (rows, rows)."""
-    samples = samples_of_recording(piece)
+    system = unknowns.system
     assert samples.velocities is not None
     states = np.empty((len(samples), len(system.states)))
     states[:, 0::2], states[:, 1::2] = samples.positions, samples.velocities
@@ -87,7 +85,7 @@ def _linearised(
     kernel = free_run_kernel(system)
     instants = np.linspace(0, len(samples) - 1, _INSTANTS).round().astype(int)
     about = (
-        jacobian(kernel, states[i], samples.inputs[i], fit.values, constants) for i in instants
+        jacobian(kernel, states[i], samples.inputs[i], coefficients, constants) for i in instants
     )
     mean = np.mean(list(about), axis=0)[1::2]
     return mean[:, 0::2], mean[:, 1::2]

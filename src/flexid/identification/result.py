@@ -8,9 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.analysis.excitation import Excitation
+from flexid.identification.alignment import Alignment
+from flexid.identification.intervals import Fitted
+from flexid.identification.joint import Kind
 from flexid.recording.recording import Hold
 
 Status = Literal["determined", "weak", "undetermined"]
+
+Estimator = Literal["prediction-error", "least-squares"]
 
 FloatArray = NDArray[np.float64]
 
@@ -62,8 +67,8 @@ class FreeRun:
     ----------
     time : (n,) ndarray
         Seconds on the file's clock.
-    measured, simulated : (n, 3) ndarray
-        Link position, motor position and deflection in rad.
+    measured, simulated : (n, n_channels) ndarray
+        The channels of the fit, in rad.
     """
 
     time: FloatArray
@@ -78,7 +83,8 @@ class Validation:
     Parameters
     ----------
     fit_percent : mapping of str to float
-        100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) for link_position, motor_position and deflection.
+        100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) for link_position, motor_position and deflection, or for
+        motor_position alone where the joint is rigid.
     runs : tuple of FreeRun
         One per held-out stretch.
     """
@@ -110,41 +116,155 @@ class ObserverTrace:
 
 
 @dataclass(frozen=True)
+class Compliance:
+    """Whether a log shows that the joint is flexible.
+
+    Parameters
+    ----------
+    visible : bool
+        The answer.
+    reason : str
+        One sentence that gives it.
+    rigid_fit_percent : mapping of str to float
+        Free-run fit of the rigid joint, beside that of the flexible one; NaN where none was run.
+    deflection : float
+        Root mean square of the held-out deflection about its mean, rad.
+    deflection_noise : float
+        Standard deviation of the noise of the deflection, rad.
+    """
+
+    visible: bool
+    reason: str
+    rigid_fit_percent: Mapping[str, float]
+    deflection: float
+    deflection_noise: float
+
+
+@dataclass(frozen=True)
+class TermEvidence:
+    """What a term buys.
+
+    Parameters
+    ----------
+    term : str
+        Its name.
+    chosen : bool
+        Whether it is part of the model.
+    with_term, without_term : float
+        Error of the free run, relative to the motion, with it and without it.
+    """
+
+    term: str
+    chosen: bool
+    with_term: float
+    without_term: float
+
+
+@dataclass(frozen=True)
+class SegmentEvidence:
+    """What one length of the segments gives.
+
+    Parameters
+    ----------
+    duration : float
+        In s; 0 stands for least squares without any.
+    error : float
+        Error of the free run relative to the motion.
+    log_variance : float
+        Mean logarithm of the predicted variances relative to the squared values; NaN where
+        prediction error did not converge, so that least squares ran in its place.
+    """
+
+    duration: float
+    error: float
+    log_variance: float
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What was chosen for the user, and the evidence for it.
+
+    Parameters
+    ----------
+    terms : tuple of str
+        Terms of the model.
+    alignment : Alignment
+        Hold and delays.
+    hold : {"zero", "linear"}
+        Behaviour of the input between samples.
+    coulomb_velocity : float or None
+        Velocity in rad/s over which Coulomb friction changes sign; None where there is none.
+    filter_rate : float
+        Rate λ of the state-variable filter in 1/s.
+    estimator : {"prediction-error", "least-squares"}
+        Where the coefficients come from.
+    segment_duration : float or None
+        Length of the segments in s; None for least squares.
+    term_evidence : tuple of TermEvidence
+        What each term buys; empty where the user gave the terms.
+    segment_evidence : tuple of SegmentEvidence
+        What each length of the segments gives.
+    """
+
+    terms: tuple[str, ...]
+    alignment: Alignment
+    hold: Hold
+    coulomb_velocity: float | None
+    filter_rate: float
+    estimator: Estimator
+    segment_duration: float | None
+    term_evidence: tuple[TermEvidence, ...]
+    segment_evidence: tuple[SegmentEvidence, ...]
+
+
+@dataclass(frozen=True)
 class Identification:
     """Everything `flexid.identification.identify.identify` finds out.
 
     Parameters
     ----------
+    model : {"flexible", "rigid"}
+        What was identified: the flexible joint, or the rigid one where there is one encoder.
     coefficients : mapping of str to CoefficientEstimate
         By name, in the model's order.
     parameters : mapping of str to ParameterEstimate
         By name.
+    least_squares : mapping of str to float
+        Least squares beside the estimates, by coefficient.
     excitation : mapping of str to Excitation
         By row name.
     residual_excess : mapping of str to float
         By row name: residual over what the noise of the positions explains, as root mean squares.
     validation : Validation
         Free run over the held-out end of each piece, with coefficients fitted without it.
+    compliance : Compliance
+        Whether the log shows that the joint is flexible.
     observer : ObserverTrace
         The paper's observer over the same log.
-    hold : {"zero", "linear"}
-        Behaviour of the input between samples that fits the log.
-    filter_rate : float
-        Rate λ of the state-variable filter in 1/s.
+    fit : Fitted
+        Names, values, covariance and degrees of freedom of what was estimated.
+    choices : Choices
+        What was chosen, with the evidence.
+    summary : tuple of str
+        The choices and their reasons in three sentences.
     warnings : tuple of str
         Everything the user should know before trusting the numbers.
     provenance : mapping
         Version, settings, inputs with their hashes.
     """
 
+    model: Kind
     coefficients: Mapping[str, CoefficientEstimate]
     parameters: Mapping[str, ParameterEstimate]
+    least_squares: Mapping[str, float]
     excitation: Mapping[str, Excitation]
     residual_excess: Mapping[str, float]
     validation: Validation
+    compliance: Compliance
     observer: ObserverTrace
-    hold: Hold
-    filter_rate: float
+    fit: Fitted
+    choices: Choices
+    summary: tuple[str, ...]
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

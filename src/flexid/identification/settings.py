@@ -2,30 +2,51 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
+from math import isfinite, isnan
 from typing import Literal
 
 from flexid.errors import SettingError
-from flexid.models.flexible_joint import COEFFICIENT_UNITS, PAPER_TERMS, TERMS
+from flexid.models.flexible_joint import COEFFICIENT_UNITS, TERMS
+from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
+_COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
+_TERMS = dict.fromkeys([*TERMS, *RIGID_TERMS])
+
+Auto = Literal["auto"]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Choices of an identification; the defaults do the right thing for a log of torque.
+    """Choices of an identification; what is ``auto`` is chosen from the log.
 
     Parameters
     ----------
     terms : tuple of str, optional
-        Terms of the flexible joint; see `flexid.models.flexible_joint.TERMS`.
+        Terms of the model; see `flexid.models.flexible_joint.TERMS`, and
+        `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder.
     known : mapping of str to float, optional
         ``motor_inertia`` in kg m² (with a torque input), or coefficients by name.
+    known_deviations : mapping of str to float, optional
+        Standard deviations of what is known; what has none is taken as exact. What has one may be
+        any physical parameter too.
+    bounds : mapping of str to tuple of float, optional
+        Lower and upper end for coefficients, infinite where there is none.
     hold : {"auto", "zero", "linear"}, optional
-        How the input behaves between samples; ``auto`` takes what fits the log better.
+        How the input behaves between samples.
+    input_delay : float, optional
+        By how many seconds the input acts later than it was recorded.
+    link_delay : float, optional
+        By how many seconds the link's encoder lags behind the motor's.
+    coulomb_velocity : float, optional
+        Velocity in rad/s over which Coulomb friction changes sign.
     filter_rate : float, optional
-        Rate of the state-variable filter in 1/s; chosen from the log if not given.
+        Rate of the state-variable filter in 1/s.
+    estimator : {"auto", "prediction-error", "least-squares"}, optional
+        Where the coefficients come from.
+    segment_duration : float, optional
+        Length of the segments of the prediction error in s.
     validation_share : float, optional
         Share of each piece, at its end, that the free run is tested on.
 
@@ -35,58 +56,96 @@ class Settings:
         If a value cannot be used.
     """
 
-    terms: tuple[str, ...] = PAPER_TERMS
+    terms: tuple[str, ...] | Auto = "auto"
     known: Mapping[str, float] = field(default_factory=dict)
-    hold: Hold | Literal["auto"] = "auto"
-    filter_rate: float | None = None
+    known_deviations: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    hold: Hold | Auto = "auto"
+    input_delay: float | Auto = "auto"
+    link_delay: float | Auto = "auto"
+    coulomb_velocity: float | Auto = "auto"
+    filter_rate: float | Auto = "auto"
+    estimator: Literal["auto", "prediction-error", "least-squares"] = "auto"
+    segment_duration: float | Auto = "auto"
     validation_share: float = 1 / 3
 
     def __post_init__(self) -> None:
-        for term in self.terms:
-            if term not in TERMS:
-                raise SettingError("terms", f"{term!r} is unknown; known are {', '.join(TERMS)}")
+        if self.terms != "auto":
+            for term in self.terms:
+                if term not in _TERMS:
+                    raise SettingError(
+                        "terms", f"{term!r} is unknown; known are auto, {', '.join(_TERMS)}"
+                    )
         for name, value in self.known.items():
-            _check_known(name, value)
+            _check_known(name, value, self.known_deviations.get(name, 0.0))
         if {"motor_inertia", "beta1"} <= set(self.known):
             raise SettingError("known", "motor_inertia and beta1 fix the same: give one of them")
-        if self.hold not in ("auto", "zero", "linear"):
-            raise SettingError("hold", f"{self.hold!r} is none of auto, zero, linear")
-        if self.filter_rate is not None and not 0 < self.filter_rate < float("inf"):
-            raise SettingError("filter-rate", "give a positive rate in 1/s")
+        for name, (lower, upper) in self.bounds.items():
+            _check_bounds(name, lower, upper)
+        _check_choice("hold", self.hold, ("auto", "zero", "linear"))
+        _check_choice("estimator", self.estimator, ("auto", "prediction-error", "least-squares"))
+        _check_positive("coulomb-velocity", self.coulomb_velocity, "rad/s")
+        _check_positive("filter-rate", self.filter_rate, "1/s")
+        _check_positive("segment-duration", self.segment_duration, "s")
+        for name in ("input_delay", "link_delay"):
+            delay = getattr(self, name)
+            if delay != "auto" and not isfinite(delay):
+                raise SettingError(name.replace("_", "-"), "give a number of seconds, or auto")
         if not 0 < self.validation_share <= _LARGEST_SHARE:
             raise SettingError(
                 "validation-share", f"give a share of the log between 0 and {_LARGEST_SHARE}"
             )
 
-    def known_coefficients(self, input_is_torque: bool) -> dict[str, float]:
-        """Coefficients whose value follows from what is known.
+    def fixed_coefficients(self, input_is_torque: bool) -> dict[str, float]:
+        """Coefficients whose value follows from what is known exactly.
 
         Raises
         ------
         SettingError
             If a motor inertia is given with an input that is no torque.
         """
-        known = dict(self.known)
-        inertia = known.pop("motor_inertia", None)
-        if inertia is None:
-            return known
-        if not input_is_torque:
+        if "motor_inertia" in self.known and not input_is_torque:
             raise SettingError(
                 "known",
                 "motor_inertia fixes beta1 only when the input is a torque; this log's input is a "
                 "voltage or current, whose gain is unknown too: leave it out",
             )
-        return {**known, "beta1": 1 / inertia}
+        known = {c: v for c, v in self.known.items() if not self.known_deviations.get(c)}
+        inertia = known.pop("motor_inertia", None)
+        return known if inertia is None else {**known, "beta1": 1 / inertia}
 
 
-def _check_known(name: str, value: float) -> None:
-    if name != "motor_inertia" and name not in COEFFICIENT_UNITS:
+def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise SettingError(setting, f"{value!r} is none of {', '.join(choices)}")
+
+
+def _check_positive(setting: str, value: float | str, unit: str) -> None:
+    if isinstance(value, str):
+        _check_choice(setting, value, ("auto",))
+    elif not (isfinite(value) and value > 0):
+        raise SettingError(setting, f"give a positive number in {unit}, or auto")
+
+
+def _check_known(name: str, value: float, deviation: float) -> None:
+    # What has an uncertainty may be any physical parameter, which only the fit knows.
+    if name != "motor_inertia" and name not in _COEFFICIENTS and deviation == 0:
         raise SettingError(
             "known",
-            f"{name!r} is unknown; give motor_inertia or a coefficient: "
-            f"{', '.join(COEFFICIENT_UNITS)}",
+            f"{name!r} is unknown; give motor_inertia or a coefficient: {', '.join(_COEFFICIENTS)}",
         )
     inverted = name in ("motor_inertia", "beta1")  # each is the other's inverse
     usable = isfinite(value) and not (inverted and (value == 0 or not isfinite(1 / value)))
     if not usable or (name == "motor_inertia" and value < 0):
         raise SettingError("known", f"{name} = {value:g} is no possible value")
+    if not (isfinite(deviation) and deviation >= 0):
+        raise SettingError("known", f"{deviation:g} is no standard deviation of {name}")
+
+
+def _check_bounds(name: str, lower: float, upper: float) -> None:
+    if name not in _COEFFICIENTS:
+        raise SettingError(
+            "bounds", f"{name!r} is no coefficient; they are {', '.join(_COEFFICIENTS)}"
+        )
+    if isnan(lower) or isnan(upper) or lower >= upper:
+        raise SettingError("bounds", f"of {name}: {lower:g} is not below {upper:g}")

@@ -91,9 +91,7 @@ def _runs(
     return runs
 
 
-def _run(
-    joint: Joint, piece: Recording, start: int, values: FloatArray, hold: Hold
-) -> FloatArray:
+def _run(joint: Joint, piece: Recording, start: int, values: FloatArray, hold: Hold) -> FloatArray:
     """Channels of a free run from a sample on; its first state is that of the data before."""
     coefficients = dict(zip(joint.system.coefficients, map(float, values), strict=True))
     length = max(_FEWEST_SAMPLES, round(_WARM_UP / piece.sample_time))

@@ -8,12 +8,12 @@ Six kinds of evidence count, and the worst decides:
 - the excitation: where the condition number of a row's normalised Gram matrix is beyond
   `LOST_CONDITION`, a step along the worst direction goes unseen, and whatever coefficient such a
   step would change is not known;
-- the filter: in a right model the same coefficients explain the motion at every filter rate; one
-  that moves with the rate by more than noise allows makes up for what the model lacks, and makes
-  its whole row weak;
+- the shift: in a right model the same coefficients explain the motion at every filter rate, over
+  segments of every length, and to least squares as to prediction error; one that moves with any of
+  these by more than noise allows makes up for what the model lacks, and makes its row weak;
 - the residual: where a row leaves far more unexplained than the noise of the positions accounts
   for, the model or the recorded input lacks something, and the row is weak;
-- the sign: no spring and no inertia is negative;
+- the sign: no spring, no inertia and no friction is negative;
 - the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
   not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
 """
@@ -37,7 +37,7 @@ NEGLIGIBLE_SHARE = 0.02
 """Share of the row's acceleration below which the uncertainty of a term does not matter."""
 
 DETERMINED_SHIFT = 0.05
-"""Relative shift with the filter rate, beyond noise, up to which a coefficient is determined."""
+"""Relative shift, beyond noise, up to which a coefficient is determined."""
 
 NOISE_EXCESS = 5.0
 """Residual over what noise explains up to which a row's coefficients are determined."""
@@ -45,9 +45,20 @@ NOISE_EXCESS = 5.0
 WEAK_FIT = 50.0
 """Free-run fit in per cent below which what it depends on is doubtful."""
 
+DISSIPATIVE = frozenset(
+    {"alpha2", "theta_viscous", "theta_damping", "alpha_damping", "theta_coulomb", "alpha_coulomb"}
+    | {"gamma_viscous", "gamma_coulomb"}
+)
+"""Frictions and dampings, which no drive has negative."""
+
+NEGATIVE_DEVIATIONS = 2.0
+"""Standard deviations below zero from which on a friction is no friction."""
+
 _STIFFNESS = ("theta2", "alpha1")
 _POSITIVE = (*_STIFFNESS, "beta1")
 _TAINTED = 0.1  # relative change along a lost direction from which on a coefficient is not known
+
+_CHANNELS = {"link": "link_position", "motor": "motor_position", "rigid": "motor_position"}
 
 _RANK: dict[Status, int] = {"determined": 0, "weak": 1, "undetermined": 2}
 
@@ -65,7 +76,8 @@ class Evidence:
     values, deviations : mapping of str to float
         Estimate and standard deviation of each coefficient.
     shifts : mapping of str to float
-        How far each estimate moves with the filter rate, beyond noise; in its own unit.
+        How far each estimate moves with filter rate or segment length, beyond noise; in its own
+        unit.
     sizes : mapping of str to float
         Root mean square of each regressor over that of the row's acceleration.
     residual_excess : float
@@ -103,7 +115,7 @@ def verdict(name: str, row: Evidence) -> Verdict:
     reason : str
         Empty for a determined coefficient.
     """
-    rules = (_by_interval, _by_excitation, _by_filter, _by_residual, _by_sign, _by_validation)
+    rules = (_by_interval, _by_excitation, _by_shift, _by_residual, _by_sign, _by_validation)
     return max((rule(name, row) for rule in rules), key=lambda judged: _RANK[judged[0]])
 
 
@@ -141,7 +153,7 @@ def _tainted(name: str, row: Evidence) -> bool:
     return name in excitation.confounded or unseen >= _TAINTED
 
 
-def _by_filter(name: str, row: Evidence) -> Verdict:
+def _by_shift(name: str, row: Evidence) -> Verdict:
     moved = {
         c: row.relative(c, shift)
         for c, shift in row.shifts.items()
@@ -154,7 +166,7 @@ def _by_filter(name: str, row: Evidence) -> Verdict:
     who, share = ("it", moved[name]) if name in moved else (f"{most} of its row", moved[most])
     return (
         "weak",
-        f"{who} moves by {100 * share:.0f} % with the filter rate: the model lacks something",
+        f"{who} moves by {100 * share:.0f} % with how it is estimated: the model lacks something",
     )
 
 
@@ -165,13 +177,20 @@ def _by_residual(_: str, row: Evidence) -> Verdict:
 
 
 def _by_sign(name: str, row: Evidence) -> Verdict:
-    if name not in _POSITIVE or row.values[name] >= 0:
-        return _FINE
-    return "undetermined", "it came out negative, which no spring or inertia can be"
+    value = row.values[name]
+    if name in _POSITIVE and value < 0:
+        return "undetermined", "it came out negative, which no spring or inertia can be"
+    base = name.partition("[")[0]
+    if base in DISSIPATIVE and value < -NEGATIVE_DEVIATIONS * row.deviations[name]:
+        return (
+            "weak",
+            "it came out negative: no friction feeds energy in",
+        )
+    return _FINE
 
 
 def _by_validation(name: str, row: Evidence) -> Verdict:
-    channels = [f"{row.excitation.row}_position"]
+    channels = [_CHANNELS[row.excitation.row]]
     channels += ["deflection"] * (name in _STIFFNESS)
     # NaN marks a channel that rests while it is held out: it says nothing for or against.
     tested = {c: row.fit_percent[c] for c in channels if not isnan(row.fit_percent[c])}

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from math import isnan
 
-from flexid.identification.result import CoefficientEstimate
+from flexid.identification.result import CoefficientEstimate, Compliance
 from flexid.identification.verdict import WEAK_FIT
 
 WARNED_EXCESS = 1.5
@@ -47,3 +47,12 @@ def residual_warnings(residual_excess: Mapping[str, float]) -> Iterator[str]:
                 f"a term is missing, or the input as recorded is not what acted (delayed, noisy, "
                 f"filtered); the intervals do not cover that"
             )
+
+
+def compliance_warnings(compliance: Compliance) -> Iterator[str]:
+    """Warn where two encoders show no compliance."""
+    if compliance.rigid_fit_percent and not compliance.visible:
+        yield (
+            f"no compliance to see: {compliance.reason}; trust no stiffness, and excite the joint "
+            f"harder or log finer"
+        )

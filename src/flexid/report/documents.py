@@ -7,12 +7,13 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from flexid.analysis.excitation import Excitation
 from flexid.errors import SettingError
-from flexid.identification.result import Identification
+from flexid.identification.result import Choices, Identification
 
 
 def identification_document(result: Identification) -> dict[str, Any]:
@@ -48,10 +49,35 @@ def identification_document(result: Identification) -> dict[str, Any]:
             ),
             "gains": dict(result.observer.gains),
         },
-        "hold": result.hold,
-        "filter_rate": result.filter_rate,
+        "model": result.model,
+        "least_squares": dict(result.least_squares),
+        "compliance": {
+            "visible": result.compliance.visible,
+            "reason": result.compliance.reason,
+            "rigid_fit_percent": dict(result.compliance.rigid_fit_percent),
+            "deflection": result.compliance.deflection,
+            "deflection_noise": result.compliance.deflection_noise,
+        },
+        "choices": _choices_document(result.choices),
+        "summary": list(result.summary),
         "warnings": list(result.warnings),
         "provenance": dict(result.provenance),
+    }
+
+
+def _choices_document(choices: Choices) -> dict[str, Any]:
+    alignment = choices.alignment
+    return {
+        "terms": list(choices.terms),
+        "hold": choices.hold,
+        "input_delay": asdict(alignment.input_delay),
+        "link_delay": asdict(alignment.link_delay),
+        "coulomb_velocity": choices.coulomb_velocity,
+        "filter_rate": choices.filter_rate,
+        "estimator": choices.estimator,
+        "segment_duration": choices.segment_duration,
+        "term_evidence": [asdict(e) for e in choices.term_evidence],
+        "segment_evidence": [asdict(e) for e in choices.segment_evidence],
     }
 
 

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
 from flexid.identification.result import CoefficientEstimate, Identification
-from flexid.identification.validation import CHANNELS
 from flexid.report.identification_table import format_fit
 from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, new_figure, save
 
@@ -28,9 +27,10 @@ def save_identification_figures(result: Identification, directory: Path) -> None
 
 def fit_figure(result: Identification) -> Figure:
     """Free run of the model over the held-out data, channel by channel."""
-    figure = new_figure(height=6.0)
-    axes = figure.subplots(3, 1, sharex=True)
-    for channel, name in enumerate(CHANNELS):
+    figure = new_figure(height=2.0 * len(result.validation.fit_percent))
+    names = tuple(result.validation.fit_percent)
+    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for channel, name in enumerate(names):
         ax: Axes = axes[channel]
         for run in result.validation.runs:
             measured, simulated = run.measured[:, channel], run.simulated[:, channel]
@@ -49,7 +49,7 @@ def fit_figure(result: Identification) -> Figure:
 
 
 def estimates_figure(result: Identification) -> Figure:
-    """The paper's observer over time beside the least-squares estimate and its interval."""
+    """The paper's observer over time beside the estimate and its interval."""
     names = result.observer.names
     columns = 2
     lines = -(-len(names) // columns)
@@ -70,7 +70,7 @@ def estimates_figure(result: Identification) -> Figure:
 def _draw_estimate(ax: Axes, result: Identification, c: CoefficientEstimate) -> None:
     history = result.observer.estimates[:, result.observer.names.index(c.name)]
     ax.plot(result.observer.time, history, color=ORANGE, label="paper's observer, constant gain")
-    ax.axhline(c.value, color=INK, linewidth=1.0, label="least squares")
+    ax.axhline(c.value, color=INK, linewidth=1.0, label="estimate")
     if np.all(np.isfinite(c.interval)):
         ax.axhspan(*c.interval, color=BLUE, alpha=0.25, linewidth=0, label="95 % interval")
     ax.set_title(f"{c.name}: {c.status}", color=_COLOURS[c.status])

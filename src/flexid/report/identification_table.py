@@ -1,6 +1,6 @@
 """The printed answer of an identification, at most 100 columns wide."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from math import floor, isfinite, isnan, log10
 
 from rich import box
@@ -14,6 +14,7 @@ from flexid.identification.result import (
     ParameterEstimate,
     Status,
 )
+from flexid.report.explanation_table import explanation
 
 WIDTH = 100
 """Columns that the answer fits in; also its width where there is no terminal to ask."""
@@ -21,11 +22,20 @@ WIDTH = 100
 _COLOURS: dict[Status, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 
 
-def print_identification(result: Identification) -> None:
-    """Print parameters, coefficients, excitation and validation on standard output."""
+def print_identification(result: Identification, *, explain: bool = False) -> None:
+    """Print parameters, coefficients, validation and choices on standard output.
+
+    Parameters
+    ----------
+    result : Identification
+        What to print.
+    explain : bool, optional
+        Print the evidence for the choices as well.
+    """
     console = Console()
     width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-    Console(width=width).print(Group(*_parts(result)))
+    parts = [*_parts(result), *(explanation(result) if explain else ())]
+    Console(width=width).print(Group(*parts))
 
 
 def _parts(result: Identification) -> Iterator[RenderableType]:
@@ -43,13 +53,13 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
         )
     excess = ", ".join(f"{row} {ratio:.2f}" for row, ratio in result.residual_excess.items())
     yield Text(f"Residual over what sensor noise explains: {excess}")
-    fits = ", ".join(
-        f"{channel} {format_fit(fit)}" for channel, fit in result.validation.fit_percent.items()
-    )
-    yield Text(f"Free run over held-out data: {fits}")
-    yield Text(
-        f"Input hold: {result.hold}; filter rate: {result.filter_rate:.3g} 1/s; 95 % intervals"
-    )
+    yield Text(f"Free run over held-out data: {format_fits(result.validation.fit_percent)}")
+    if result.compliance.rigid_fit_percent:
+        yield Text(f"The same, joint rigid: {format_fits(result.compliance.rigid_fit_percent)}")
+    seen = "visible" if result.compliance.visible else "not visible"
+    yield Text(f"Compliance: {seen}; {result.compliance.reason}.")
+    yield Text()
+    yield from map(Text, result.summary)
 
 
 def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEstimate]) -> Table:
@@ -66,6 +76,11 @@ def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEs
         interval = f"[{lower}, {upper}]" if lower != upper else "given"
         table.add_row(e.name, value, interval, e.unit, Text(e.status, _COLOURS[e.status]))
     return table
+
+
+def format_fits(fits: Mapping[str, float]) -> str:
+    """Free-run fits of the channels as text."""
+    return ", ".join(f"{channel} {format_fit(fit)}" for channel, fit in fits.items())
 
 
 def format_fit(fit: float) -> str:

@@ -1,0 +1,199 @@
+"""A candidate: a model with the choices made about it, which can be fitted and tried."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.bounded import Bounds, bounded_fit
+from flexid.estimators.filter_rate import choose_filter_rate
+from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.joint import Joint
+from flexid.identification.preparation import Pieces
+from flexid.identification.validation import free_run_error
+from flexid.recording.recording import Hold, Recording
+
+FloatArray = NDArray[np.float64]
+
+AnyFit = TypeVar("AnyFit", LeastSquaresFit, PredictionErrorFit)
+
+_BEHIND = 3.0  # times the best error so far, from which on a candidate is out of the running
+
+
+@dataclass(frozen=True)
+class Fitted(Generic[AnyFit]):
+    """A fit with what was sought.
+
+    Parameters
+    ----------
+    fit : LeastSquaresFit or PredictionErrorFit
+        What an estimator returned.
+    unknowns : Unknowns
+        What it sought: less than the candidate's where some ended at their bounds.
+    at_bound : mapping of str to float
+        Those, with the bound.
+    """
+
+    fit: AnyFit
+    unknowns: Unknowns
+    at_bound: Mapping[str, float]
+
+    def coefficients(self, n_pieces: int) -> list[FloatArray]:
+        """All coefficients of the system, piece by piece."""
+        return [self.unknowns.coefficients(self.fit.values, piece) for piece in range(n_pieces)]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model and how it is to be fitted.
+
+    Parameters
+    ----------
+    joint : Joint
+        Flexible or rigid, with its smoothing of Coulomb friction.
+    terms : tuple of str
+        Terms that are on.
+    hold : {"zero", "linear"}
+        Behaviour of the input between samples.
+    filter_rate : float
+        λ of least squares in 1/s.
+    segment_duration : float
+        Length of the segments of the prediction error in s; 0 for least squares alone.
+    fixed : mapping of str to float, optional
+        Coefficients whose value is given.
+    bounds : mapping of str to tuple of float, optional
+        Coefficients that are to stay within bounds.
+    """
+
+    joint: Joint
+    terms: tuple[str, ...]
+    hold: Hold
+    filter_rate: float
+    segment_duration: float
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    bounds: Bounds = field(default_factory=dict)
+
+    def unknowns(self, groups: Sequence[int]) -> Unknowns:
+        """What is sought in pieces from the given logs."""
+        return self.joint.unknowns(self.terms, self.fixed, groups)
+
+    def samples(self, recordings: Sequence[Recording]) -> list[Samples]:
+        """Pieces as the estimators take them."""
+        return [self.joint.samples(recording) for recording in recordings]
+
+    def least_squares(
+        self, recordings: Sequence[Recording], groups: Sequence[int]
+    ) -> Fitted[LeastSquaresFit]:
+        """Least squares at this candidate's filter rate."""
+        samples = self.samples(recordings)
+
+        def fit_with(unknowns: Unknowns) -> LeastSquaresFit:
+            system = self.joint.system
+            return filtered_least_squares(samples, system, self.filter_rate, self.hold, unknowns)
+
+        unknowns = self.unknowns(groups)
+        fit, at_bound = bounded_fit(fit_with, unknowns, self._active_bounds())
+        return Fitted(fit, unknowns.fixing(at_bound), at_bound)
+
+    def prediction_error(
+        self, recordings: Sequence[Recording], groups: Sequence[int]
+    ) -> Fitted[PredictionErrorFit]:
+        """Prediction error at this candidate's segment length, started from least squares.
+
+        Raises
+        ------
+        ConvergenceError
+            If it does not converge, or where least squares contradicts it.
+        """
+        samples = self.samples(recordings)
+
+        def fit_with(unknowns: Unknowns) -> PredictionErrorFit:
+            system, hold = self.joint.system, self.hold
+            start = filtered_least_squares(samples, system, self.filter_rate, hold, unknowns)
+            return prediction_error(
+                samples, system, start, self.segment_duration, hold, unknowns=unknowns
+            )
+
+        unknowns = self.unknowns(groups)
+        fit, at_bound = bounded_fit(fit_with, unknowns, self._active_bounds())
+        return Fitted(fit, unknowns.fixing(at_bound), at_bound)
+
+    def with_own_filter_rate(self, pieces: Pieces) -> "Candidate":
+        """The same with the filter rate that suits the fitted parts of some pieces."""
+        rate = choose_filter_rate(
+            self.samples(pieces.fitted),
+            self.joint.system,
+            self.hold,
+            self.unknowns(pieces.groups),
+        )
+        return replace(self, filter_rate=rate)
+
+    def _active_bounds(self) -> Bounds:
+        off = {c for t, names in self.joint.terms.items() if t not in self.terms for c in names}
+        return {c: bound for c, bound in self.bounds.items() if c not in off}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate fitted to the first parts of some pieces and run freely over their ends.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        What was tried.
+    error : float
+        Error of the free runs relative to the motion, mean over the channels.
+    start : Fitted
+        Least squares.
+    finish : Fitted or None
+        Prediction error; None where it did not converge or was not asked for.
+    """
+
+    candidate: Candidate
+    error: float
+    start: Fitted[LeastSquaresFit]
+    finish: Fitted[PredictionErrorFit] | None
+
+    @property
+    def fitted(self) -> Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit]:
+        """The finish, or the start where there is none."""
+        return self.finish or self.start
+
+
+def attempt(candidate: Candidate, pieces: Pieces, rival: float = np.inf) -> Trial:
+    """Fit a candidate and see how well it repeats what was held out.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        What to try.
+    pieces : Pieces
+        Fitted parts, and the ends for the free runs.
+    rival : float, optional
+        Error of the best so far. A model whose least squares is far behind it is wrong, and
+        prediction error, which takes long to say so, is spared.
+    """
+    start = candidate.least_squares(pieces.fitted, pieces.groups)
+    trial = Trial(candidate, _error(candidate, pieces, start), start, None)
+    if candidate.segment_duration == 0 or trial.error > _BEHIND * rival:
+        return trial
+    try:
+        finish = candidate.prediction_error(pieces.fitted, pieces.groups)
+    except ConvergenceError:
+        return trial  # least squares stands in
+    return Trial(candidate, _error(candidate, pieces, finish), start, finish)
+
+
+def _error(
+    candidate: Candidate,
+    pieces: Pieces,
+    fitted: Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit],
+) -> float:
+    coefficients = fitted.coefficients(len(pieces.recorded))
+    return free_run_error(candidate.joint, pieces, coefficients, candidate.hold)

@@ -1,0 +1,62 @@
+"""Is the compliance visible in this log? The rigid joint as a rival."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.identification.candidate import Candidate, attempt
+from flexid.identification.joint import rigid
+from flexid.identification.preparation import Pieces
+from flexid.identification.result import Compliance, Validation
+from flexid.identification.validation import validate
+from flexid.identification.verdict import WEAK_FIT
+from flexid.models.rigid_joint import rigid_terms
+from flexid.recording.velocities import position_noise
+
+_BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
+
+
+def compare_with_rigid(candidate: Candidate, pieces: Pieces, flexible: Validation) -> Compliance:
+    """Hold the rigid joint against the same data as the flexible one.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        The flexible joint with what was chosen about it.
+    pieces : Pieces
+        With two encoders.
+    flexible : Validation
+        Of the flexible joint over the held-out ends.
+    """
+    rival = replace(
+        candidate, joint=rigid(), terms=rigid_terms(candidate.terms), fixed={}, bounds={}
+    ).with_own_filter_rate(pieces)
+    trial = attempt(rival, pieces)
+    coefficients = trial.fitted.coefficients(len(pieces.recorded))
+    fits = validate(rival.joint, pieces, coefficients, rival.hold).fit_percent
+    ends = [p.deflection[s:] for p, s in zip(pieces.recorded, pieces.starts, strict=True)]
+    squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
+    moved = float(np.sqrt(squares / sum(map(len, ends))))
+    noise = max(
+        float(np.hypot(position_noise(p.needed_link_position), position_noise(p.motor_position)))
+        for p in pieces.recorded
+    )
+    visible, reason = _judge(flexible.fit_percent["deflection"], moved, noise)
+    return Compliance(visible, reason, fits, moved, noise)
+
+
+def one_encoder() -> Compliance:
+    """The answer for a log with one encoder."""
+    reason = "the log has one encoder, so there is no compliance to see"
+    return Compliance(False, reason, {}, np.nan, np.nan)
+
+
+def _judge(fit: float, deflection: float, noise: float) -> tuple[bool, str]:
+    size = f"the deflection moves by {deflection:.2g} rad"
+    if deflection < _BEYOND_NOISE * noise:
+        return False, f"{size}, hardly more than its noise of {noise:.2g} rad"
+    if np.isnan(fit):
+        return False, f"{size} where it is held out, too little to be tested"
+    if fit < WEAK_FIT:
+        return False, f"{size}, but the spring explains only {max(fit, 0.0):.0f} % of it"
+    return True, f"{size}, of which the spring explains {fit:.0f} % in a free run"

@@ -1,0 +1,85 @@
+"""What least squares of all data says about the model: the evidence for the verdicts."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from flexid.analysis.excitation import Excitation, excitation_of_gram
+from flexid.estimators.prediction_error import PredictionErrorFit
+from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.identification.candidate import Candidate, Fitted
+from flexid.identification.estimates import estimator_shifts, filter_shifts, row_evidence
+from flexid.identification.preparation import Pieces
+from flexid.identification.residuals import residual_excess
+from flexid.identification.verdict import Evidence
+
+# Other filter rates at which a right model gives the same answer. Slower ones see another part of
+# the motion and hardly any noise; beyond twice the rate noise in the regressors biases the answer.
+_RATE_FACTORS = (0.125, 0.25, 0.5, 2.0)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Least squares of all data and the evidence from it.
+
+    Parameters
+    ----------
+    start : LeastSquaresFit
+        Of the same unknowns as what is reported.
+    excitation : mapping of str to Excitation
+        By row.
+    residual_excess : mapping of str to float
+        By row.
+    evidence : mapping of str to Evidence
+        By coefficient.
+    """
+
+    start: LeastSquaresFit
+    excitation: Mapping[str, Excitation]
+    residual_excess: Mapping[str, float]
+    evidence: Mapping[str, Evidence]
+
+
+def findings(
+    candidate: Candidate,
+    pieces: Pieces,
+    reported: Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit],
+    segment_shifts: Mapping[str, float],
+    fit_percent: Mapping[str, float],
+) -> Findings:
+    """Collect the evidence.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        What was fitted.
+    pieces : Pieces
+        To all of these.
+    reported : Fitted
+        The fit that is reported.
+    segment_shifts : mapping of str to float
+        How far coefficients move with the length of the segments, beyond noise.
+    fit_percent : mapping of str to float
+        Of the free run, by channel.
+    """
+    # What ended at a bound is fixed there for least squares too, so that the unknowns agree.
+    same = replace(candidate, fixed={**candidate.fixed, **reported.at_bound}, bounds={})
+    start = same.least_squares(pieces.whole, pieces.groups).fit
+    excitation = {
+        row.name: excitation_of_gram(row.name, row.coefficients, row.gram / len(row.time))
+        for row in start.rows
+        if row.coefficients
+    }
+    excess = residual_excess(start, reported.unknowns, candidate.samples(pieces.whole))
+    if candidate.segment_duration == 0:
+        others = [
+            replace(same, filter_rate=factor * same.filter_rate)
+            .least_squares(pieces.whole, pieces.groups)
+            .fit
+            for factor in _RATE_FACTORS
+        ]
+        shifts = filter_shifts(start, others)
+    else:
+        between = estimator_shifts(reported.fit, start)
+        shifts = {c: max(between[c], segment_shifts.get(c, 0.0)) for c in between}
+    evidence = row_evidence(reported.fit, start, shifts, excess, excitation, fit_percent)
+    return Findings(start, excitation, excess, evidence)

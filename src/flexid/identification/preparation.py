@@ -1,0 +1,153 @@
+"""Logs become pieces of motion, each with an end that is kept out of the fit."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from flexid.errors import RecordingError, SettingError
+from flexid.recording.recording import Log, Recording
+from flexid.recording.velocities import with_velocities
+
+_FEWEST_TRAINING_SAMPLES = 50
+_FEWEST_HELD_OUT_SAMPLES = 10
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Contiguous pieces of motion, each cut once: a part to fit, and an end to test on.
+
+    Parameters
+    ----------
+    recorded : tuple of Recording
+        As they were recorded.
+    starts : tuple of int
+        Where the held-out end of each begins.
+    groups : tuple of int
+        The log that each comes from.
+    """
+
+    recorded: tuple[Recording, ...]
+    starts: tuple[int, ...]
+    groups: tuple[int, ...]
+
+    @cached_property
+    def whole(self) -> tuple[Recording, ...]:
+        """The pieces from end to end, with velocities."""
+        return tuple(with_velocities(piece) for piece in self.recorded)
+
+    @cached_property
+    def fitted(self) -> tuple[Recording, ...]:
+        """The parts before the held-out ends.
+
+        Their velocities are derived apart, so that none knows of the held-out positions.
+        """
+        return tuple(with_velocities(part) for part in self._parts())
+
+    def inner(self, share: float, most_samples: int) -> "Pieces":
+        """The parts before the held-out ends, cut in turn: what choices may look at.
+
+        Of very long records the first samples are enough for that.
+        """
+        parts, groups, left = [], [], most_samples
+        for part, group in zip(self._parts(), self.groups, strict=True):
+            if parts and left < len(part):
+                break
+            parts.append(part.window(0, min(len(part), most_samples)))
+            groups.append(group)
+            left -= len(part)
+        starts = tuple(_held_out_start(part, share) for part in parts)
+        return Pieces(tuple(parts), starts, tuple(groups))
+
+    def changed(self, change: Callable[[Recording], Recording], share: float) -> "Pieces":
+        """The same with every piece changed, and cut anew."""
+        pieces = tuple(change(piece) for piece in self.recorded)
+        return Pieces(pieces, tuple(_held_out_start(p, share) for p in pieces), self.groups)
+
+    def _parts(self) -> tuple[Recording, ...]:
+        return tuple(
+            piece.window(0, start) for piece, start in zip(self.recorded, self.starts, strict=True)
+        )
+
+
+def prepare(logs: Sequence[Log], share: float) -> tuple[Pieces, tuple[str, ...]]:
+    """Collect the pieces that are long enough, and a warning for each that is not.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+        Of the same drive, with the same kind of input.
+    share : float
+        Share of each piece, at its end, to be held out.
+
+    Raises
+    ------
+    RecordingError
+        If the logs do not go together, or all are too short.
+    SettingError
+        If the share leaves too little to test on.
+    """
+    _check_distinct(logs)
+    _check_channels(logs)
+    pieces = [(group, piece) for group, log in enumerate(logs) for piece in log.pieces]
+    kept = [
+        (group, piece)
+        for group, piece in pieces
+        if round(len(piece) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES
+    ]
+    warnings = [
+        f"{piece.source}: the {len(piece)} samples from {piece.start_time:g} s on are too few to "
+        f"fit and validate, so they were left out: record without gaps"
+        for group, piece in pieces
+        if kept and (group, piece) not in kept
+    ]
+    groups, recorded = zip(*(kept or pieces), strict=True)
+    starts = tuple(_held_out_start(piece, share) for piece in recorded)
+    return Pieces(recorded, starts, groups), tuple(warnings)
+
+
+def _check_distinct(logs: Sequence[Log]) -> None:
+    """Refuse the same data twice: counted as independent, they would narrow every interval."""
+    sources: dict[str, str] = {}
+    for log in logs:
+        if log.sha256 and log.sha256 in sources:
+            raise RecordingError(
+                log.source, "", f"holds the same data as {sources[log.sha256]}: give it only once"
+            )
+        sources[log.sha256] = log.source
+
+
+def _check_channels(logs: Sequence[Log]) -> None:
+    """Refuse logs that differ in their kind of input or in the encoders they hold."""
+    units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
+    if len(units) > 1:
+        (first, second), sources = list(units)[:2], list(units.values())
+        raise RecordingError(
+            sources[1],
+            "input",
+            f"is in {second} where {sources[0]} has {first}: identify them one by one",
+        )
+    encoders = {p.link_position is None: log.source for log in logs for p in log.pieces}
+    if len(encoders) > 1:
+        raise RecordingError(
+            encoders[True],
+            "link_position",
+            f"is missing where {encoders[False]} has it: identify them one by one",
+        )
+
+
+def _held_out_start(piece: Recording, share: float) -> int:
+    start = round(len(piece) * (1 - share))
+    if start < _FEWEST_TRAINING_SAMPLES:
+        raise RecordingError(
+            piece.source,
+            f"piece from {piece.start_time:g} s",
+            f"leaves {start} samples to fit after {share:.0%} are kept out for validation, fewer "
+            f"than {_FEWEST_TRAINING_SAMPLES}: record longer",
+        )
+    if len(piece) - start < _FEWEST_HELD_OUT_SAMPLES:
+        raise SettingError(
+            "validation-share",
+            f"{share:g} keeps only {len(piece) - start} samples of {piece.source} out, fewer than "
+            f"{_FEWEST_HELD_OUT_SAMPLES}: raise it, or record longer",
+        )
+    return start

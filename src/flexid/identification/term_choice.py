@@ -1,0 +1,148 @@
+"""Which terms a log shows: chosen by what they do to the free run over held-out data.
+
+Terms are added one at a time. Least squares says which candidates promise most; the best of them
+are fitted in full and run freely over data that the fit has not seen, and the one that repeats it
+best stays, if it repeats it better than the model without. A friction that feeds energy in stands
+for something else and is no candidate. In the end each term is left out once: what the others can
+replace goes again.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.identification.candidate import Candidate, Trial, attempt
+from flexid.identification.preparation import Pieces
+from flexid.identification.result import TermEvidence
+from flexid.identification.verdict import DISSIPATIVE, NEGATIVE_DEVIATIONS
+
+WORTH = 0.005
+"""Part of the free run's error that a term has to save."""
+
+_OBVIOUS = 0.2  # part of the error that a term saves which even least squares shows
+_TRIED = 3  # of the most promising candidates in each round
+_WIDTHS = (0.3, 0.03, 0.01, 0.003)  # rad/s, smoothings of Coulomb friction beside the usual one
+_COULOMB = ("motor_coulomb", "link_coulomb", "coulomb")
+
+Progress = Callable[[str], None]
+
+
+def choose_terms(
+    candidate: Candidate, pieces: Pieces, progress: Progress
+) -> tuple[Trial, tuple[TermEvidence, ...]]:
+    """Choose among all terms of a joint.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        With the terms to begin with, which stay.
+    pieces : Pieces
+        Fitted parts and ends that none of the final tests uses.
+    progress : callable
+        Told of each step in words.
+
+    Returns
+    -------
+    best : Trial
+        With the terms that were chosen.
+    evidence : tuple of TermEvidence
+        For every term that was tried beside the final model, those in it first.
+    """
+    given = candidate.terms
+    # The terms that matter most show in least squares, which is faster by far.
+    best = attempt(replace(candidate, segment_duration=0.0), pieces)
+    best, _ = _grown(best, pieces, progress, _OBVIOUS)
+    best = attempt(replace(candidate, terms=best.candidate.terms), pieces)
+    best, rejected = _grown(best, pieces, progress, WORTH)
+    best, evidence = _without_idle(best, given, pieces, progress)
+    others = (
+        TermEvidence(term, False, trial.error, best.error)
+        for trial in rejected
+        for term in trial.candidate.terms
+        if term not in best.candidate.terms
+    )
+    return best, (*evidence, *others)
+
+
+def choose_coulomb_velocity(best: Trial, pieces: Pieces, progress: Progress) -> Trial:
+    """Try other smoothings of Coulomb friction, if there is any, and take the best."""
+    if not set(best.candidate.terms) & set(_COULOMB):
+        return best
+    usual = best.error
+    for width in _WIDTHS:
+        progress(f"Coulomb friction smoothed over {width:g} rad/s")
+        joint = best.candidate.joint.with_coulomb_velocity(width)
+        trial = attempt(replace(best.candidate, joint=joint), pieces)
+        if trial.error < min(best.error, usual * (1 - WORTH)):
+            best = trial
+    return best
+
+
+def _grown(
+    best: Trial, pieces: Pieces, progress: Progress, worth: float
+) -> tuple[Trial, list[Trial]]:
+    """Add terms while they pay; and the last trials, of terms that did not."""
+    while True:
+        progress(f"terms: {', '.join(best.candidate.terms) or 'spring alone'}")
+        trials = [attempt(c, pieces, best.error) for c in _most_promising(best, pieces)]
+        possible = [trial for trial in trials if not _feeds_energy(trial)]
+        better = min(possible, key=lambda trial: trial.error, default=best)
+        if not better.error < best.error * (1 - worth):
+            return best, trials
+        best = better
+
+
+def _with_terms(candidate: Candidate, terms: Sequence[str]) -> Candidate:
+    ordered = tuple(term for term in candidate.joint.terms if term in terms)
+    return replace(candidate, terms=ordered)
+
+
+def _most_promising(best: Trial, pieces: Pieces) -> list[Candidate]:
+    """The candidates with one more term whose least squares leaves the least residual."""
+    candidate = best.candidate
+    larger = [
+        _with_terms(candidate, (*candidate.terms, term))
+        for term in candidate.joint.terms
+        if term not in candidate.terms
+    ]
+    return sorted(larger, key=lambda c: _misfit(c, pieces))[:_TRIED]
+
+
+def _misfit(candidate: Candidate, pieces: Pieces) -> float:
+    """Log of the residuals of least squares, summed over the rows."""
+    fit = candidate.least_squares(pieces.fitted, pieces.groups).fit
+    tiny = np.finfo(float).tiny
+    return float(sum(np.log(max(row.residual_sum, tiny)) for row in fit.rows))
+
+
+def _feeds_energy(trial: Trial) -> bool:
+    """Whether a friction or damping came out negative beyond its uncertainty."""
+    fit = trial.fitted.fit
+    deviations = np.sqrt(np.diag(fit.covariance))
+    return any(
+        name in DISSIPATIVE and value < -NEGATIVE_DEVIATIONS * deviation
+        for name, value, deviation in zip(fit.names, fit.values, deviations, strict=True)
+    )
+
+
+def _without_idle(
+    best: Trial, given: Sequence[str], pieces: Pieces, progress: Progress
+) -> tuple[Trial, tuple[TermEvidence, ...]]:
+    """Drop, one by one, terms whose absence costs nothing; and what each of the others saves."""
+    while True:
+        progress("terms: leaving out each in turn")
+        terms = best.candidate.terms
+        fewer = {
+            term: attempt(
+                _with_terms(best.candidate, [t for t in terms if t != term]), pieces, best.error
+            )
+            for term in terms
+            if term not in given
+        }
+        idle = min(fewer.values(), key=lambda trial: trial.error, default=best)
+        if idle is best or idle.error * (1 - WORTH) >= best.error:
+            break
+        best = idle
+    evidence = (TermEvidence(t, True, best.error, trial.error) for t, trial in fewer.items())
+    return best, tuple(sorted(evidence, key=lambda e: -e.without_term))
