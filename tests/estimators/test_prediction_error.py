@@ -164,6 +164,20 @@ def test_correlated_noise_is_told():
     assert np.all(coloured.standard_deviations > 1.5 * naive)
 
 
+def test_long_segments_see_correlation():
+    """Assert that six segments of 5 s widen the interval by what theory says, the root of 19.
+
+    Slow motion sees the noise's spectral density at zero frequency, (1 + ρ) / (1 - ρ) times that
+    of white noise of its variance.
+    """
+    ratios = []
+    for seed in range(4):
+        found = fit(correlated(seed), 5.0)
+        naive = np.sqrt(np.diag(found.gauss_newton_covariance))
+        ratios.append(np.log(found.standard_deviations / naive))
+    assert np.exp(np.mean(ratios)) == pytest.approx(np.sqrt(19.0), rel=0.2)
+
+
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize("which", [*TRUTH, "all"])
 def test_a_wrong_start_is_never_a_wrong_answer(which, factor):
