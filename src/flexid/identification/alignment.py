@@ -31,10 +31,9 @@ DelayStatus: TypeAlias = Literal["given", "found", "none", "unknown"]
 _LARGEST = 0.05  # s, delay that is looked for
 _LARGEST_SAMPLES = 3.0  # and at least so many samples
 _LARGEST_SHARE = 0.1  # of a piece, that the search may cost at either end
-_TIME_CONSTANTS = 100.0  # of the slowest filter in the log: ten blocks of ten
-_FASTEST = 0.2  # rate of the fastest filter, over the sampling rate
-_FASTEST_RATIO = 4.0  # and over the slowest one
-_ABOUT = 2.0  # ratio of variances of two delays up to which a slower filter is preferred
+_TIME_CONSTANTS = 400.0  # of the filter in the log: forty blocks of ten
+_SLOWEST, _FASTEST = 10.0, 40.0  # 1/s, rates of the filter
+_FASTEST_SAMPLED = 0.2  # over the sampling rate
 _HOLDS: tuple[Hold, ...] = ("linear", "zero")
 
 
@@ -119,7 +118,7 @@ def estimate_alignment(
     input_delay, link_delay : float or "auto", optional
         Delays in s, where they are known; signs as in `Alignment`.
     filter_rate : float, optional
-        Rate of the filter in 1/s; chosen for the narrowest delays if not given.
+        Rate of the filter in 1/s; 400 over the duration, from 10 to 40, if not given.
 
     Returns
     -------
@@ -132,17 +131,12 @@ def estimate_alignment(
     """
     limit = _limit(pieces)
     for name, value in (("input-delay", input_delay), ("link-delay", link_delay)):
-        if value != "auto" and not (isfinite(value) and abs(value) < limit):
+        if not isinstance(value, str) and not (isfinite(value) and abs(value) < limit):
             raise SettingError(name, f"give seconds between -{limit:g} and {limit:g}, or auto")
     task = _Task(
         pieces, [channels(piece) for piece in pieces], hold, input_delay, link_delay, limit
     )
-    if filter_rate is not None:
-        return task.at(filter_rate)
-    rates = _rates(pieces)
-    first = task.at(float(rates[0]))
-    best = _slowest_of_the_best(rates, [task.spread(float(rate), first) for rate in rates])
-    return first if best == first.filter_rate else task.at(best)
+    return task.at(filter_rate or _filter_rate(pieces))
 
 
 def aligned(piece: Recording, alignment: Alignment) -> Recording:
@@ -205,22 +199,11 @@ def _given(delay: float | Literal["auto"]) -> float:
     return 0.0 if delay == "auto" else delay
 
 
-def _rates(pieces: Sequence[Recording]) -> FloatArray:
-    """Rates of the filter in 1/s that the log allows, ascending."""
+def _filter_rate(pieces: Sequence[Recording]) -> float:
+    """Slow enough to leave the noise behind, fast enough for many independent blocks."""
     duration = sum(len(piece) * piece.sample_time for piece in pieces)
-    fastest = min(
-        _FASTEST / min(p.sample_time for p in pieces), _FASTEST_RATIO * _TIME_CONSTANTS / duration
-    )
-    slowest = min(_TIME_CONSTANTS / duration, fastest)
-    return slowest * 2.0 ** np.arange(1 + int(np.log2(fastest / slowest)))
-
-
-def _slowest_of_the_best(rates: FloatArray, spreads: Sequence[float]) -> float:
-    """The slowest rate that tells the delays about as well as the best one.
-
-    What noise in the regressors does to the delays grows with the rate, and no spread shows it.
-    """
-    return float(rates[int(np.argmax(np.array(spreads) <= _ABOUT * min(spreads)))])
+    rate = min(max(_TIME_CONSTANTS / duration, _SLOWEST), _FASTEST)
+    return min(rate, _FASTEST_SAMPLED / max(piece.sample_time for piece in pieces))
 
 
 @dataclass(frozen=True)
@@ -236,7 +219,7 @@ class _Task:
 
     def at(self, rate: float) -> Alignment:
         """Estimate behind a filter of this rate."""
-        holds = _HOLDS if self.hold == "auto" else (self.hold,)
+        holds: tuple[Hold, ...] = _HOLDS if self.hold == "auto" else (self.hold,)
         equations = {h: delay_equations(self.samples, rate, h, self.limit) for h in holds}
         link = self._link(equations[holds[0]], _given(self.input_delay))
         found = {h: _torque_search(equations[h], link.value).best() for h in holds}
@@ -253,15 +236,6 @@ class _Task:
             deflection_doubt=_deflection_doubt(self.pieces, link),
             filter_rate=rate,
         )
-
-    def spread(self, rate: float, about: Alignment) -> float:
-        """Product of the delays' standard deviations behind another filter."""
-        equations = delay_equations(self.samples, rate, about.hold, self.limit)
-        link, drive = about.link_delay.value, about.input_delay.value
-        spread = _torque_search(equations, link).spread(drive)
-        if self.pieces[0].link_position is None:
-            return spread
-        return spread * _deflection_search(equations, drive).spread(link)
 
     def _link(self, equations: DelayEquations, input_delay: float) -> Delay:
         if self.pieces[0].link_position is None:
@@ -314,7 +288,7 @@ def _hold(found: Mapping[Hold, DelayEstimate], free_delay: bool) -> tuple[Hold, 
     def misfit(name: Hold) -> float:
         return found[name].misfit_without if simple else found[name].misfit
 
-    chosen = min(candidates, key=misfit)
+    chosen = min(candidates, key=lambda name: misfit(name))
     ceiling = found[chosen].misfit_ceiling
     as_good = [name for name in candidates if misfit(name) <= ceiling]
     names = {"linear": "on straight lines between samples", "zero": "held over each sample"}

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexid.estimators.samples import FloatArray, Samples
@@ -52,21 +53,26 @@ _TWO_ENCODERS = ParametricSystem("signals of two encoders", (_LINK, _MOTOR))
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
-    """Equations ``response = regressors' p`` at one delay d, and how both change with d.
+class Equation:
+    """One equation ``response = regressors' p`` at one delay d, and how it changes with d.
 
     Parameters
     ----------
-    regressors, regressors_slope : array, shape (r, k, n)
-        Of r equations at n instants, and their derivative by the delay.
-    response, response_slope : array, shape (r, n)
-        Left-hand sides, and their derivative.
+    regressors : array, shape (k, n)
+        At n instants.
+    response, response_slope : array, shape (n,)
+        Left-hand side, and its derivative by the delay.
+    changing : int
+        Place of the one regressor that changes with the delay.
+    regressor_slope : array, shape (n,)
+        Its derivative.
     """
 
     regressors: FloatArray
     response: FloatArray
-    regressors_slope: FloatArray
     response_slope: FloatArray
+    changing: int
+    regressor_slope: FloatArray
 
 
 @dataclass(frozen=True)
@@ -86,32 +92,15 @@ class Unknown:
 
 
 _FREELY = Unknown(_FREE)
+_SPARE = Unknown(spare=True)
 DEFLECTION_UNKNOWNS = (
-    Unknown(),
-    _FREELY,
-    _FREELY,
-    Unknown(spare=True),
-    Unknown(spare=True),
-    Unknown(),
-    _FREELY,
-    Unknown(),
-    Unknown(),
-    Unknown(spare=True),
-    Unknown(),
-    _FREELY,
-    Unknown(),
+    (Unknown(), _FREELY, _FREELY, _SPARE, _SPARE, Unknown(), _FREELY),
+    (Unknown(), Unknown(), _SPARE, Unknown(), _FREELY, Unknown()),
 )
-"""c1 to c13 of the deflection's equations."""
+"""c1 to c7 and c8 to c13 of the deflection's equations."""
 
 TORQUE_UNKNOWNS = (
-    Unknown(),
-    Unknown(),
-    _FREELY,
-    _FREELY,
-    Unknown(),
-    Unknown(),
-    Unknown(),
-    _FREELY,
+    (Unknown(), Unknown(), _FREELY, _FREELY, Unknown(), Unknown(), Unknown(), _FREELY),
 )
 """c1 to c8 of the torque's equation."""
 
@@ -123,7 +112,7 @@ class _Piece:
     signals: Mapping[str, FloatArray]
     sample_time: float
     filter_rate: float
-    instants: FloatArray
+    instants: NDArray[np.int_]
 
     @cached_property
     def _splines(self) -> dict[str, CubicSpline]:
@@ -131,6 +120,8 @@ class _Piece:
 
     def at(self, name: str, delay: float = 0.0, derivative: int = 0) -> FloatArray:
         """Signal at the instants less a delay, or its derivative by time there."""
+        if delay == 0.0 and derivative == 0:
+            return self.signals[name][self.instants]
         if name not in self._splines:
             values = self.signals[name]
             self._splines[name] = CubicSpline(np.arange(len(values)), values)
@@ -179,22 +170,29 @@ class DelayEquations:
         """Time between the instants of each piece, in s."""
         return [p.sample_time * float(p.instants[1] - p.instants[0]) for p in self.pieces]
 
-    def deflection(self, input_delay: float) -> Callable[[float], Equations]:
+    def deflection(self, input_delay: float) -> Callable[[float], list[Equation]]:
         """Equations of the deflection as a function of the link encoder's delay."""
-        return lambda delay: _together(
-            [_deflection_signals(piece, delay, input_delay) for piece in self.pieces],
-            (
-                _Shape(first=0, count=7, changing=4),
-                _Shape(first=7, count=6, changing=2),
-            ),
-        )
 
-    def torque(self, link_delay: float) -> Callable[[float], Equations]:
+        def at(delay: float) -> list[Equation]:
+            signals = [_deflection_signals(piece, delay, input_delay) for piece in self.pieces]
+            joined = np.concatenate(signals, axis=1)
+            return [_equation(joined[:10], 4), _equation(joined[10:], 2)]
+
+        return at
+
+    def torque(self, link_delay: float) -> Callable[[float], list[Equation]]:
         """Equation of the torque as a function of the input's delay."""
-        return lambda delay: _together(
-            [_torque_signals(piece, delay, link_delay) for piece in self.pieces],
-            (_Shape(first=0, count=8),),
-        )
+
+        def at(delay: float) -> list[Equation]:
+            signals = [_torque_signals(piece, delay, link_delay) for piece in self.pieces]
+            return [_equation(np.concatenate(signals, axis=1), 0)]
+
+        return at
+
+
+def _equation(signals: FloatArray, changing: int) -> Equation:
+    """Equation from response, its slope, regressors, and the slope of one of them."""
+    return Equation(signals[2:-1], signals[0], signals[1], changing, signals[-1])
 
 
 def channels(piece: Recording) -> Samples:
@@ -243,12 +241,12 @@ def _filtered(piece: Samples, filter_rate: float, hold: Hold, limit: float) -> _
     names = [*system.coefficients, *(f"acceleration{row.coordinate[1]}" for row in system.rows)]
     margin = int(np.ceil(limit / h)) + 2
     stride = max(1, int(1.0 / (_DENSITY * filter_rate * h)))
-    instants = np.arange(margin, filtered.shape[1] - margin, stride, dtype=np.float64)
+    instants = np.arange(margin, filtered.shape[1] - margin, stride)
     return _Piece(dict(zip(names, filtered, strict=True)), h, filter_rate, instants)
 
 
 def _deflection_signals(piece: _Piece, link_delay: float, input_delay: float) -> FloatArray:
-    """Response, its slope, regressors and the one slope among them, of both equations in turn.
+    """Response, its slope, regressors, and the slope of one of them; both equations in turn.
 
     The first stands on the link encoder's clock, the second on the motor encoder's.
     """
@@ -280,7 +278,10 @@ def _deflection_signals(piece: _Piece, link_delay: float, input_delay: float) ->
 
 
 def _torque_signals(piece: _Piece, input_delay: float, link_delay: float) -> FloatArray:
-    """Response, its slope and regressors; without a link encoder the motor's stands for it."""
+    """Response, its slope, regressors, and that none of them changes with the delay.
+
+    Without a link encoder the motor's stands for it.
+    """
     at, d = piece.at, link_delay
     two = "acceleration1" in piece.signals
     nothing = np.zeros(len(piece.instants))
@@ -296,44 +297,6 @@ def _torque_signals(piece: _Piece, input_delay: float, link_delay: float) -> Flo
             at("velocity1", -d) if two else nothing,
             at("direction3"),
             at("constant"),
+            nothing,
         )
     )
-
-
-@dataclass(frozen=True)
-class _Shape:
-    """Where the signals of one equation belong.
-
-    Parameters
-    ----------
-    first, count : int
-        Its coefficients among all.
-    changing : int, optional
-        The one of them whose regressor changes with the delay; its slope stands last.
-    """
-
-    first: int
-    count: int
-    changing: int | None = None
-
-    @property
-    def n_signals(self) -> int:
-        return 2 + self.count + (self.changing is not None)
-
-
-def _together(pieces: Sequence[FloatArray], shapes: Sequence[_Shape]) -> Equations:
-    """Join the signals of all pieces and lay them out as equations."""
-    signals = np.concatenate(pieces, axis=1)
-    n_coefficients, n = sum(shape.count for shape in shapes), signals.shape[1]
-    regressors = np.zeros((len(shapes), n_coefficients, n))
-    slopes = np.zeros_like(regressors)
-    response, response_slope = np.empty((len(shapes), n)), np.empty((len(shapes), n))
-    start = 0
-    for row, shape in enumerate(shapes):
-        own = signals[start : start + shape.n_signals]
-        start += shape.n_signals
-        response[row], response_slope[row] = own[0], own[1]
-        regressors[row, shape.first : shape.first + shape.count] = own[2 : 2 + shape.count]
-        if shape.changing is not None:
-            slopes[row, shape.first + shape.changing] = own[-1]
-    return Equations(regressors, response, slopes, response_slope)

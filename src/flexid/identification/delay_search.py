@@ -16,12 +16,14 @@ from scipy.stats import t as student_t
 
 from flexid.estimators.block_sandwich import block_lengths
 from flexid.estimators.samples import FloatArray
-from flexid.identification.delay_equations import DelayEquations, Equations, Unknown
+from flexid.identification.delay_equations import DelayEquations, Equation, Unknown
 
 _STARTS = 9  # delays between the limits of which the best is where the search begins
 _MOST_STEPS = 30
 _PRECISION = 1e-3  # of a standard deviation (at least 1e-9 s), at which the search ends
 _CONFIDENCE = 0.95
+_FINEST = 1e-12  # residual over response that is still told from none
+_FINE = 1e-9  # s, to which the ends of an interval are found
 _NOTHING = 1e-100  # stands for zero where an upper bound has to lie above a lower one of zero
 
 
@@ -57,32 +59,81 @@ class DelayEstimate:
 
 
 @dataclass(frozen=True, eq=False)
+class _Row:
+    """One equation at a delay, reduced by QR factorisation, with its own best coefficients.
+
+    Parameters
+    ----------
+    equation : Equation
+        The equation.
+    coefficients : array, shape (k,)
+        Best within their bounds.
+    reduced : array, shape (k + 3, k + 2)
+        Regressors, step and response of ``response = regressors' p + step (d - delay)``.
+    size : float
+        Root mean square of the residual.
+    """
+
+    equation: Equation
+    coefficients: FloatArray
+    reduced: FloatArray
+    size: float
+
+    @property
+    def step(self) -> FloatArray:
+        """Change of the response that a unit of delay explains, shape (n,)."""
+        equation = self.equation
+        slope = self.coefficients[equation.changing] * equation.regressor_slope
+        return slope - equation.response_slope
+
+
+def _row(equation: Equation, least: FloatArray, most: FloatArray) -> _Row:
+    signals = (
+        *equation.regressors,
+        equation.regressor_slope,
+        equation.response_slope,
+        equation.response,
+    )
+    triangle = np.linalg.qr(np.array(signals).T, mode="r")
+    regressors, response = triangle[:, :-3], triangle[:, -1]
+    coefficients, misfit = _bounded(regressors, response, least, most)
+    step = coefficients[equation.changing] * triangle[:, -3] - triangle[:, -2]
+    size = max(np.sqrt(misfit), _FINEST * float(np.linalg.norm(response)), np.finfo(float).tiny)
+    return _Row(
+        equation,
+        coefficients,
+        np.column_stack((regressors, step, response)),
+        float(size) / np.sqrt(len(equation.response)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
 class _Linear:
-    """Equations about a delay d0: ``response = regressors' p + step (d - d0)``, all in turn.
+    """All equations about a delay, each divided by its size.
 
     Parameters
     ----------
     delay : float
-        d0 in s.
-    coefficients : array, shape (k,)
-        Best coefficients there.
-    columns : array, shape (k + 2, r n)
-        Regressors, step and response, each equation divided by its residual's size.
-    triangle : array, shape (k + 2, k + 2)
-        What is left of the columns by QR factorisation.
+        In s.
+    rows : list of _Row
+        The equations.
+    sizes : array, shape (r,)
+        What each is divided by.
+    matrix : array, shape (m, k + 2)
+        Regressors of all, step and response.
     """
 
     delay: float
-    coefficients: FloatArray
-    columns: FloatArray
-    triangle: FloatArray
+    rows: list[_Row]
+    sizes: FloatArray
+    matrix: FloatArray
 
     def best(self, least: FloatArray, most: FloatArray) -> float:
         """Best delay, the coefficients within bounds."""
         free = np.array([np.inf])
         solution, _ = _bounded(
-            self.triangle[:, :-1],
-            self.triangle[:, -1],
+            self.matrix[:, :-1],
+            self.matrix[:, -1],
             np.concatenate((least, -free)),
             np.concatenate((most, free)),
         )
@@ -90,8 +141,8 @@ class _Linear:
 
     def misfit(self, delay: float, least: FloatArray, most: FloatArray) -> float:
         """Sum of squares of the residual at a delay, the coefficients within bounds."""
-        left = self.triangle[:, -1] - self.triangle[:, -2] * (delay - self.delay)
-        return _bounded(self.triangle[:, :-2], left, least, most)[1]
+        left = self.matrix[:, -1] - self.matrix[:, -2] * (delay - self.delay)
+        return _bounded(self.matrix[:, :-2], left, least, most)[1]
 
 
 class DelaySearch:
@@ -100,119 +151,114 @@ class DelaySearch:
     Parameters
     ----------
     equations : callable
-        Delay in s -> Equations.
-    unknowns : sequence of Unknown
-        Their coefficients.
+        Delay in s -> list of Equation.
+    unknowns : sequence of sequence of Unknown
+        Coefficients of each equation.
     layout : DelayEquations
         Where the equations come from: lengths and rates of the pieces, and the limit.
     """
 
     def __init__(
         self,
-        equations: Callable[[float], Equations],
-        unknowns: Sequence[Unknown],
+        equations: Callable[[float], list[Equation]],
+        unknowns: Sequence[Sequence[Unknown]],
         layout: DelayEquations,
     ) -> None:
         self._equations = equations
         self._layout = layout
-        self._least = np.array([unknown.least for unknown in unknowns])
-        self._most = np.full(len(unknowns), np.inf)
-        spare = np.array([unknown.spare for unknown in unknowns])
+        self._least_of = [np.array([unknown.least for unknown in row]) for row in unknowns]
+        self._least = np.concatenate(self._least_of)
+        self._most = np.full(len(self._least), np.inf)
+        spare = [unknown.spare for row in unknowns for unknown in row]
         self._simple = np.where(spare, _NOTHING, np.inf)
 
     def best(self) -> DelayEstimate:
         """Find the delay, its interval, and whether there need be one at all."""
         limit = self._layout.limit
-        starts = np.linspace(-limit, limit, _STARTS)
-        start = float(starts[np.argmin([np.log(self._sizes(d)[1]).sum() for d in starts])])
-        sizes = self._sizes(start)[1]
+        starts = [self._linear(float(d)) for d in np.linspace(-limit, limit, _STARTS)]
+        linear = min(starts, key=lambda start: float(np.log(start.sizes).sum()))
         for _ in range(_MOST_STEPS):
-            linear = self._linear(start, sizes, self._most)
             delay = min(max(linear.best(self._least, self._most), -limit), limit)
-            sizes = self._sizes(delay)[1]
-            if abs(delay - start) < _PRECISION * self._layout.spacings[0]:
+            done = abs(delay - linear.delay) < _PRECISION * self._layout.spacings[0]
+            linear = self._linear(delay)
+            if done:
                 break
-            start = delay
-        return self._describe(self._linear(delay, sizes, self._most), sizes)
+        return self._describe(linear)
 
-    def spread(self, delay: float) -> float:
-        """Standard deviation in s of an estimate near a delay, frictions that mimic it apart."""
-        return self._inflation(self._linear(delay, self._sizes(delay)[1], self._simple))[0]
-
-    def _describe(self, linear: _Linear, sizes: FloatArray) -> DelayEstimate:
-        delay, inflation, blocks = linear.delay, *self._inflation(linear)[1:]
-        quantile = float(student_t.ppf(0.5 + _CONFIDENCE / 2, blocks - 1))
-        ceiling = linear.misfit(delay, self._least, self._most) + inflation * quantile**2
-        simple = self._linear(delay, sizes, self._simple)
-        preferred = simple.best(self._least, self._simple)
-        if linear.misfit(preferred, self._least, self._most) <= ceiling:
-            delay = min(max(preferred, -self._layout.limit), self._layout.limit)
-            linear = self._linear(delay, sizes, self._simple)
-        interval = self._interval(linear, ceiling)
-        at_zero = self._linear(0.0, sizes, self._most)
-        total = float(np.sum(linear.columns[-1] ** 2))
-        without = at_zero.misfit(0.0, self._least, self._most)
+    def _describe(self, linear: _Linear) -> DelayEstimate:
+        delay, limit = linear.delay, self._layout.limit
+        inflation, degrees_of_freedom = self._inflation(linear)
+        quantile = float(student_t.ppf(0.5 + _CONFIDENCE / 2, degrees_of_freedom))
+        best = linear.misfit(delay, self._least, self._most)
+        ceiling = best + inflation * quantile**2
+        simple = self._linear(delay, linear.sizes, self._simple).best(self._least, self._simple)
+        if linear.misfit(simple, self._least, self._most) <= ceiling:
+            delay = min(max(simple, -limit), limit)
+        low, high = self._interval(linear, delay, ceiling)
+        without = self._linear(0.0, linear.sizes).misfit(0.0, self._least, self._most)
+        total = float(np.sum(linear.matrix[:, -1] ** 2))
         return DelayEstimate(
             value=delay,
-            std=(interval[1] - interval[0]) / (2.0 * quantile),
-            interval=interval,
+            std=(high - low) / (2.0 * quantile),
+            interval=(low, high),
             contains_zero=without <= ceiling,
-            misfit=linear.misfit(delay, self._least, self._most) / total,
+            misfit=best / total,
             misfit_without=without / total,
             misfit_ceiling=ceiling / total,
         )
 
-    def _sizes(self, delay: float) -> tuple[FloatArray, FloatArray]:
-        """Best coefficients at a delay, and the root mean square each equation leaves there."""
-        equations = self._equations(delay)
-        coefficients = self._coefficients(equations, np.ones(len(equations.response)), self._most)
-        residual = equations.response - np.einsum("rkn,k->rn", equations.regressors, coefficients)
-        sizes = np.sqrt(np.mean(residual**2, axis=1))
-        floor = 1e-12 * np.sqrt(np.mean(equations.response**2, axis=1))
-        return coefficients, np.maximum(sizes, np.maximum(floor, np.finfo(float).tiny))
+    def _linear(
+        self, delay: float, sizes: FloatArray | None = None, most: FloatArray | None = None
+    ) -> _Linear:
+        """Equations about a delay; sizes are those of their residuals if not given."""
+        most = self._most if most is None else most
+        edges = np.cumsum([0, *(len(least) for least in self._least_of)])
+        rows = [
+            _row(equation, least, most[start:stop])
+            for equation, least, start, stop in zip(
+                self._equations(delay), self._least_of, edges[:-1], edges[1:], strict=True
+            )
+        ]
+        sizes = np.array([row.size for row in rows]) if sizes is None else sizes
+        blocks = []
+        for row, size, start, stop in zip(rows, sizes, edges[:-1], edges[1:], strict=True):
+            block = np.zeros((len(row.reduced), len(self._least) + 2))
+            block[:, start:stop] = row.reduced[:, :-2] / size
+            block[:, -2:] = row.reduced[:, -2:] / size
+            blocks.append(block)
+        return _Linear(delay, rows, sizes, np.concatenate(blocks))
 
-    def _coefficients(
-        self, equations: Equations, sizes: FloatArray, most: FloatArray
-    ) -> FloatArray:
-        columns = _weighted(equations.regressors, equations.response, sizes)
-        triangle = np.linalg.qr(columns.T, mode="r")
-        return _bounded(triangle[:, :-1], triangle[:, -1], self._least, most)[0]
-
-    def _linear(self, delay: float, sizes: FloatArray, most: FloatArray) -> _Linear:
-        equations = self._equations(delay)
-        coefficients = self._coefficients(equations, sizes, most)
-        step = np.einsum("rkn,k->rn", equations.regressors_slope, coefficients)
-        step -= equations.response_slope
-        regressors = np.concatenate((equations.regressors, step[:, None]), axis=1)
-        columns = _weighted(regressors, equations.response, sizes)
-        return _Linear(delay, coefficients, columns, np.linalg.qr(columns.T, mode="r"))
-
-    def _inflation(self, linear: _Linear) -> tuple[float, float, int]:
-        """Standard deviation of the delay, its square over the textbook's, and the blocks' number.
+    def _inflation(self, linear: _Linear) -> tuple[float, int]:
+        """Variance of the delay over the textbook's, and its degrees of freedom.
 
         The scores of the delay, summed over blocks, have a spread that allows for residuals that
         are correlated from instant to instant and from equation to equation.
         """
-        regressors, step, response = (
-            linear.columns[:-2],
-            linear.columns[-2],
-            linear.columns[-1],
-        )
-        residual = response - linear.coefficients @ regressors
-        bound = np.where(np.isfinite(self._least), 2.0 * _NOTHING, -np.inf)
-        inside = (linear.coefficients > bound) & (np.abs(regressors).max(axis=1) > 0.0)
-        others = regressors[inside]
-        basis, _ = np.linalg.qr((others / np.linalg.norm(others, axis=1)[:, None]).T)
-        own = step - basis @ (basis.T @ step)
+        scores = np.zeros(len(linear.rows[0].equation.response))
+        information = np.finfo(float).tiny
+        bounds = np.where(np.isfinite(self._least), 2.0 * _NOTHING, -np.inf)
+        start = most = 0
+        for row, size in zip(linear.rows, linear.sizes, strict=True):
+            regressors = row.equation.regressors / size
+            bound = bounds[start : start + len(regressors)]
+            start += len(regressors)
+            residual = row.equation.response / size - row.coefficients @ regressors
+            inside = (row.coefficients > bound) & (np.abs(regressors).max(axis=1) > 0.0)
+            most = max(most, int(np.sum(inside)))
+            others = regressors[inside] / np.linalg.norm(regressors[inside], axis=1)[:, None]
+            basis, _ = np.linalg.qr(others.T)
+            own = row.step / size
+            own = own - basis @ (basis.T @ own)
+            information += float(own @ own)
+            scores += own * residual
         lengths, spacings = self._layout.lengths, self._layout.spacings
-        scores = (own * residual).reshape(-1, sum(lengths)).sum(axis=0)
         blocks = block_lengths(lengths, spacings, self._layout.filter_rate, 1)
         sums = np.add.reduceat(scores, np.concatenate(([0], np.cumsum(blocks)[:-1])))
-        information = max(float(own @ own), np.finfo(float).tiny)
-        spread = float(sums @ sums) * len(blocks) / max(1, len(blocks) - 1)
-        return float(np.sqrt(spread)) / information, spread / information, len(blocks)
+        # The fitted coefficients take their part of what the blocks would show.
+        left = max(1, len(blocks) - most)
+        return float(sums @ sums) * len(blocks) / left / information, left
 
-    def _interval(self, linear: _Linear, ceiling: float) -> tuple[float, float]:
+    def _interval(self, linear: _Linear, best: float, ceiling: float) -> tuple[float, float]:
         """Delays on both sides at which the profile reaches the ceiling, or the limits."""
         limit = self._layout.limit
 
@@ -221,16 +267,10 @@ class DelaySearch:
 
         ends = []
         for end in (-limit, limit):
-            reached = excess(end) > 0.0 and excess(linear.delay) < 0.0
-            found = root_scalar(excess, bracket=(linear.delay, end)).root if reached else end
-            ends.append(float(found))
-        return ends[0], ends[1]
-
-
-def _weighted(regressors: FloatArray, response: FloatArray, sizes: FloatArray) -> FloatArray:
-    """Columns of all equations in turn, each equation divided by its size, response last."""
-    columns = np.concatenate((regressors, response[:, None]), axis=1) / sizes[:, None, None]
-    return columns.transpose(1, 0, 2).reshape(columns.shape[1], -1)
+            reached = excess(end) > 0.0 and excess(best) < 0.0
+            bracket = (best, end)
+            ends.append(root_scalar(excess, bracket=bracket, xtol=_FINE).root if reached else end)
+        return float(ends[0]), float(ends[1])
 
 
 def _bounded(
