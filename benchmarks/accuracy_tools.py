@@ -47,7 +47,7 @@ class Tool:
 
 
 TOOLS = (
-    Tool("flexid_identify", "flexid identify", "flexid_identify", "flexid", 20, "nothing"),
+    Tool("flexid_identify", "flexid identify", "flexid_identify", "flexid", 5, "nothing"),
     Tool(
         "flexid_1s",
         "flexid prediction_error, 1 s",
