@@ -77,7 +77,8 @@ def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
     outcome = flexid("identify", good_log, "--out", tmp_path)
     assert outcome.status == 0, outcome.stderr
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"estimate.json", "fit.png", "estimates.png", "excitation.png"}
+    figures = {"fit.png", "estimates.png", "excitation.png", "regions.png"}
+    assert names == {"estimate.json"} | figures
     document = json.loads((tmp_path / "estimate.json").read_text())
     assert set(document["coefficients"]) == set(TRUE)
     for estimate in document["coefficients"].values():

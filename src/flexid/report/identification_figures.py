@@ -1,4 +1,4 @@
-"""Three figures of an identification: the fit, the estimates over time, the excitation."""
+"""Figures of an identification: the fit, the estimates over time, excitation, joint regions."""
 
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
 from flexid.identification.result import CoefficientEstimate, Identification
+from flexid.report.confidence_region import confidence_region_figure, most_correlated
 from flexid.report.identification_table import format_fit
 from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, new_figure, save
 
@@ -18,11 +19,25 @@ _COLOURS = {"determined": GREEN, "weak": ORANGE, "undetermined": RED}
 
 
 def save_identification_figures(result: Identification, directory: Path) -> None:
-    """Write fit.png, estimates.png and excitation.png."""
+    """Write fit.png, estimates.png, excitation.png, and regions.png where two are estimated."""
     with mpl.rc_context(STYLE):
         save(fit_figure(result), directory, "fit")
         save(estimates_figure(result), directory, "estimates")
         save(excitation_figure(result), directory, "excitation")
+        pairs = correlated_pairs(result)
+        if pairs:
+            units = {name: c.unit for name, c in result.coefficients.items()}
+            fits = {result.choices.estimator.replace("-", " "): result.fit}
+            save(confidence_region_figure(fits, pairs, units), directory, "regions")
+
+
+def correlated_pairs(result: Identification) -> dict[str, tuple[str, str]]:
+    """By row, the two coefficients whose estimates correlate most; rows with less are left out."""
+    found = {
+        row: most_correlated(result.fit, excitation.coefficients)
+        for row, excitation in result.excitation.items()
+    }
+    return {row: pair for row, pair in found.items() if pair is not None}
 
 
 def fit_figure(result: Identification) -> Figure:
