@@ -12,7 +12,6 @@ from flexid.design.optimise import Search
 from flexid.design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.design.result import Design, Extreme, Prediction
 from flexid.errors import SettingError, SimulationError
-from flexid.estimators.samples import FloatArray
 from flexid.simulation.played_run import Command
 
 STARTS = 2
@@ -23,6 +22,7 @@ STEPS = STARTS + 2
 
 _LARGEST_SCALE = 2.0
 _HALVINGS = 12  # of the interval that the scale is sought in
+_STEP_BACK = 0.98
 _SMALLEST_SCALE = 1e-3  # below which limits leave no motion to speak of
 
 REFERENCES: Mapping[str, tuple[tuple[float, float], ...]] = {
@@ -59,7 +59,8 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     _check_rest(file.drive, everyone)
     candidates = []
     for weights in search.run(STARTS, finished):
-        scale = _scale(search, weights, everyone)
+        commands = [search.command(tones, weights) for tones in (search.coarse, search.fine)]
+        scale = _scale(file.drive, commands[0], search.step, commands[1], everyone)
         run = rehearse(
             search.nominal,
             search.command(search.fine, scale * weights),
@@ -71,8 +72,10 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     command = search.command(search.fine, scale * weights)
     use, deviations = _extremes(file.drive, command, search.cases)
     prediction = predict("design", file.drive, search.nominal, run)
-    references = tuple(
-        reference(name, file.drive, prediction.peaks["torque"]) for name in REFERENCES
+    peak = prediction.peaks["torque"]
+    references = tuple(reference(name, file.drive, peak) for name in REFERENCES)
+    kept = tuple(
+        kept_reference(name, file.drive, peak, search.step, everyone) for name in REFERENCES
     )
     finished("compared")
     return Design(
@@ -84,6 +87,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         run,
         prediction,
         references,
+        kept,
         use,
         deviations,
         scale,
@@ -115,13 +119,29 @@ def predict(name: str, drive: Drive, case: Case, run: Rehearsed) -> Prediction:
 
 def reference(name: str, drive: Drive, peak_torque: float) -> Prediction:
     """What one of `REFERENCES` would tell at a peak torque in N m."""
-    count = round(drive.duration / drive.sample_time) + 1
-    time = drive.sample_time * np.arange(count, dtype=np.float64)
-    torque = np.sum([a * np.sin(rate * time) for a, rate in REFERENCES[name]], axis=0)
-    torque *= peak_torque / np.abs(torque).max()
-    command = Command(torque, np.zeros((count, 2)), np.zeros(2))
+    command = _reference_command(name, drive, drive.sample_time, peak_torque)
     nominal = drive.nominal
     return predict(name, drive, nominal, rehearse(nominal, command, drive.sample_time))
+
+
+def kept_reference(
+    name: str, drive: Drive, peak_torque: float, step: float, cases: Sequence[Case]
+) -> Prediction:
+    """What it would tell if it were as large as all drives can bear within the limits."""
+    coarse, fine = (
+        _reference_command(name, drive, sample_time, peak_torque)
+        for sample_time in (step, drive.sample_time)
+    )
+    scale = _scale(drive, coarse, step, fine, cases)
+    return reference(name, drive, scale * peak_torque)
+
+
+def _reference_command(name: str, drive: Drive, sample_time: float, peak_torque: float) -> Command:
+    count = round(drive.duration / sample_time) + 1
+    time = sample_time * np.arange(count, dtype=np.float64)
+    torque = np.sum([a * np.sin(rate * time) for a, rate in REFERENCES[name]], axis=0)
+    torque *= peak_torque / np.abs(torque).max()
+    return Command(torque, np.zeros((count, 2)), np.zeros(2))
 
 
 def _criterion(search: Search, run: Rehearsed) -> float:
@@ -138,40 +158,43 @@ def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
             )
 
 
-def _scale(search: Search, weights: FloatArray, cases: Sequence[Case]) -> float:
+def _scale(
+    drive: Drive, coarse: Command, step: float, fine: Command, cases: Sequence[Case]
+) -> float:
     """Largest factor at which every drive keeps to the limits.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its limits, and the sample time of `fine`.
+    coarse, fine : Command
+        The same command at samples `step` apart, to search with, and at all samples, to check.
+    step : float
+        In s.
+    cases : sequence of Case
+        The drives.
 
     Raises
     ------
     SettingError
         If it is next to nothing.
     """
-    step = float(search.coarse.time[1])
 
-    def worst(factor: float, fine: bool) -> float:
-        tones = search.fine if fine else search.coarse
-        command = search.command(tones, factor * weights)
+    def worst(command: Command, sample_time: float) -> float:
         try:
-            uses = (
-                max(
-                    rehearse(case, command, search.drive.sample_time if fine else step)
-                    .use(search.drive.limits)
-                    .values()
-                )
-                for case in cases
-            )
-            return max(uses)
+            runs = (rehearse(case, command, sample_time) for case in cases)
+            return max(max(run.use(drive.limits).values()) for run in runs)
         except SimulationError:
             return np.inf
 
     low, high = 0.0, _LARGEST_SCALE
-    if worst(high, False) <= 1.0:
+    if worst(coarse.scaled(high), step) <= 1.0:
         low = high
     for _ in range(_HALVINGS if low < high else 0):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if worst(middle, False) <= 1.0 else (low, middle)
-    while low > _SMALLEST_SCALE and worst(low, True) > 1.0:  # coarse samples miss some peaks
-        low *= 0.98
+        low, high = (middle, high) if worst(coarse.scaled(middle), step) <= 1.0 else (low, middle)
+    while low > _SMALLEST_SCALE and worst(fine.scaled(low), drive.sample_time) > 1.0:
+        low *= _STEP_BACK  # coarse samples miss some peaks
     if low <= _SMALLEST_SCALE:
         raise SettingError(
             "limits", "leave no motion that could tell anything: raise the tightest of them"

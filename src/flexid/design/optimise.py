@@ -67,6 +67,11 @@ class Search:
         inertia = self.drive.parameters["motor_inertia"]
         return inertia * np.array([bandwidth**2, 2.0 * bandwidth])
 
+    @property
+    def step(self) -> float:
+        """Time between the samples of the search in s."""
+        return float(self.coarse.time[1])
+
     @cached_property
     def coarse(self) -> Waveform:
         """Tones at the samples of the search."""
@@ -99,7 +104,7 @@ class Search:
     @cached_property
     def _problem(self) -> SegmentedMotion:
         """The nominal drive's motion over segments of the search, for any command."""
-        step = float(self.coarse.time[1])
+        step = self.step
         run = rehearse(self.nominal, self.command(self.coarse, self.start(0)), step)
         segments = divide([run.samples()], SEGMENT_DURATION)
         # Fewer samples tell less each by as much as there are fewer.
@@ -119,7 +124,7 @@ class Search:
 
     def cost(self, weights: FloatArray, watched: Sequence[Case]) -> float:
         """What the search makes small while some wrong drives keep to the limits too."""
-        step = float(self.coarse.time[1])
+        step = self.step
         command = self.command(self.coarse, weights)
         try:
             run = rehearse(self.nominal, command, step)
@@ -146,7 +151,7 @@ class Search:
 
     def furthest(self, weights: FloatArray) -> list[Case]:
         """For each channel the wrong drive that comes furthest, if beyond its limit."""
-        step = float(self.coarse.time[1])
+        step = self.step
         command = self.command(self.coarse, weights)
         furthest: dict[str, tuple[float, Case]] = {}
         for case in self.cases:
@@ -166,7 +171,7 @@ class Search:
         weights = generator.standard_normal(2 * count)
         if self.drive.kind == "trajectory":  # about the same speed in every tone
             weights /= np.tile(self.coarse.angular_frequencies, 2)
-        step = float(self.coarse.time[1])
+        step = self.step
         for _ in range(60):
             try:
                 run = rehearse(self.nominal, self.command(self.coarse, weights), step)

@@ -76,6 +76,8 @@ class Design:
         What that tells.
     references : tuple of Prediction
         What other inputs of the same peak torque would tell.
+    kept_references : tuple of Prediction
+        What they would tell if they were as large as all drives can bear within the limits.
     largest_use : mapping of str to Extreme
         Largest use of each limit over all drives that are wrong by 30 %.
     largest_deviations : mapping of str to Extreme
@@ -96,6 +98,7 @@ class Design:
     run: Rehearsed
     prediction: Prediction
     references: tuple[Prediction, ...]
+    kept_references: tuple[Prediction, ...]
     largest_use: Mapping[str, Extreme]
     largest_deviations: Mapping[str, Extreme]
     scale: float

@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from flexid.design.result import Design
 from flexid.report.style import BLUE, GREEN, GREY, ORANGE, STYLE, new_figure, save
@@ -56,6 +57,7 @@ def _draw_tones(ax: Axes, result: Design) -> None:
     ax.plot(result.angular_frequencies, result.amplitudes, "o", color=BLUE)
     ax.axvline(result.drive.resonance, color=GREY, linestyle="--", linewidth=1.0)
     ax.set_xscale("log")
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("angular frequency (rad/s)")
     ax.set_ylabel(f"amplitude ({unit})")
@@ -72,6 +74,7 @@ def _draw_deviations(ax: Axes, result: Design) -> None:
     ax.set_xscale("log")
     ax.set_yticks(places, names)
     ax.invert_yaxis()
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_xlabel("predicted standard deviation (%)")
     ax.set_title("At the same peak torque")
     ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.3), ncols=3)

@@ -41,6 +41,7 @@ def design_document(result: Design) -> dict[str, Any]:
         "position_loop_gains": result.command.gains.tolist(),
         "prediction": asdict(result.prediction),
         "references": [asdict(one) for one in result.references],
+        "references_within_limits": [asdict(one) for one in result.kept_references],
         "largest_use": {name: asdict(one) for name, one in result.largest_use.items()},
         "largest_deviations": {
             name: asdict(one) for name, one in result.largest_deviations.items()

@@ -56,6 +56,9 @@ def _predictions(result: Design) -> Table:
     table.add_section()
     for label, value in _summaries().items():
         table.add_row(label, *(value(one) for one in inputs), "")
+    table.add_section()
+    within = (result.prediction, *result.kept_references)
+    table.add_row("worst, within limits", *(_percent(one.worst) for one in within), "")
     return table
 
 

@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from flexid.design.excitation_report import ExcitationReport
 from flexid.identification.verdict import DETERMINED_DEVIATION, WEAK_DEVIATION
@@ -75,6 +76,9 @@ def _draw_spectrum(ax: Axes, report: ExcitationReport) -> None:
         tone = advice.rule
     if tone is not None:
         ax.plot([tone[1]], [tone[0]], "D", color=INK, label="add this")
+    lowest, highest = np.log10(ax.get_xlim())
+    ax.set_xlim(10.0 ** np.floor(lowest), 10.0 ** np.ceil(highest))  # whole decades have labels
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_xlabel("angular frequency (rad/s)")
     ax.set_ylabel(f"amplitude ({report.input_unit})")
     ax.set_title("Tones of the input")
