@@ -1,11 +1,12 @@
 """Flexid and other tools identify the same logs: accuracy, intervals, time, lines of user code.
 
-    python -m benchmarks.accuracy [--quick] [--render] [TOOL ...]
+    python -m benchmarks.accuracy [--quick] [--render] [--log KIND] [TOOL ...]
 
 in the root of a clone. All results are kept in `accuracy.json`, and the tables of
-`docs/comparison.md` are made from it. Named tools are run anew and the others' results kept;
---render makes the tables anew and runs nothing; --quick runs every tool once on every kind of log
-and leaves all files alone. A tool that is not installed is left out, and said so.
+`docs/comparison.md` are made from it. Named tools are run anew, on all logs or on those of the
+kinds given, and all other results kept; --render makes the tables anew and runs nothing; --quick
+runs every tool once on every kind of log and leaves all files alone. A tool that is not installed
+is left out, and said so.
 """
 
 import argparse
@@ -22,14 +23,14 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from benchmarks.accuracy_logs import CASES, EXAMPLE, TRUTH
+from benchmarks.accuracy_logs import CASES, EXAMPLE, TRUTH, Case
 from benchmarks.accuracy_page import PAGE, RESULTS, lines_of_user_code, render, with_block
 from benchmarks.accuracy_tools import TOOLS, Tool
 from benchmarks.peers.problem import Answer, Log
@@ -43,71 +44,102 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--render", action="store_true")
+    parser.add_argument("--log", action="append", choices=[case.name for case in CASES])
     parser.add_argument("tools", nargs="*", metavar="TOOL", help=", ".join(t.key for t in TOOLS))
     options = parser.parse_args()
     if unknown := set(options.tools) - {tool.key for tool in TOOLS}:
         parser.error(f"no such tool: {', '.join(sorted(unknown))}")
-    found = {} if options.render else measured(options.tools, options.quick)
-    if options.quick:
-        Console().print(render(found), markup=False)
+    if options.render:
+        _keep({})
         return
-    # Read only now: a run takes its time, and another one may have ended meanwhile.
-    kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {"tools": {}}
-    tools = kept["tools"] | found.get("tools", {})
-    results = kept | found | {"tools": {t.key: tools[t.key] for t in TOOLS if t.key in tools}}
-    RESULTS.write_text(_text(results), encoding="utf-8")
-    page = with_block(PAGE.read_text(encoding="utf-8"), render(results))
+    tools = _installed([tool for tool in TOOLS if not options.tools or tool.key in options.tools])
+    cases = [case for case in CASES if not options.log or case.name in options.log]
+    quick: dict[str, Any] = {}
+    for results in measured(tools, cases, 1 if options.quick else None):
+        if options.quick:
+            quick = merged(quick, results)
+        else:
+            _keep(results)  # now, so that a run that is broken off keeps what it has
+    if options.quick:
+        Console().print(render(quick), markup=False)
+    elif any(tool.key == "flexid_identify" for tool in tools):
+        _keep({"command": _command()})
+
+
+def _keep(results: Mapping[str, Any]) -> None:
+    """Merge into the file, as it is now, and make the page anew."""
+    kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
+    together = merged(kept, results)
+    RESULTS.write_text(_text(together), encoding="utf-8")
+    page = with_block(PAGE.read_text(encoding="utf-8"), render(together))
     PAGE.write_text(page, encoding="utf-8")
 
 
-def measured(named: Sequence[str], quick: bool) -> dict[str, Any]:
-    """Results of the named tools, or of all."""
-    chosen = [tool for tool in TOOLS if not named or tool.key in named]
-    missing = [tool for tool in chosen if importlib.util.find_spec(tool.package) is None]
+def merged(kept: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """What was found, and of what was kept the tools and the kinds of log that it has not."""
+    tools = dict(kept.get("tools", {}))
+    for key, entry in found.get("tools", {}).items():
+        fresh = {run["case"] for run in entry["runs"]}
+        old = [run for run in tools.get(key, {}).get("runs", []) if run["case"] not in fresh]
+        order = [case.name for case in CASES]
+        runs = sorted(old + entry["runs"], key=lambda run: (order.index(run["case"]), run["seed"]))
+        tools[key] = {**entry, "runs": runs}
+    ordered = {tool.key: tools[tool.key] for tool in TOOLS if tool.key in tools}
+    return {**kept, **found, "tools": ordered}
+
+
+def _installed(tools: Sequence[Tool]) -> list[Tool]:
+    missing = [tool for tool in tools if importlib.util.find_spec(tool.package) is None]
     for tool in missing:
         print(f"{tool.title} left out: {tool.package} is not installed", file=sys.stderr)
-    ready = [tool for tool in chosen if tool not in missing]
-    stamp = {
-        "date": str(datetime.datetime.now(datetime.UTC).date()),
-        "load": round(os.getloadavg()[0], 2),
-    }
-    runs = _all_runs(ready, quick)
-    tools = {
-        tool.key: {
-            **stamp,
-            "version": version(tool.package),
-            "lines": lines_of_user_code(tool.source),
-            "runs": runs[tool.key],
-        }
-        for tool in ready
-    }
-    results = {
-        "machine": f"{processor()}, {os.cpu_count()} cores, {platform.system()}",
-        "python": platform.python_version(),
-        "tools": tools,
-    }
-    if "flexid_identify" in tools and not quick:
-        results["command"] = _command()
-    return results
+    return [tool for tool in tools if tool not in missing]
 
 
-def _all_runs(tools: Sequence[Tool], quick: bool) -> dict[str, list[dict[str, Any]]]:
-    """Log by log and the tools in turn, so that they meet the same machine."""
-    runs: dict[str, list[dict[str, Any]]] = {tool.key: [] for tool in tools}
+def measured(
+    tools: Sequence[Tool], cases: Sequence[Case], most: int | None
+) -> Iterator[dict[str, Any]]:
+    """Results of one kind of log after the other, the tools in turn on each log.
+
+    Parameters
+    ----------
+    tools : sequence of Tool
+    cases : sequence of Case
+    most : int or None
+        Logs of each kind, if fewer than the tool's own number are wanted.
+    """
     for tool in tools:
         if not tool.slow:
             _run(tool, CASES[-1].make(Path(), 0))  # compile, load, import: not timed
+    for case in cases:
+        stamp = {
+            "date": str(datetime.datetime.now(datetime.UTC).date()),
+            "load": round(os.getloadavg()[0], 2),
+        }
+        runs = _runs(tools, case, most)
+        yield {
+            "machine": f"{processor()}, {os.cpu_count()} cores, {platform.system()}",
+            "python": platform.python_version(),
+            "tools": {
+                tool.key: {
+                    "version": version(tool.package),
+                    "lines": lines_of_user_code(tool.source),
+                    "runs": [{**stamp, **run} for run in runs[tool.key]],
+                }
+                for tool in tools
+            },
+        }
+
+
+def _runs(tools: Sequence[Tool], case: Case, most: int | None) -> dict[str, list[dict[str, Any]]]:
+    runs: dict[str, list[dict[str, Any]]] = {tool.key: [] for tool in tools}
     with tempfile.TemporaryDirectory() as folder:
-        for case in CASES:
-            for seed in range(case.only or max(tool.seeds for tool in tools)):
-                log = case.make(Path(folder), seed)
-                for tool in tools:
-                    if seed < (1 if quick else tool.seeds):
-                        print(f"{case.name}, {seed}: {tool.title}", file=sys.stderr)
-                        found = {"case": case.name, "seed": seed, **_run(tool, log)}
-                        runs[tool.key].append(found)
-                if quick:
-                    break
+        for seed in range(most or case.only or max(tool.seeds for tool in tools)):
+            log = case.make(Path(folder), seed)
+            for tool in tools:
+                if seed < tool.seeds:
+                    print(f"{case.name}, {seed}: {tool.title}", file=sys.stderr)
+                    found = {"case": case.name, "seed": seed, **_run(tool, log)}
+                    runs[tool.key].append(found)
     return runs
 
 

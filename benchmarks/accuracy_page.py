@@ -73,7 +73,8 @@ def render(results: Mapping[str, Any]) -> str:
             str(entry["lines"]),
             tools[key].told,
             str(max(run["seed"] for run in entry["runs"]) + 1),
-            f"{entry['date']}, {entry['load']:g}",
+            max(run["date"] for run in entry["runs"]),
+            _span([run["load"] for run in entry["runs"]]),
         ]
         for key, entry in found.items()
     ]
@@ -103,7 +104,7 @@ def render(results: Mapping[str, Any]) -> str:
         "### Effort",
         "",
         *markdown(
-            ["", "version", "lines", "told beside log and model", "logs of a kind", "run, load"],
+            ["", "version", "lines", "told beside log and model", "logs of a kind", "run", "load"],
             effort,
         ),
         "",
@@ -111,6 +112,11 @@ def render(results: Mapping[str, Any]) -> str:
         f"Machine: {results['machine']}; Python {results['python']}.",
     ]
     return "\n".join(parts) + "\n"
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = f"{min(values):.1f}", f"{max(values):.1f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _of(runs: Sequence[Run], case: str) -> list[Run]:

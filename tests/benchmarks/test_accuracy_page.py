@@ -14,10 +14,12 @@ from benchmarks.accuracy_page import (
 )
 from benchmarks.accuracy_tools import TOOLS
 
+STAMP = {"date": "2000-01-01", "load": 0.1}
+
 
 def results(runs: list[dict]) -> dict:
     """Results of one tool."""
-    entry = {"version": "1.0", "lines": 3, "date": "2000-01-01", "load": 0.1, "runs": runs}
+    entry = {"version": "1.0", "lines": 3, "runs": [STAMP | run for run in runs]}
     return {"machine": "one", "python": "3", "tools": {"numpy": entry}}
 
 
@@ -78,7 +80,7 @@ def test_equal_accuracy_is_compared_on_the_same_logs():
     other = [{**RUNS[1], "case": case, "seconds": 50.0, "processor": 240.0}]
     found = results(own)
     entry = found["tools"].pop("numpy")
-    found["tools"] = {"flexid_10s": entry, "casadi": {**entry, "runs": other}}
+    found["tools"] = {"flexid_10s": entry, "casadi": results(other)["tools"]["numpy"]}
     block = render(found)
     assert "takes 50 times as long" in block
     assert "80 times by the processors" in block
