@@ -6,13 +6,17 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
+from joint_logs import SAMPLE_TIME, steady_sine
+from scipy.optimize import brentq
 
-from flexid.design.design import REFERENCES, design
+from flexid.design.design import REFERENCES, design, predict
 from flexid.design.drive_file import read_drive
+from flexid.design.rehearse import Rehearsed
 from flexid.design.result import Design
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.simulation.free_run import free_run
 from flexid.report.design_files import save_command
 
 SEEDS = 40
@@ -46,6 +50,22 @@ def test_beats_other_inputs_within_the_limits(designed, place):
     other = designed.kept_references[place]
     assert other.within_limits
     assert designed.prediction.worst < other.worst
+
+
+def test_beats_the_papers_motion_at_equal_torque(designed):
+    """Assert the same of the torque that keeps the link on the paper's sine, in steady motion."""
+    peak, duration = designed.prediction.peaks["torque"], designed.drive.duration
+
+    def too_much(amplitude):
+        return np.abs(steady_sine(amplitude, 5.0, duration)[0]).max() - peak
+
+    torque, start = steady_sine(brentq(too_much, 0.05, 3.0), 5.0, duration)
+    case = designed.drive.nominal
+    states = free_run(case.system, case.coefficients, start, torque, SAMPLE_TIME, "zero")
+    run = Rehearsed(states, torque, SAMPLE_TIME)
+    other = predict("paper's motion", designed.drive, case, run)
+    assert designed.prediction.worst < other.worst
+    assert designed.prediction.e_deviation < other.e_deviation
 
 
 def test_limits_hold_on_wrong_drives(designed):

@@ -19,6 +19,9 @@ Criterion = Literal["E", "D"]
 DOUBT = 0.3
 """Relative error of every parameter that a design must bear."""
 
+HIGHEST = 1.5
+"""Frequency of the fastest tone over the resonance, where none is given."""
+
 _RANDOM_CASES = 16
 
 _TERMS = {
@@ -90,11 +93,11 @@ class Drive:
     harmonics : int
         Number of tones.
     highest_frequency : float or None
-        Of the tones in rad/s; twice the joint's resonance if None.
+        Of the tones in rad/s; 1.5 times the joint's resonance if None.
     ramp : float
         Time in s over which the motion swells at the start and fades at the end.
     bandwidth : float or None
-        Of the position loop that follows a trajectory, in rad/s; twice the resonance if None.
+        Of the position loop that follows a trajectory, in rad/s; the resonance if None.
     """
 
     parameters: Mapping[str, float]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flexid.design.drive import Drive, Limits
+from flexid.design.drive import HIGHEST, Drive, Limits
 from flexid.errors import SettingError
 
 _MAX_BYTES = 200_000
@@ -153,7 +153,7 @@ def _check(drive: Drive) -> None:
         raise SettingError(
             "experiment.ramp", f"is more than {_LARGEST_RAMP:.0%} of the duration: shorten it"
         )
-    fastest = drive.highest_frequency or 2.0 * drive.resonance
+    fastest = drive.highest_frequency or HIGHEST * drive.resonance
     if fastest * drive.sample_time * _SLOWEST_SAMPLING > 2.0 * np.pi:
         raise SettingError(
             "experiment.highest_frequency" if drive.highest_frequency else "experiment.sample_time",

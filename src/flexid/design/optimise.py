@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from flexid.analysis.information import information_at
 from flexid.design.criterion import smooth_cost
-from flexid.design.drive import Case, Drive
+from flexid.design.drive import HIGHEST, Case, Drive
 from flexid.design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.design.waveform import Waveform, waveform
 from flexid.errors import SimulationError
@@ -26,12 +26,12 @@ from flexid.estimators.samples import FloatArray
 from flexid.estimators.segments import divide
 from flexid.simulation.played_run import Command
 
-_BANDWIDTH = 2.0  # times the resonance, of the position loop that follows a trajectory
-_HIGHEST = 1.5  # times the resonance, of the fastest tone
+_BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory
 _SAMPLES_PER_RADIAN = 4.0  # of the fastest motion, in the search
+_MAIN_TONE, _DOMINANCE = 0.25, 10.0  # of the first start: times the resonance, and the others
 _TIE = 2.0  # weight of (log U)²
 _NORM = 24.0  # of the smooth stand-in for a largest magnitude
-_NORM_OF_USES = 8.0  # of the smooth stand-in for the largest of several uses
+_NORM_OF_USES = 16.0  # of the smooth stand-in for the largest of several uses
 _NEAR = 0.8  # use of a limit from which on a wrong drive counts as near it
 _FIRST, _SECOND = 25, 20  # iterations of the two searches
 _STEP = 1e-4  # of finite differences, over the typical size of a weight
@@ -56,16 +56,20 @@ class Search:
     @property
     def highest_frequency(self) -> float:
         """Of the tones, in rad/s."""
-        return self.drive.highest_frequency or _HIGHEST * self.drive.resonance
+        return self.drive.highest_frequency or HIGHEST * self.drive.resonance
+
+    @property
+    def bandwidth(self) -> float:
+        """Of the position loop in rad/s; zero for a torque."""
+        if self.drive.kind == "multisine":
+            return 0.0
+        return self.drive.bandwidth or _BANDWIDTH * self.drive.resonance
 
     @property
     def gains(self) -> FloatArray:
         """Gains of the position loop: critically damped for the motor alone; zero for a torque."""
-        if self.drive.kind == "multisine":
-            return np.zeros(2)
-        bandwidth = self.drive.bandwidth or _BANDWIDTH * self.drive.resonance
         inertia = self.drive.parameters["motor_inertia"]
-        return inertia * np.array([bandwidth**2, 2.0 * bandwidth])
+        return inertia * np.array([self.bandwidth**2, 2.0 * self.bandwidth])
 
     @property
     def step(self) -> float:
@@ -75,7 +79,8 @@ class Search:
     @cached_property
     def coarse(self) -> Waveform:
         """Tones at the samples of the search."""
-        fastest = max(self.highest_frequency, self.drive.resonance)
+        # The loop's derivative gain acts at twice its bandwidth.
+        fastest = max(self.highest_frequency, self.drive.resonance, 2.0 * self.bandwidth)
         wanted = 1.0 / (_SAMPLES_PER_RADIAN * fastest)
         count = max(1, int(wanted / self.drive.sample_time))
         return self._waveform(count * self.drive.sample_time)
@@ -165,10 +170,13 @@ class Search:
         return list({case.name: case for _, case in furthest.values()}.values())
 
     def start(self, place: int) -> FloatArray:
-        """Random weights within the limits of the nominal drive."""
+        """Random weights within the limits of the nominal drive; one tone stands out at first."""
         generator = np.random.default_rng([self.seed, place])
-        count = len(self.coarse.angular_frequencies)
-        weights = generator.standard_normal(2 * count)
+        rates = self.coarse.angular_frequencies
+        weights = generator.standard_normal(2 * len(rates))
+        if place == 0:
+            main = int(np.argmin(np.abs(np.log(_MAIN_TONE * self.drive.resonance / rates))))
+            weights[len(rates) + main] = _DOMINANCE
         if self.drive.kind == "trajectory":  # about the same speed in every tone
             weights /= np.tile(self.coarse.angular_frequencies, 2)
         step = self.step

@@ -20,14 +20,14 @@ def save_design_figure(result: Design, directory: Path) -> None:
 
 def design_figure(result: Design) -> Figure:
     """Torque, positions, tones and predicted deviations."""
-    figure = new_figure(height=6.4)
-    grid = figure.add_gridspec(3, 2)
+    figure = new_figure(height=7.4)
+    grid = figure.add_gridspec(4, 2, height_ratios=(1, 1, 0.7, 1.3))
     torque = figure.add_subplot(grid[0, :])
-    motion = figure.add_subplot(grid[1, :], sharex=torque)
     _draw_torque(torque, result)
-    _draw_motion(motion, result)
-    _draw_tones(figure.add_subplot(grid[2, 0]), result)
-    _draw_deviations(figure.add_subplot(grid[2, 1]), result)
+    _draw_positions(figure.add_subplot(grid[1, :], sharex=torque), result)
+    _draw_deflection(figure.add_subplot(grid[2, :], sharex=torque), result)
+    _draw_tones(figure.add_subplot(grid[3, 0]), result)
+    _draw_deviations(figure.add_subplot(grid[3, 1]), result)
     return figure
 
 
@@ -38,17 +38,22 @@ def _draw_torque(ax: Axes, result: Design) -> None:
     ax.set_title(f"Torque {played}")
 
 
-def _draw_motion(ax: Axes, result: Design) -> None:
-    x = result.run.states
-    ax.plot(result.time, x[:, 0], color=BLUE, linewidth=1.2, label="link position")
-    ax.plot(result.time, x[:, 0] - x[:, 2], color=ORANGE, linewidth=1.0, label="deflection")
+def _draw_positions(ax: Axes, result: Design) -> None:
+    ax.plot(result.time, result.run.states[:, 0], color=BLUE, label="link")
     if result.drive.kind == "trajectory":
         reference = result.command.reference[:, 0]
-        ax.plot(result.time, reference, "--", color=GREY, linewidth=1.0, label="motor reference")
+        ax.plot(result.time, reference, "--", color=ORANGE, linewidth=1.0, label="motor reference")
+        ax.legend(loc="upper right", ncols=2)
+    ax.set_ylabel("position (rad)")
+    ax.set_title("Link position of the drive as believed")
+
+
+def _draw_deflection(ax: Axes, result: Design) -> None:
+    x = result.run.states
+    ax.plot(result.time, x[:, 0] - x[:, 2], color=BLUE, linewidth=1.0)
     ax.set_xlabel("time (s)")
-    ax.set_ylabel("angle (rad)")
-    ax.set_title("What the drive, as believed, does")
-    ax.legend(loc="upper right", ncols=3)
+    ax.set_ylabel("rad")
+    ax.set_title("Deflection")
 
 
 def _draw_tones(ax: Axes, result: Design) -> None:
@@ -70,8 +75,10 @@ def _draw_deviations(ax: Axes, result: Design) -> None:
     places = np.arange(len(names))
     for shift, (one, colour) in enumerate(zip(inputs, (BLUE, ORANGE, GREEN), strict=True)):
         values = [100.0 * one.deviations[name] for name in names]
-        ax.barh(places + 0.27 * (shift - 1), values, height=0.25, color=colour, label=one.name)
+        ax.plot(values, places + 0.2 * (shift - 1), "o", color=colour, label=one.name)
     ax.set_xscale("log")
+    lowest, highest = np.log10(ax.get_xlim())
+    ax.set_xlim(10.0 ** np.floor(lowest), 10.0 ** np.ceil(highest))  # whole decades have labels
     ax.set_yticks(places, names)
     ax.invert_yaxis()
     ax.xaxis.set_minor_formatter(NullFormatter())
