@@ -152,15 +152,14 @@ class BlockPredictionError(BesideLeastSquares):
         prior = parts["values"].copy(), parts["information"].copy()
         problem = _MotionWithPrior(**vars(plain), prior_values=prior[0], prior_information=prior[1])
         point = Point(prior[0], first_states(segments))
-        weight, squares = parts["noise"][0], parts["noise"][1:]
-        if weight > 0.0:
-            noise = np.sqrt(squares / weight)
-        else:
+        if not parts["noise"].any():  # guessed from the positions, then taken from the residuals
             noise = np.array([position_noise(column) for column in positions.T])
             problem = problem.at(point, _weights(noise, positions))
             coarse = approach(problem, point, _COARSE)
-            point, noise = coarse.point, coarse.noise(problem)
-        problem = problem.at(point, _weights(noise, positions))
+            point = coarse.point
+            parts["noise"][:] = 1.0 / _weights(coarse.noise(problem), positions)
+        # The same weights for all blocks, so that their information and the prior's compare
+        problem = problem.at(point, 1.0 / parts["noise"])
         return approach(problem, point, _FINE)
 
     def _learn(self, parts: np.ndarray, found: Minimum) -> None:
@@ -178,11 +177,6 @@ class BlockPredictionError(BesideLeastSquares):
         # b_B of the linear problem that has the same score and information at these values
         equations = np.concatenate((information.ravel(), score + information @ values))
         parts["own"][:] = fading * parts["own"] + equations
-        residuals = found.equations.residuals
-        unknowns = 2 * residuals.shape[1] + len(values) * (not known.any())
-        left = max(1.0, len(residuals) - unknowns / residuals.shape[1])
-        parts["noise"][:] = fading * parts["noise"]
-        parts["noise"][:] += np.concatenate(([left], np.sum(residuals**2, axis=0)))
         counts[_CLOCK] += self.block_samples
         counts[_SPAN] += self.block_samples
         if counts[_SPAN] >= counts[_BLOCK_LENGTH]:
@@ -241,7 +235,7 @@ def block_prediction_error(
             "peaks": k,
             "own": square,
             "counts": 4,  # as of `store_block`, then span
-            "noise": 1 + n_rows,  # weight, then sums of squares of residuals
+            "noise": n_rows,  # standard deviations in the first block
             "ends": N_BLOCKS,
             "lengths": N_BLOCKS,
             "stored": (N_BLOCKS, square),

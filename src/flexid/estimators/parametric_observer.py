@@ -26,8 +26,9 @@ class ParametricObserver(CompiledEstimator):
     """The observer with its gains; made by `parametric_observer`.
 
     The innovation of a row is the change of its velocity over the interval less its prediction, in
-    rad/s. The status is `STARTING` for the first sample of a piece, which has no interval before
-    it; it does not tell whether the motion excites the coefficients.
+    rad/s; NaN for the first sample of a piece, which has no interval before it. The status is never
+    `USED`: a constant gain cannot know whether the motion has told it the coefficients, so compare
+    with least squares.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ def take(current, samples, n, fixed, info):
             info[j] = np.nan
         info[N_ROWS] = REJECTED
         return (0.0,) + current[1:]
-    info[N_ROWS] = USED if current[0] != 0.0 else STARTING
+    info[N_ROWS] = STARTING  # a constant gain cannot know whether the data tell the coefficients
     current, innovation = advance(current, as_sample(samples, n), fixed)
     for j in range(N_ROWS):
         info[j] = innovation[j]
