@@ -16,8 +16,8 @@ from flexid.design.result import Design
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.simulation.free_run import free_run
 from flexid.report.design_files import save_command
+from flexid.simulation.free_run import free_run
 
 SEEDS = 40
 
