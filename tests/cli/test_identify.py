@@ -68,7 +68,7 @@ def test_example_recovers_the_truth(flexid, examples, tmp_path):
             assert lower <= true["value"] <= upper, name
             assert document[kind][name]["status"] == "determined"
     assert all(fit > 99 for fit in document["validation"]["fit_percent"].values())
-    assert document["hold"] == "zero"
+    assert document["choices"]["hold"] == "zero"
     assert document["warnings"] == []
 
 

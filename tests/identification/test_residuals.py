@@ -5,6 +5,7 @@ import pytest
 
 from flexid.estimators.samples import samples_of_recording
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
 from flexid.identification.residuals import residual_excess
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Recording
@@ -33,8 +34,9 @@ def record(noise=1e-4, bits=None, delay=0.0, sample_time=2e-3):
 def excess(recording, filter_rate=20.0):
     """Excess of both rows."""
     system = flexible_joint()
-    fit = filtered_least_squares([samples_of_recording(recording)], system, filter_rate)
-    return residual_excess(fit, [recording], system)
+    samples = [samples_of_recording(recording)]
+    fit = filtered_least_squares(samples, system, filter_rate)
+    return residual_excess(fit, Unknowns(system), samples)
 
 
 @pytest.mark.parametrize("filter_rate", [5.0, 20.0, 80.0])

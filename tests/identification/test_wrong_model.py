@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flexid.identification.identify import identify
+from flexid.identification.settings import Settings
 from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
 from flexid.recording.recording import Log, Recording
 from flexid.simulation.free_run import free_run
@@ -11,29 +12,40 @@ from flexid.simulation.free_run import free_run
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 
 
-def identified(term=None, coefficients=None, noise=1e-5):
-    """Identify, with the paper's terms, a joint with one more term, from two tones at 500 Hz."""
+def identified(term=None, coefficients=None, noise=1e-5, terms=PAPER_TERMS):
+    """Identify a joint with a term more than the paper's, from two tones at 500 Hz."""
     t = np.arange(0, 30, 0.002)
     u = 20 * np.sin(2 * t) + 10 * np.sin(5.3 * t)
     system = flexible_joint(PAPER_TERMS if term is None else (*PAPER_TERMS, term))
     x = free_run(system, {**TRUE, **(coefficients or {})}, np.zeros(4), u, 0.002)
     rng = np.random.default_rng(3)
     link, motor = (x[:, [0, 2]] + noise * rng.standard_normal((len(t), 2))).T.copy()
-    return identify([Log((Recording(0.002, 0.0, link, motor, u, "N m"),), (), "log", "")])
+    log = Log((Recording(0.002, 0.0, link, motor, u, "N m"),), (), "log", "")
+    return identify([log], Settings(terms=terms))
 
 
-@pytest.mark.parametrize(
-    ("term", "coefficients"),
-    [
-        ("cubic_stiffness", {"theta_cubic": 2000.0, "alpha_cubic": 20000 / 3}),
-        ("motor_coulomb", {"alpha_coulomb": 10.0}),
-    ],
-)
+MISSING = [
+    ("cubic_stiffness", {"theta_cubic": 2000.0, "alpha_cubic": 20000 / 3}),
+    ("motor_coulomb", {"alpha_coulomb": 10.0}),
+]
+
+
+@pytest.mark.parametrize(("term", "coefficients"), MISSING)
 def test_inertia_spoilt_by_a_missing_term_is_not_called_known(term, coefficients):
     """Assert that the motor's gain is doubted where a missing term puts it over a tenth off."""
     beta1 = identified(term, coefficients).coefficients["beta1"]
     assert abs(beta1.value / TRUE["beta1"] - 1) > 0.1  # the term matters
     assert beta1.status != "determined"
+
+
+@pytest.mark.parametrize(("term", "coefficients"), MISSING)
+def test_missing_term_is_found(term, coefficients):
+    """Assert that auto adds the term that the log shows and no other, and gets its size right."""
+    result = identified(term, coefficients, terms="auto")
+    assert set(result.choices.terms) == {*PAPER_TERMS, term}
+    for name, value in {**TRUE, **coefficients}.items():
+        assert result.coefficients[name].value == pytest.approx(value, rel=0.01)
+    assert all(e.without_term > e.with_term for e in result.choices.term_evidence if e.chosen)
 
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-2])

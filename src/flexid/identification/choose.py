@@ -20,7 +20,12 @@ from flexid.identification.segment_choice import (
     try_segments,
 )
 from flexid.identification.settings import Settings
-from flexid.identification.term_choice import choose_coulomb_velocity, choose_terms
+from flexid.identification.term_choice import (
+    choose_coulomb_velocity,
+    choose_stiction,
+    choose_terms,
+    with_stiction,
+)
 
 _CHOICE_SHARE = 1 / 3  # of the fitted data that choices are tested on
 _MOST_SAMPLES = 40_000  # that choices look at; more change no choice
@@ -85,7 +90,7 @@ def choose(
         joint = joint.with_coulomb_velocity(settings.coulomb_velocity)
     candidate = Candidate(
         joint,
-        tuple(joint.terms) if settings.terms == "auto" else settings.terms,
+        tuple(joint.terms) if settings.terms == "auto" else _first_terms(settings.terms),
         alignment.hold,
         _FIRST_RATE if settings.filter_rate == "auto" else settings.filter_rate,
         _first_duration(settings),
@@ -108,15 +113,26 @@ def choose(
 def _with_terms(
     candidate: Candidate, inner: Pieces, settings: Settings, progress: Progress
 ) -> tuple[Trial, tuple[TermEvidence, ...]]:
-    terms: tuple[TermEvidence, ...] = ()
-    if settings.terms == "auto":
-        given = candidate.joint.terms_with({*settings.known, *settings.bounds})
-        best, terms = choose_terms(replace(candidate, terms=given), inner, progress)
-    else:
+    if settings.terms != "auto":
+        holding = "motor_stiction" in settings.terms
         best = attempt(candidate, inner)
+        if holding:
+            best = attempt(with_stiction(best, inner), inner)
+        elif settings.coulomb_velocity == "auto":
+            best = choose_coulomb_velocity(best, inner, progress)
+        return best, ()
+    given = candidate.joint.terms_with({*settings.known, *settings.bounds})
+    best, terms = choose_terms(replace(candidate, terms=given), inner, progress)
     if settings.coulomb_velocity == "auto":
         best = choose_coulomb_velocity(best, inner, progress)
+        best = choose_stiction(best, inner, progress)
     return best, terms
+
+
+def _first_terms(terms: tuple[str, ...]) -> tuple[str, ...]:
+    """Terms to begin with: stiction is found from Coulomb friction."""
+    others = [term for term in terms if term not in ("motor_coulomb", "motor_stiction")]
+    return (*others, "motor_coulomb") if len(others) < len(terms) else terms
 
 
 def _first_duration(settings: Settings) -> float:

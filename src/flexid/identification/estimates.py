@@ -16,6 +16,8 @@ from flexid.identification.verdict import Evidence, verdict, worst
 _NOISE_DEVIATIONS = 1.0
 _ESTIMATOR_DEVIATIONS = 2.0  # two estimators share less of their noise than two filter rates
 
+_HELPERS = ("alpha_holding",)  # carries the uncertainty of the stopping time to the others
+
 
 def coefficient_estimates(
     fit: Fitted,
@@ -42,6 +44,8 @@ def coefficient_estimates(
     estimates = {}
     deviations = np.sqrt(np.diag(fit.covariance))
     for place, name in enumerate(fit.names):
+        if name not in evidence:  # of no meaning but for the uncertainty of the others
+            continue
         value, std = float(fit.values[place]), float(deviations[place])
         ends = interval(value, std, fit.degrees_of_freedom[place])
         unit = _unit(units[_base(name)], input_unit)
@@ -80,15 +84,16 @@ def row_evidence(
     values = dict(zip(fit.names, np.asarray(fit.values).tolist(), strict=True))
     found = {}
     for row in start.rows:
-        names = row.coefficients
-        sizes = np.sqrt(np.diag(row.gram) / max(row.total_sum, np.finfo(float).tiny))
+        names = tuple(name for name in row.coefficients if name not in _HELPERS)
         if not names:
             continue
+        squares = dict(zip(row.coefficients, np.diag(row.gram).tolist(), strict=True))
+        total = max(row.total_sum, np.finfo(float).tiny)
         evidence = Evidence(
             {name: values[name] for name in names},
             {name: deviations[name] for name in names},
             {name: shifts.get(name, 0.0) for name in names},
-            dict(zip(names, map(float, sizes), strict=True)),
+            {name: (squares[name] / total) ** 0.5 for name in names},
             residual_excess[row.name],
             excitation[row.name],
             fit_percent,

@@ -18,7 +18,7 @@ from flexid.identification.joint import Joint, flexible, rigid
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import Pieces, prepare
 from flexid.identification.prior_knowledge import Known, informed
-from flexid.identification.result import Choices, Identification
+from flexid.identification.result import Choices, Identification, ObserverTrace
 from flexid.identification.settings import Auto, Settings
 from flexid.identification.summary import summary
 from flexid.identification.validation import validate
@@ -28,6 +28,7 @@ from flexid.identification.warnings import (
     sign_warnings,
     validation_warnings,
 )
+from flexid.models.flexible_joint import STOPPING
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Log, Recording
 
@@ -111,7 +112,7 @@ def identify(
         residual_excess=found.residual_excess,
         validation=validation,
         compliance=compliance,
-        observer=stream(candidate.samples(pieces.whole), reported.unknowns, candidate.hold),
+        observer=_stream(candidate, pieces),
         fit=fit,
         choices=choices,
         summary=summary(choices, reported.fit, found.start),
@@ -186,6 +187,16 @@ def _fit(
         )
 
 
+def _stream(candidate: Candidate, pieces: Pieces) -> ObserverTrace:
+    """The paper's observer with the same terms, as far as it needs no derivative of the input."""
+    joint, terms = candidate.joint, candidate.terms
+    if "motor_stiction" in terms:
+        joint = flexible().with_coulomb_velocity(joint.system.constants[SMOOTHING])
+        terms = tuple("motor_coulomb" if t == "motor_stiction" else t for t in terms)
+    unknowns = joint.unknowns(terms, candidate.fixed)
+    return stream(candidate.samples(pieces.whole), unknowns, candidate.hold)
+
+
 def _informed(
     joint: Joint,
     reported: AnyFitted,
@@ -217,11 +228,13 @@ def _choices(choice: Choice, alignment: Alignment, reported: AnyFitted) -> Choic
     candidate, constants = choice.candidate, choice.candidate.joint.system.constants
     finished = isinstance(reported.fit, PredictionErrorFit)
     smoothed = any("coulomb" in term for term in candidate.terms)
+    holding = "motor_stiction" in candidate.terms
     return Choices(
         terms=candidate.terms,
         alignment=alignment,
         hold=candidate.hold,
         coulomb_velocity=constants[SMOOTHING] if smoothed else None,
+        stopping_time=constants[STOPPING] if holding else None,
         filter_rate=candidate.filter_rate,
         estimator="prediction-error" if finished else "least-squares",
         segment_duration=candidate.segment_duration if finished else None,
@@ -240,6 +253,7 @@ def _provenance(logs: Sequence[Log], settings: Settings, choices: Choices) -> di
             "input_delay": choices.alignment.input_delay.value,
             "link_delay": choices.alignment.link_delay.value,
             "coulomb_velocity": choices.coulomb_velocity,
+            "stopping_time": choices.stopping_time,
             "filter_rate": round(choices.filter_rate, 6),
             "estimator": choices.estimator,
             "segment_duration": choices.segment_duration,

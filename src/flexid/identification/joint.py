@@ -121,12 +121,20 @@ class Joint:
         return rigid_parameters(coefficients, input_is_torque)
 
 
-def flexible() -> Joint:
-    """The flexible joint of Huang (2003), eq. (4), with every further term."""
+def flexible(friction: Literal["motor_coulomb", "motor_stiction"] = "motor_coulomb") -> Joint:
+    """The flexible joint of Huang (2003), eq. (4), with every further term.
+
+    Parameters
+    ----------
+    friction : {"motor_coulomb", "motor_stiction"}, optional
+        Which of the two models of the motor's dry friction there is; they share a coefficient.
+    """
+    other = {"motor_coulomb", "motor_stiction"} - {friction}
+    terms = {name: term for name, term in TERMS.items() if name not in other}
     return Joint(
         "flexible",
-        flexible_joint(tuple(TERMS)),
-        {name: (*term.link, *term.motor) for name, term in TERMS.items()},
+        flexible_joint(tuple(terms)),
+        {name: (*term.link, *term.motor) for name, term in terms.items()},
         COEFFICIENT_UNITS,
         ("link_position", "motor_position", "deflection"),
     )

@@ -194,6 +194,8 @@ class Choices:
         Behaviour of the input between samples.
     coulomb_velocity : float or None
         Velocity in rad/s over which Coulomb friction changes sign; None where there is none.
+    stopping_time : float or None
+        Time in s in which friction brings the motor to rest; None without ``motor_stiction``.
     filter_rate : float
         Rate λ of the state-variable filter in 1/s.
     estimator : {"prediction-error", "least-squares"}
@@ -210,6 +212,7 @@ class Choices:
     alignment: Alignment
     hold: Hold
     coulomb_velocity: float | None
+    stopping_time: float | None
     filter_rate: float
     estimator: Estimator
     segment_duration: float | None

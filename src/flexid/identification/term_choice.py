@@ -12,7 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexid.errors import ConvergenceError
+from flexid.estimators.stopping_time import find_stopping_time, fit_stopping_time
 from flexid.identification.candidate import Candidate, Trial, attempt
+from flexid.identification.joint import flexible
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import TermEvidence
 from flexid.identification.verdict import DISSIPATIVE, NEGATIVE_DEVIATIONS
@@ -23,6 +26,7 @@ WORTH = 0.005
 _OBVIOUS = 0.2  # part of the error that a term saves which even least squares shows
 _TRIED = 3  # of the most promising candidates in each round
 _WIDTHS = (0.3, 0.03, 0.01, 0.003)  # rad/s, smoothings of Coulomb friction beside the usual one
+_STOPPING_DURATION = 0.5  # s, segments while the stopping time is sought
 _COULOMB = ("motor_coulomb", "link_coulomb", "coulomb")
 
 Progress = Callable[[str], None]
@@ -91,6 +95,43 @@ def _grown(
         if not better.error < best.error * (1 - worth):
             return best, trials
         best = better
+
+
+def choose_stiction(best: Trial, pieces: Pieces, progress: Progress) -> Trial:
+    """Try friction that holds the motor at rest in the place of Coulomb friction, if there is any.
+
+    Its stopping time is found on the fitted data and is a constant from then on.
+    """
+    if "motor_coulomb" not in best.candidate.terms:
+        return best
+    progress("friction that holds the motor at rest")
+    try:
+        trial = attempt(with_stiction(best, pieces), pieces)
+    except ConvergenceError:
+        return best
+    return trial if trial.error < best.error * (1 - WORTH) else best
+
+
+def with_stiction(best: Trial, pieces: Pieces) -> Candidate:
+    """A candidate with ``motor_stiction`` in the place of ``motor_coulomb``.
+
+    Raises
+    ------
+    ConvergenceError
+        If no stopping time explains the log.
+    """
+    candidate = best.candidate
+    joint = flexible("motor_stiction")
+    terms = {*candidate.terms, "motor_stiction"} - {"motor_coulomb"}
+    held = _with_terms(replace(candidate, joint=joint), tuple(terms))
+    values = best.fitted.coefficients(len(pieces.recorded))[0]
+    nominal = dict(zip(candidate.joint.system.coefficients, values.tolist(), strict=True))
+    samples, unknowns = held.samples(pieces.fitted), held.unknowns(pieces.groups)
+    system, start = find_stopping_time(
+        samples, joint.system, nominal, held.filter_rate, held.hold, unknowns
+    )
+    system, _ = fit_stopping_time(samples, system, start, _STOPPING_DURATION, held.hold, unknowns)
+    return replace(held, joint=replace(joint, system=system))
 
 
 def _with_terms(candidate: Candidate, terms: Sequence[str]) -> Candidate:

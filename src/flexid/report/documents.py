@@ -73,6 +73,7 @@ def _choices_document(choices: Choices) -> dict[str, Any]:
         "input_delay": asdict(alignment.input_delay),
         "link_delay": asdict(alignment.link_delay),
         "coulomb_velocity": choices.coulomb_velocity,
+        "stopping_time": choices.stopping_time,
         "filter_rate": choices.filter_rate,
         "estimator": choices.estimator,
         "segment_duration": choices.segment_duration,
