@@ -1,33 +1,28 @@
 """How fast friction stops the motor: the one number of the friction model that is not linear.
 
-The friction of the term ``motor_stiction`` is linear in its coefficients about a stopping time T.
-Least squares over a grid of T finds where to begin; from there each fit says by alpha_holding /
-alpha_coulomb how far T is off in the logarithm.
-
-Least squares needs velocities, and derived ones are smooth where friction changes sign: its T is a
-few per cent short. Prediction error over short segments is right to the noise.
+The stopping time T of the term ``motor_stiction`` is where the misfit is least: that of least
+squares over a wide range, which needs velocities, and derived ones are smooth where friction
+changes sign, so that its T is some per cent short; and then that of prediction error near it, which
+is right to the noise.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import STOPPING, with_stopping_time
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
-_CANDIDATES = np.geomspace(5e-4, 5e-2, 9)  # s; within a factor of 1.8 of any value between
-_LARGEST_STEP = 2.0  # factor of the stopping time per step
-_CLOSE = 1e-2  # relative change of the stopping time that ends the iteration
-_CLOSER = 3e-3  # likewise, for prediction error
-_USUAL_SLOPE = 0.5  # of the error over the logarithm; 1 if the friction were linear in it
-_FLATTEST = 0.1  # slope below which a line says nothing
-_FEWEST_FOR_A_LINE = 3
-_MOST_STEPS = 8
+_CANDIDATES = np.log(np.geomspace(5e-4, 5e-2, 9))  # of T in s; a factor of 1.8 apart
+_REACH = 0.3  # of ln T, about what least squares finds
+_CLOSE = 5e-3  # of ln T, where the search ends; its last parabola ends closer
 
 
 def find_stopping_time(
@@ -36,6 +31,7 @@ def find_stopping_time(
     values: Mapping[str, float],
     filter_rate: float,
     hold: Hold = "linear",
+    unknowns: Unknowns | None = None,
 ) -> tuple[ParametricSystem, LeastSquaresFit]:
     """Set the stopping time of the friction to what explains the motor's row best.
 
@@ -51,30 +47,29 @@ def find_stopping_time(
         Rate of the state-variable filter in 1/s.
     hold : {"linear", "zero"}
         Whether the inputs run linearly between samples or are constant until the next one.
+    unknowns : Unknowns, optional
+        What is sought, if not every coefficient of the system; with the coefficients of friction.
 
     Returns
     -------
     system : ParametricSystem
         With the constants of the friction set.
     fit : LeastSquaresFit
-        With them.
+        With them, and alpha_holding not sought.
     """
 
-    def fit_at(
-        time: float, nominal: Mapping[str, float]
-    ) -> tuple[ParametricSystem, LeastSquaresFit]:
-        about = with_stopping_time(system, time, nominal)
-        return about, filtered_least_squares(pieces, about, filter_rate, hold)
+    def fit_at(log_time: float) -> tuple[ParametricSystem, LeastSquaresFit]:
+        about = with_stopping_time(system, float(np.exp(log_time)), values)
+        fit = filtered_least_squares(pieces, about, filter_rate, hold, _right(about, unknowns))
+        return about, fit
 
-    candidates = [fit_at(float(time), values) for time in _CANDIDATES]
-    about, fit = min(candidates, key=lambda candidate: _misfit(candidate[1]))
-    for _ in range(_MOST_STEPS):
-        error = _log_error(fit)
-        found = dict(zip(fit.names, map(float, fit.values), strict=True))
-        about, fit = fit_at(about.constants[STOPPING] * float(np.exp(error)), found)
-        if abs(error) < _CLOSE:
-            break
-    return about, fit
+    def misfit(log_time: float) -> float:
+        rows = fit_at(log_time)[1].rows
+        return next(row.residual_sum for row in rows if "alpha_coulomb" in row.coefficients)
+
+    best = int(np.argmin([misfit(log_time) for log_time in _CANDIDATES]))
+    lower, upper = _CANDIDATES[max(best - 1, 0)], _CANDIDATES[min(best + 1, len(_CANDIDATES) - 1)]
+    return fit_at(_least(misfit, lower, upper))
 
 
 def fit_stopping_time(
@@ -83,6 +78,7 @@ def fit_stopping_time(
     start: LeastSquaresFit,
     segment_duration: float = 0.5,
     hold: Hold = "linear",
+    unknowns: Unknowns | None = None,
 ) -> tuple[ParametricSystem, PredictionErrorFit]:
     """Fit the stopping time along with the coefficients, by prediction error.
 
@@ -93,63 +89,55 @@ def fit_stopping_time(
     system, start : ParametricSystem, LeastSquaresFit
         From `find_stopping_time`.
     segment_duration : float, optional
-        Wanted length of a segment in s. Beyond half a second the iteration may need many steps.
+        Wanted length of a segment in s.
     hold : {"linear", "zero"}
         Whether the inputs run linearly between samples or are constant until the next one.
+    unknowns : Unknowns, optional
+        As in `find_stopping_time`.
 
     Returns
     -------
     system : ParametricSystem
         With the stopping time found.
     fit : PredictionErrorFit
-        About it. The stopping time's uncertainty is that of alpha_holding, and its part in the
-        others' is in their covariance.
+        With alpha_holding sought: its standard deviation over alpha_coulomb is the relative one of
+        the stopping time, and the others' covariance heeds it.
 
     Raises
     ------
     ConvergenceError
         If prediction error or the stopping time does not converge.
     """
-    fit = prediction_error(pieces, system, start, segment_duration, hold)
-    tried: list[tuple[float, float]] = []
-    step = 0.0
-    for _ in range(_MOST_STEPS):
-        tried.append((float(np.log(system.constants[STOPPING])), _log_error(fit)))
-        step = _step(tried)
-        if abs(step) < _CLOSER:
-            return system, fit
-        values = dict(zip(fit.names, map(float, fit.values), strict=True))
-        system = with_stopping_time(system, float(np.exp(tried[-1][0] + step)), values)
-        check = filtered_least_squares(pieces, system, start.filter_rate, hold)
-        fit = prediction_error(pieces, system, check, segment_duration, hold)
-    raise ConvergenceError(
-        "stopping time",
-        f"it still moves by {abs(step):.1%} after {_MOST_STEPS} fits: use the term motor_coulomb",
+    values = dict(zip(start.names, map(float, start.values), strict=True))
+
+    def fit_at(log_time: float, fixed: bool) -> tuple[ParametricSystem, PredictionErrorFit]:
+        about = with_stopping_time(system, float(np.exp(log_time)), values)
+        sought = _right(about, unknowns) if fixed else unknowns or Unknowns(about)
+        check = filtered_least_squares(pieces, about, start.filter_rate, hold, sought)
+        fit = prediction_error(pieces, about, check, segment_duration, hold, unknowns=sought)
+        return about, fit
+
+    def misfit(log_time: float) -> float:
+        return float(np.sum(np.log(fit_at(log_time, fixed=True)[1].noise)))
+
+    place = float(np.log(system.constants[STOPPING]))
+    found = _least(misfit, place - _REACH, place + _REACH)
+    if abs(found - place) > _REACH - 2 * _CLOSE:
+        raise ConvergenceError(
+            "stopping time",
+            f"prediction error puts it beyond {np.exp(found):.2g} s, away from least squares: use "
+            f"the term motor_coulomb",
+        )
+    return fit_at(found, fixed=False)
+
+
+def _right(system: ParametricSystem, unknowns: Unknowns | None) -> Unknowns:
+    """Seek the coefficients as if the stopping time were right."""
+    return (unknowns or Unknowns(system)).fixing({"alpha_holding": 0.0})
+
+
+def _least(misfit: Callable[[float], float], lower: float, upper: float) -> float:
+    found = minimize_scalar(
+        misfit, bounds=(lower, upper), method="bounded", options={"xatol": _CLOSE}
     )
-
-
-def _log_error(fit: LeastSquaresFit | PredictionErrorFit) -> float:
-    """How far the logarithm of the stopping time is off, by the fit's own account."""
-    values = dict(zip(fit.names, map(float, fit.values), strict=True))
-    ratio = values["alpha_holding"] / values["alpha_coulomb"]
-    return float(np.log(np.clip(ratio, 1 / _LARGEST_STEP, _LARGEST_STEP)))
-
-
-def _step(tried: list[tuple[float, float]]) -> float:
-    """Step of the logarithm of the stopping time to where the error would vanish.
-
-    The friction switches within a sample or two, so that the error is not smooth in the stopping
-    time: a line through all that was tried averages over its jumps.
-    """
-    place, error = tried[-1]
-    if len(tried) < _FEWEST_FOR_A_LINE:
-        step = error / _USUAL_SLOPE
-    else:
-        places, errors = np.array(tried).T
-        slope, height = np.polyfit(places - place, errors, 1)
-        step = -height / slope if slope < -_FLATTEST else error / _USUAL_SLOPE
-    return float(np.clip(step, -np.log(_LARGEST_STEP), np.log(_LARGEST_STEP)))
-
-
-def _misfit(fit: LeastSquaresFit) -> float:
-    return next(row.residual_sum for row in fit.rows if "alpha_coulomb" in row.coefficients)
+    return float(found.x)

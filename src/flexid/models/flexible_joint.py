@@ -37,7 +37,7 @@ _HOLDING = {
 _NO_HOLDING = {STOPPING: 0.0, **{f"nominal_{coefficient}": 0.0 for coefficient in _HOLDING}}
 _LOAD = " + ".join(f"nominal_{coefficient}*({r})" for coefficient, r in _HOLDING.items())
 _ARGUMENT = f"(x4 + {STOPPING}*({_LOAD}))/{SMOOTHING}"
-# The derivative of the tanh by the logarithm of the stopping time, to which its width goes along.
+# Minus the derivative of the tanh by the logarithm of the stopping time; its width goes along.
 _SPREAD = f"(1 - tanh({_ARGUMENT})**2)*x4/{SMOOTHING}"
 
 _COMPLIANCE = Term("joint spring", {"theta2": "-(x1 - x3)"}, {"alpha1": "x1 - x3"})
@@ -62,7 +62,7 @@ TERMS: dict[str, Term] = {
     "motor_stiction": Term(
         "Coulomb friction of the motor that holds it at rest; takes the place of motor_coulomb",
         {},
-        {"alpha_coulomb": f"-tanh({_ARGUMENT}) - {_SPREAD}", "alpha_holding": _SPREAD},
+        {"alpha_coulomb": f"-tanh({_ARGUMENT})", "alpha_holding": _SPREAD},
     ),
     "link_coulomb": Term(
         "Coulomb friction of the link, smoothed", {"theta_coulomb": f"-tanh(x2/{SMOOTHING})"}, {}
@@ -160,9 +160,9 @@ def with_stopping_time(
 
         alpha_coulomb tanh((x4 + T a) / (alpha_coulomb T)),
 
-    where a is the motor's acceleration without it, computed from the values of an earlier fit. The
-    friction is linear in its coefficients about this T; a fit's estimate of the stopping time is T
-    alpha_holding / alpha_coulomb.
+    where a is the motor's acceleration without it, computed from the values of an earlier fit.
+    The coefficient alpha_holding is alpha_coulomb times a small change of ln T: zero if T is right,
+    and sought to have the uncertainty of T in that of the other coefficients.
 
     Parameters
     ----------
