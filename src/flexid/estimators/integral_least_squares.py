@@ -86,10 +86,8 @@ def integral_least_squares(
             segments.start_times, segments.sample_times, lengths, strict=True
         )
     ]
-    values, covariance, rows = fit_rows(
-        unknowns, regressors, left_hand_sides, lengths, np.concatenate(time)
-    )
-    return IntegralFit(unknowns.names, values, covariance, rows, hold, float(segment_duration))
+    values, rows = fit_rows(unknowns, regressors, left_hand_sides, np.concatenate(time))
+    return IntegralFit(unknowns.names, values, rows, tuple(lengths), hold, float(segment_duration))
 
 
 def _positions(accelerations: Sequence[FloatArray], segments: Segments) -> FloatArray:

@@ -1,7 +1,7 @@
 """Least squares row by row, with a covariance that runs across the rows."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -25,23 +25,26 @@ class RowFit:
         Names of what is sought in it, k of them; none if all is fixed.
     gram : array, shape (k, k)
         RᵀR of the regressors R as they were fitted.
-    degrees_of_freedom : tuple of float
-        Of each coefficient's variance, for Student's t; 0 where there is none.
+    inverse : array, shape (k, k)
+        Its inverse on the directions that the data determine.
     residual_sum, total_sum : float
         Sums of squares of the residual and of the left-hand side.
     undetermined : tuple of str
         Coefficients that the data leave free: their variance is infinite.
+    regressors : array, shape (k, n_equations)
+        R, all pieces in turn.
     time, left_hand_side, fitted : array, shape (n_equations,)
-        What was fitted, less what is known or fixed; its fit; and when, all pieces in turn.
+        What was fitted, less what is known or fixed; its fit; and when.
     """
 
     name: str
     coefficients: tuple[str, ...]
     gram: FloatArray
-    degrees_of_freedom: tuple[float, ...]
+    inverse: FloatArray
     residual_sum: float
     total_sum: float
     undetermined: tuple[str, ...]
+    regressors: FloatArray
     time: FloatArray
     left_hand_side: FloatArray
     fitted: FloatArray
@@ -57,20 +60,33 @@ class RowwiseFit:
         What is sought, row by row.
     values : array, shape (n,)
         Their values, in the system's units.
-    covariance : array, shape (n, n)
-        Rows correlate, since they share the noise of the positions; infinite variance marks what
-        the data leave free.
     rows : tuple of RowFit
         The rows' own results.
+    blocks : tuple of int
+        Equations in each block of the covariance, independent of one another.
     hold : {"linear", "zero"}
         Hold of the inputs.
     """
 
     names: tuple[str, ...]
     values: FloatArray
-    covariance: FloatArray
     rows: tuple[RowFit, ...]
+    blocks: tuple[int, ...]
     hold: Hold
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the values, shape (n, n).
+
+        Rows correlate, since they share the noise of the positions. Infinite variance marks what
+        the data leave free.
+        """
+        return self._uncertainty[0]
+
+    @property
+    def degrees_of_freedom(self) -> tuple[float, ...]:
+        """Degrees of freedom of each variance, for Student's t; 0 where there is none."""
+        return self._uncertainty[1]
 
     @property
     def standard_deviations(self) -> FloatArray:
@@ -82,19 +98,31 @@ class RowwiseFit:
         """Gram matrix of all rows, shape (n, n): the sum of squares' quadratic form."""
         return np.asarray(block_diag(*(row.gram for row in self.rows)))
 
-    @property
-    def degrees_of_freedom(self) -> tuple[float, ...]:
-        """Degrees of freedom of each value's interval."""
-        return tuple(freedom for row in self.rows for freedom in row.degrees_of_freedom)
+    @cached_property
+    def _uncertainty(self) -> tuple[FloatArray, tuple[float, ...]]:
+        """Covariance and degrees of freedom, made when asked for: many fits are only compared."""
+        found = [
+            block_influences(
+                row.regressors, row.left_hand_side - row.fitted, row.inverse, self.blocks
+            )
+            for row in self.rows
+        ]
+        influences = np.concatenate([influences for influences, _ in found])
+        freedom = np.concatenate([freedom for _, freedom in found])
+        covariance = influences @ influences.T
+        undetermined = {c for row in self.rows for c in row.undetermined}
+        free = (freedom == 0.0) | np.array([name in undetermined for name in self.names])
+        covariance[free, :] = covariance[:, free] = 0.0
+        covariance[free, free] = np.inf
+        return covariance, tuple(freedom.tolist())
 
 
 def fit_rows(
     unknowns: Unknowns,
     regressors: FloatArray,
     left_hand_sides: FloatArray,
-    blocks: Sequence[int],
     time: FloatArray,
-) -> tuple[FloatArray, FloatArray, tuple[RowFit, ...]]:
+) -> tuple[FloatArray, tuple[RowFit, ...]]:
     """Least squares of every row.
 
     Parameters
@@ -105,68 +133,52 @@ def fit_rows(
         Of what is sought.
     left_hand_sides : array, shape (n_rows, n_equations)
         Less what is known or fixed.
-    blocks : sequence of int
-        Equations in each block of the covariance, independent of one another.
     time : array, shape (n_equations,)
         When.
 
     Returns
     -------
     values : array, shape (n_names,)
-    covariance : array, shape (n_names, n_names)
     rows : tuple of RowFit
     """
     values = np.zeros(len(unknowns.names))
-    influences = np.zeros((len(values), len(blocks)))
     rows = []
     first = 0
     for row, left_hand_side in zip(unknowns.system.rows, left_hand_sides, strict=True):
         names = unknowns.names_of(row)
         part = slice(first, first + len(names))
-        fit, values[part], influences[part] = _fit_row(
-            row.name, names, regressors[part], left_hand_side, blocks, time
-        )
+        fit, values[part] = _fit_row(row.name, names, regressors[part], left_hand_side, time)
         rows.append(fit)
         first = part.stop
-    covariance = influences @ influences.T
-    free = [
-        freedom == 0.0 or c in row.undetermined
-        for row in rows
-        for c, freedom in zip(row.coefficients, row.degrees_of_freedom, strict=True)
-    ]
-    covariance[free, :] = covariance[:, free] = 0.0
-    covariance[free, free] = np.inf
-    return values, covariance, tuple(rows)
+    return values, tuple(rows)
 
 
 def _fit_row(
     name: str,
     coefficients: tuple[str, ...],
-    regressor: FloatArray,
+    regressors: FloatArray,
     left_hand_side: FloatArray,
-    blocks: Sequence[int],
     time: FloatArray,
-) -> tuple[RowFit, FloatArray, FloatArray]:
-    """Least squares of one row: its fit, values and the blocks' influences on them."""
-    gram = regressor @ regressor.T
+) -> tuple[RowFit, FloatArray]:
+    """Least squares of one row: its fit and values."""
+    gram = regressors @ regressors.T
     scale = np.sqrt(np.diag(gram))
     inverse, free = scaled_inverse(gram, np.where(scale > 0.0, scale, 1.0))
-    values = inverse @ (regressor @ left_hand_side)
+    values = inverse @ (regressors @ left_hand_side)
     # One refinement brings the normal equations to the accuracy of an orthogonal factorisation.
-    values += inverse @ (regressor @ (left_hand_side - values @ regressor))
-    fitted = values @ regressor
-    residual = left_hand_side - fitted
-    influences, degrees_of_freedom = block_influences(regressor, residual, inverse, blocks)
+    values += inverse @ (regressors @ (left_hand_side - values @ regressors))
+    fitted = values @ regressors
     fit = RowFit(
         name,
         coefficients,
         gram,
-        tuple(degrees_of_freedom.tolist()),
-        float(np.sum(residual**2)),
+        inverse,
+        float(np.sum((left_hand_side - fitted) ** 2)),
         float(np.sum(left_hand_side**2)),
         tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
+        regressors,
         time,
         left_hand_side,
         fitted,
     )
-    return fit, values, influences
+    return fit, values

@@ -82,8 +82,8 @@ def filtered_least_squares(
     time = np.concatenate([np.zeros(0), *(piece.time[1:-1] for piece in used)])
     most = max(len(unknowns.names_of(row)) for row in system.rows)
     blocks = block_lengths(lengths, [piece.sample_time for piece in used], filter_rate, most)
-    values, covariance, rows = fit_rows(unknowns, regressors, left_hand_sides, blocks, time)
-    return LeastSquaresFit(unknowns.names, values, covariance, rows, hold, float(filter_rate))
+    values, rows = fit_rows(unknowns, regressors, left_hand_sides, time)
+    return LeastSquaresFit(unknowns.names, values, rows, tuple(blocks), hold, float(filter_rate))
 
 
 def filtered_signals(
