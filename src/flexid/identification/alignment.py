@@ -31,8 +31,8 @@ DelayStatus: TypeAlias = Literal["given", "found", "none", "unknown"]
 _LARGEST = 0.05  # s, delay that is looked for
 _LARGEST_SAMPLES = 3.0  # and at least so many samples
 _LARGEST_SHARE = 0.1  # of a piece, that the search may cost at either end
-_TIME_CONSTANTS = 400.0  # of the filter in the log: forty blocks of ten
-_SLOWEST, _FASTEST = 10.0, 40.0  # 1/s, rates of the filter
+_TIME_CONSTANTS = 200.0  # of the filter in the log: twenty blocks of ten
+_SLOWEST, _FASTEST = 8.0, 40.0  # 1/s, rates of the filter
 _FASTEST_SAMPLED = 0.2  # over the sampling rate
 _HOLDS: tuple[Hold, ...] = ("linear", "zero")
 
@@ -118,7 +118,7 @@ def estimate_alignment(
     input_delay, link_delay : float or "auto", optional
         Delays in s, where they are known; signs as in `Alignment`.
     filter_rate : float, optional
-        Rate of the filter in 1/s; 400 over the duration, from 10 to 40, if not given.
+        Rate of the filter in 1/s; 200 over the duration, from 8 to 40, if not given.
 
     Returns
     -------
@@ -222,7 +222,10 @@ class _Task:
         holds: tuple[Hold, ...] = _HOLDS if self.hold == "auto" else (self.hold,)
         equations = {h: delay_equations(self.samples, rate, h, self.limit) for h in holds}
         link = self._link(equations[holds[0]], _given(self.input_delay))
-        found = {h: _torque_search(equations[h], link.value).best() for h in holds}
+        found: dict[Hold, DelayEstimate] = {
+            h: _torque_search(equations[h], link.value).best() for h in holds
+        }
+        misfits: dict[Hold, float] = {h: estimate.misfit for h, estimate in found.items()}
         hold, why = _hold(found, self.input_delay == "auto")
         drive = _delay(found[hold], self.input_delay, self.limit, "input acts")
         if drive.value != 0.0 or hold != holds[0]:
@@ -232,7 +235,7 @@ class _Task:
             input_delay=drive,
             link_delay=link,
             hold_reason=why if self.hold == "auto" else "the hold was given",
-            hold_misfits={h: estimate.misfit for h, estimate in found.items()},
+            hold_misfits=misfits,
             deflection_doubt=_deflection_doubt(self.pieces, link),
             filter_rate=rate,
         )
@@ -282,16 +285,18 @@ def _delay(
 
 def _hold(found: Mapping[Hold, DelayEstimate], free_delay: bool) -> tuple[Hold, str]:
     """The hold that needs no delay, if only one does not; else the one that explains more."""
-    simple = [name for name, estimate in found.items() if estimate.contains_zero and free_delay]
-    candidates = simple or list(found)
+    simple: list[Hold] = [
+        name for name, estimate in found.items() if estimate.contains_zero and free_delay
+    ]
+    candidates: list[Hold] = simple or list(found)
 
     def misfit(name: Hold) -> float:
         return found[name].misfit_without if simple else found[name].misfit
 
-    chosen = min(candidates, key=lambda name: misfit(name))
+    chosen: Hold = min(candidates, key=misfit)
     ceiling = found[chosen].misfit_ceiling
-    as_good = [name for name in candidates if misfit(name) <= ceiling]
-    names = {"linear": "on straight lines between samples", "zero": "held over each sample"}
+    as_good: list[Hold] = [name for name in candidates if misfit(name) <= ceiling]
+    names: dict[Hold, str] = {"linear": "on straight lines between samples", "zero": "held over each sample"}
     if len(as_good) > 1:
         return as_good[0], f"the log cannot tell the holds apart; {names[as_good[0]]} is assumed"
     if len(simple) == 1 and len(found) > 1:

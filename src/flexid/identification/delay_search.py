@@ -94,7 +94,7 @@ def _row(equation: Equation, least: FloatArray, most: FloatArray) -> _Row:
         equation.response_slope,
         equation.response,
     )
-    triangle = np.linalg.qr(np.array(signals).T, mode="r")
+    triangle = _triangle(np.array(signals).T)
     regressors, response = triangle[:, :-3], triangle[:, -1]
     coefficients, misfit = _bounded(regressors, response, least, most)
     step = coefficients[equation.changing] * triangle[:, -3] - triangle[:, -2]
@@ -271,6 +271,11 @@ class DelaySearch:
             bracket = (best, end)
             ends.append(root_scalar(excess, bracket=bracket, xtol=_FINE).root if reached else end)
         return float(ends[0]), float(ends[1])
+
+
+def _triangle(columns: FloatArray) -> FloatArray:
+    """What QR factorisation leaves of the columns."""
+    return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
 
 
 def _bounded(
