@@ -148,11 +148,11 @@ class Trial:
     candidate : Candidate
         What was tried.
     error : float
-        Error of the free runs relative to the motion, mean over the channels.
+        Error of the free runs relative to the motion, mean over the channels and the cuts.
     start : Fitted
-        Least squares.
+        Least squares, at the first cut.
     finish : Fitted or None
-        Prediction error; None where it did not converge or was not asked for.
+        Prediction error there; None where it did not converge or was not asked for.
     """
 
     candidate: Candidate
@@ -166,28 +166,31 @@ class Trial:
         return self.finish or self.start
 
 
-def attempt(candidate: Candidate, pieces: Pieces, rival: float = np.inf) -> Trial:
+def attempt(candidate: Candidate, cuts: Sequence[Pieces], rival: float = np.inf) -> Trial:
     """Fit a candidate and see how well it repeats what was held out.
 
     Parameters
     ----------
     candidate : Candidate
         What to try.
-    pieces : Pieces
-        Fitted parts, and the ends for the free runs.
+    cuts : sequence of Pieces
+        The same pieces, cut differently into a part to fit and an end for the free runs. The first
+        cut gives the fits.
     rival : float, optional
         Error of the best so far. A model whose least squares is far behind it is wrong, and
         prediction error, which takes long to say so, is spared.
     """
-    start = candidate.least_squares(pieces.fitted, pieces.groups)
-    trial = Trial(candidate, _error(candidate, pieces, start), start, None)
+    starts = [candidate.least_squares(cut.fitted, cut.groups) for cut in cuts]
+    errors = [_error(candidate, cut, start) for cut, start in zip(cuts, starts, strict=True)]
+    trial = Trial(candidate, float(np.mean(errors)), starts[0], None)
     if candidate.segment_duration == 0 or trial.error > _BEHIND * rival:
         return trial
     try:
-        finish = candidate.prediction_error(pieces.fitted, pieces.groups)
+        finishes = [candidate.prediction_error(cut.fitted, cut.groups) for cut in cuts]
     except ConvergenceError:
         return trial  # least squares stands in
-    return Trial(candidate, _error(candidate, pieces, finish), start, finish)
+    errors = [_error(candidate, cut, finish) for cut, finish in zip(cuts, finishes, strict=True)]
+    return Trial(candidate, float(np.mean(errors)), starts[0], finishes[0])
 
 
 def _error(

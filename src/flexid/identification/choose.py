@@ -4,7 +4,7 @@ Nothing here sees the data that the final free run is tested on: the part before
 into one part to fit and one to choose by.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flexid.identification.alignment import Alignment
@@ -25,9 +25,11 @@ from flexid.identification.term_choice import (
     choose_stiction,
     choose_terms,
     with_stiction,
+    without_idle_terms,
 )
 
-_CHOICE_SHARE = 1 / 3  # of the fitted data that choices are tested on
+_CHOICE_SHARES = (1 / 3, 1 / 2)  # of the fitted data that choices are tested on
+_MANY_SAMPLES = 10_000  # from which on one cut is enough: short records say little at each
 _MOST_SAMPLES = 40_000  # that choices look at; more change no choice
 _FIRST_DURATION = 2.0  # s, segments while terms are chosen
 _FIRST_RATE = 20.0  # 1/s, until one is chosen
@@ -85,7 +87,9 @@ def choose(
     progress : callable
         Told of each step in words.
     """
-    inner = pieces.inner(_CHOICE_SHARE, _MOST_SAMPLES)
+    cuts = [pieces.inner(share, _MOST_SAMPLES) for share in _CHOICE_SHARES]
+    if sum(map(len, cuts[0].recorded)) > _MANY_SAMPLES:
+        cuts = cuts[:1]
     if settings.coulomb_velocity != "auto":
         joint = joint.with_coulomb_velocity(settings.coulomb_velocity)
     candidate = Candidate(
@@ -99,9 +103,9 @@ def choose(
     )
     if settings.filter_rate == "auto":
         progress("filter rate")
-        candidate = candidate.with_own_filter_rate(inner)
-    best, terms = _with_terms(candidate, inner, settings, progress)
-    trials = try_segments(best, inner, _durations(settings), progress)
+        candidate = candidate.with_own_filter_rate(cuts[0])
+    best, terms = _with_terms(candidate, cuts, settings, progress)
+    trials = try_segments(best, cuts, _durations(settings), progress)
     chosen = _wanted(trials, settings)
     final = replace(best.candidate, segment_duration=chosen.candidate.segment_duration)
     if settings.filter_rate == "auto":
@@ -111,22 +115,22 @@ def choose(
 
 
 def _with_terms(
-    candidate: Candidate, inner: Pieces, settings: Settings, progress: Progress
+    candidate: Candidate, cuts: Sequence[Pieces], settings: Settings, progress: Progress
 ) -> tuple[Trial, tuple[TermEvidence, ...]]:
     if settings.terms != "auto":
-        holding = "motor_stiction" in settings.terms
-        best = attempt(candidate, inner)
-        if holding:
-            best = attempt(with_stiction(best, inner), inner)
+        best = attempt(candidate, cuts)
+        if "motor_stiction" in settings.terms:
+            best = attempt(with_stiction(best, cuts), cuts)
         elif settings.coulomb_velocity == "auto":
-            best = choose_coulomb_velocity(best, inner, progress)
+            best = choose_coulomb_velocity(best, cuts, progress)
         return best, ()
     given = candidate.joint.terms_with({*settings.known, *settings.bounds})
-    best, terms = choose_terms(replace(candidate, terms=given), inner, progress)
+    best, rejected = choose_terms(replace(candidate, terms=given), cuts, progress)
     if settings.coulomb_velocity == "auto":
-        best = choose_coulomb_velocity(best, inner, progress)
-        best = choose_stiction(best, inner, progress)
-    return best, terms
+        best = choose_coulomb_velocity(best, cuts, progress)
+        best = choose_stiction(best, cuts, progress)
+    best, kept = without_idle_terms(best, given, cuts, progress)
+    return best, (*kept, *rejected)
 
 
 def _first_terms(terms: tuple[str, ...]) -> tuple[str, ...]:

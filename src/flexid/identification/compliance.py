@@ -31,7 +31,7 @@ def compare_with_rigid(candidate: Candidate, pieces: Pieces, flexible: Validatio
     rival = replace(
         candidate, joint=rigid(), terms=rigid_terms(candidate.terms), fixed={}, bounds={}
     ).with_own_filter_rate(pieces)
-    trial = attempt(rival, pieces)
+    trial = attempt(rival, [pieces])
     coefficients = trial.fitted.coefficients(len(pieces.recorded))
     fits = validate(rival.joint, pieces, coefficients, rival.hold).fit_percent
     ends = [p.deflection[s:] for p, s in zip(pieces.recorded, pieces.starts, strict=True)]

@@ -21,6 +21,7 @@ from flexid.identification.prior_knowledge import Known, informed
 from flexid.identification.result import Choices, Identification, ObserverTrace
 from flexid.identification.settings import Auto, Settings
 from flexid.identification.summary import summary
+from flexid.identification.term_choice import with_stopping_time
 from flexid.identification.validation import validate
 from flexid.identification.warnings import (
     compliance_warnings,
@@ -178,7 +179,8 @@ def _fit(
     if candidate.segment_duration == 0:
         return candidate.least_squares(recordings, groups), ()
     try:
-        return candidate.prediction_error(recordings, groups), ()
+        fitted = with_stopping_time(candidate, recordings, groups)
+        return fitted.prediction_error(recordings, groups), ()
     except ConvergenceError as error:
         if settings.estimator == "prediction-error":
             raise

@@ -1,8 +1,8 @@
 """How long the segments of the prediction error are: chosen by the free run over held-out data.
 
 Long segments tell more, for what a coefficient does adds up over a segment; but what the model
-lacks adds up too. Of the lengths whose free runs are about equally good, the one with the least
-predicted variance is taken. How far the coefficients move from length to length beyond noise is
+lacks adds up too. Of the lengths whose free runs are about equally good, the longest is taken that
+agrees with the shorter ones. How far the coefficients move from length to length beyond noise is
 evidence of its own: those of a right model do not.
 """
 
@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexid.estimators.prediction_error import PredictionErrorFit
+from flexid.estimators.samples import FloatArray
 from flexid.identification.candidate import Trial, attempt
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import SegmentEvidence
@@ -22,40 +24,52 @@ ABOUT_EQUAL = 0.01
 """Excess of the free run's error that counts as about equally good."""
 
 _NOISE_DEVIATIONS = 2.0  # by which coefficients may differ between lengths for no reason
+_AGREEMENT = 3.0  # the same where a longer length is to be trusted
 
 Progress = Callable[[str], None]
 
 
 def try_segments(
-    best: Trial, pieces: Pieces, durations: Sequence[float], progress: Progress
+    best: Trial, cuts: Sequence[Pieces], durations: Sequence[float], progress: Progress
 ) -> list[Trial]:
     """Fit and run a candidate with segments of several lengths, and without any.
 
     Lengths that cut the record into the same segments are tried once.
     """
-    trials = [attempt(replace(best.candidate, segment_duration=0.0), pieces)]
+    trials = [attempt(replace(best.candidate, segment_duration=0.0), cuts)]
     counts = set()
     for duration in durations:
         count = sum(
             max(1, round(start * piece.sample_time / duration))
-            for piece, start in zip(pieces.recorded, pieces.starts, strict=True)
+            for piece, start in zip(cuts[0].recorded, cuts[0].starts, strict=True)
         )
         if count in counts:
             continue
         counts.add(count)
         progress(f"segments of {duration:g} s")
-        trials.append(attempt(replace(best.candidate, segment_duration=duration), pieces))
+        trials.append(attempt(replace(best.candidate, segment_duration=duration), cuts))
     return trials
 
 
 def best_segments(trials: Sequence[Trial]) -> Trial:
-    """The trial to follow: least squares itself only where no prediction error does as well."""
-    converged = [trial for trial in trials if trial.finish is not None]
+    """The trial to follow: least squares itself only where no prediction error does as well.
+
+    Among lengths that are about equally good, longer ones are taken, which tell more, as long as
+    they agree with the shorter ones within their noise.
+    """
     least = min(trial.error for trial in trials)
-    equal = [trial for trial in converged if trial.error <= least * (1 + ABOUT_EQUAL)]
+    equal = [
+        trial
+        for trial in trials
+        if trial.finish is not None and trial.error <= least * (1 + ABOUT_EQUAL)
+    ]
     if not equal:
         return min(trials, key=lambda trial: trial.error)
-    return min(equal, key=_log_variance)
+    best, *longer = sorted(equal, key=lambda trial: trial.candidate.segment_duration)
+    for trial in longer:
+        if _log_variance(trial) < _log_variance(best) and _agree(best, trial):
+            best = trial
+    return best
 
 
 def segment_evidence(trials: Sequence[Trial]) -> tuple[SegmentEvidence, ...]:
@@ -76,15 +90,32 @@ def segment_shifts(chosen: Trial, trials: Sequence[Trial]) -> dict[str, float]:
     """
     if chosen.finish is None:
         return {}
-    values, variances = chosen.finish.fit.values, np.diag(chosen.finish.fit.gauss_newton_covariance)
-    excess = np.zeros(len(values))
+    names = chosen.finish.fit.names
+    excess = np.zeros(len(names))
     for trial in trials:
-        if trial.finish is None or trial.finish.fit.names != chosen.finish.fit.names:
-            continue
-        noise = np.sqrt(variances + np.diag(trial.finish.fit.gauss_newton_covariance))
-        beyond = np.abs(trial.finish.fit.values - values) - _NOISE_DEVIATIONS * noise
-        excess = np.fmax(excess, np.where(np.isfinite(beyond), beyond, 0.0))
-    return dict(zip(chosen.finish.fit.names, map(float, excess), strict=True))
+        if trial.finish is not None and trial.finish.fit.names == names:
+            moved, noise = _distance(chosen.finish.fit, trial.finish.fit)
+            beyond = moved - _NOISE_DEVIATIONS * noise
+            excess = np.fmax(excess, np.where(np.isfinite(beyond), beyond, 0.0))
+    return dict(zip(names, map(float, excess), strict=True))
+
+
+def _agree(shorter: Trial, longer: Trial) -> bool:
+    assert shorter.finish is not None
+    assert longer.finish is not None
+    if shorter.finish.fit.names != longer.finish.fit.names:
+        return False
+    moved, noise = _distance(shorter.finish.fit, longer.finish.fit)
+    return bool(np.all(moved[noise > 0] <= _AGREEMENT * noise[noise > 0]))
+
+
+def _distance(one: PredictionErrorFit, other: PredictionErrorFit) -> tuple[FloatArray, FloatArray]:
+    """How far two fits are apart, and the standard deviation that noise alone would give that.
+
+    White noise is taken for granted: what else there is in the residuals is what this looks for.
+    """
+    variances = np.diag(one.gauss_newton_covariance) + np.diag(other.gauss_newton_covariance)
+    return np.abs(one.values - other.values), np.sqrt(variances)
 
 
 def _log_variance(trial: Trial) -> float:

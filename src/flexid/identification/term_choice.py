@@ -19,6 +19,7 @@ from flexid.identification.joint import flexible
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import TermEvidence
 from flexid.identification.verdict import DISSIPATIVE, NEGATIVE_DEVIATIONS
+from flexid.recording.recording import Recording
 
 WORTH = 0.005
 """Part of the free run's error that a term has to save."""
@@ -30,18 +31,19 @@ _STOPPING_DURATION = 0.5  # s, segments while the stopping time is sought
 _COULOMB = ("motor_coulomb", "link_coulomb", "coulomb")
 
 Progress = Callable[[str], None]
+Cuts = Sequence[Pieces]
 
 
 def choose_terms(
-    candidate: Candidate, pieces: Pieces, progress: Progress
+    candidate: Candidate, cuts: Cuts, progress: Progress
 ) -> tuple[Trial, tuple[TermEvidence, ...]]:
-    """Choose among all terms of a joint.
+    """Add terms of a joint while they pay.
 
     Parameters
     ----------
     candidate : Candidate
         With the terms to begin with, which stay.
-    pieces : Pieces
+    cuts : sequence of Pieces
         Fitted parts and ends that none of the final tests uses.
     progress : callable
         Told of each step in words.
@@ -51,25 +53,23 @@ def choose_terms(
     best : Trial
         With the terms that were chosen.
     evidence : tuple of TermEvidence
-        For every term that was tried beside the final model, those in it first.
+        For the last terms that were tried and not chosen.
     """
-    given = candidate.terms
     # The terms that matter most show in least squares, which is faster by far.
-    best = attempt(replace(candidate, segment_duration=0.0), pieces)
-    best, _ = _grown(best, pieces, progress, _OBVIOUS)
-    best = attempt(replace(candidate, terms=best.candidate.terms), pieces)
-    best, rejected = _grown(best, pieces, progress, WORTH)
-    best, evidence = _without_idle(best, given, pieces, progress)
+    best = attempt(replace(candidate, segment_duration=0.0), cuts)
+    best, _ = _grown(best, cuts, progress, _OBVIOUS)
+    best = attempt(replace(candidate, terms=best.candidate.terms), cuts)
+    best, rejected = _grown(best, cuts, progress, WORTH)
     others = (
         TermEvidence(term, False, trial.error, best.error)
         for trial in rejected
         for term in trial.candidate.terms
         if term not in best.candidate.terms
     )
-    return best, (*evidence, *others)
+    return best, tuple(others)
 
 
-def choose_coulomb_velocity(best: Trial, pieces: Pieces, progress: Progress) -> Trial:
+def choose_coulomb_velocity(best: Trial, cuts: Cuts, progress: Progress) -> Trial:
     """Try other smoothings of Coulomb friction, if there is any, and take the best."""
     if not set(best.candidate.terms) & set(_COULOMB):
         return best
@@ -77,19 +77,17 @@ def choose_coulomb_velocity(best: Trial, pieces: Pieces, progress: Progress) -> 
     for width in _WIDTHS:
         progress(f"Coulomb friction smoothed over {width:g} rad/s")
         joint = best.candidate.joint.with_coulomb_velocity(width)
-        trial = attempt(replace(best.candidate, joint=joint), pieces)
+        trial = attempt(replace(best.candidate, joint=joint), cuts)
         if trial.error < min(best.error, usual * (1 - WORTH)):
             best = trial
     return best
 
 
-def _grown(
-    best: Trial, pieces: Pieces, progress: Progress, worth: float
-) -> tuple[Trial, list[Trial]]:
+def _grown(best: Trial, cuts: Cuts, progress: Progress, worth: float) -> tuple[Trial, list[Trial]]:
     """Add terms while they pay; and the last trials, of terms that did not."""
     while True:
         progress(f"terms: {', '.join(best.candidate.terms) or 'spring alone'}")
-        trials = [attempt(c, pieces, best.error) for c in _most_promising(best, pieces)]
+        trials = [attempt(c, cuts, best.error) for c in _most_promising(best, cuts)]
         possible = [trial for trial in trials if not _feeds_energy(trial)]
         better = min(possible, key=lambda trial: trial.error, default=best)
         if not better.error < best.error * (1 - worth):
@@ -97,7 +95,7 @@ def _grown(
         best = better
 
 
-def choose_stiction(best: Trial, pieces: Pieces, progress: Progress) -> Trial:
+def choose_stiction(best: Trial, cuts: Cuts, progress: Progress) -> Trial:
     """Try friction that holds the motor at rest in the place of Coulomb friction, if there is any.
 
     Its stopping time is found on the fitted data and is a constant from then on.
@@ -106,13 +104,13 @@ def choose_stiction(best: Trial, pieces: Pieces, progress: Progress) -> Trial:
         return best
     progress("friction that holds the motor at rest")
     try:
-        trial = attempt(with_stiction(best, pieces), pieces)
+        trial = attempt(with_stiction(best, cuts), cuts)
     except ConvergenceError:
         return best
     return trial if trial.error < best.error * (1 - WORTH) else best
 
 
-def with_stiction(best: Trial, pieces: Pieces) -> Candidate:
+def with_stiction(best: Trial, cuts: Cuts) -> Candidate:
     """A candidate with ``motor_stiction`` in the place of ``motor_coulomb``.
 
     Raises
@@ -120,18 +118,46 @@ def with_stiction(best: Trial, pieces: Pieces) -> Candidate:
     ConvergenceError
         If no stopping time explains the log.
     """
-    candidate = best.candidate
+    candidate, pieces = best.candidate, cuts[0]
     joint = flexible("motor_stiction")
     terms = {*candidate.terms, "motor_stiction"} - {"motor_coulomb"}
     held = _with_terms(replace(candidate, joint=joint), tuple(terms))
     values = best.fitted.coefficients(len(pieces.recorded))[0]
     nominal = dict(zip(candidate.joint.system.coefficients, values.tolist(), strict=True))
-    samples, unknowns = held.samples(pieces.fitted), held.unknowns(pieces.groups)
-    system, start = find_stopping_time(
-        samples, joint.system, nominal, held.filter_rate, held.hold, unknowns
+    system, _ = find_stopping_time(
+        held.samples(pieces.fitted),
+        joint.system,
+        nominal,
+        held.filter_rate,
+        held.hold,
+        held.unknowns(pieces.groups),
     )
-    system, _ = fit_stopping_time(samples, system, start, _STOPPING_DURATION, held.hold, unknowns)
-    return replace(held, joint=replace(joint, system=system))
+    held = replace(held, joint=replace(joint, system=system))
+    return with_stopping_time(held, pieces.fitted, pieces.groups)
+
+
+def with_stopping_time(
+    candidate: Candidate, recordings: Sequence[Recording], groups: Sequence[int]
+) -> Candidate:
+    """The same with the stopping time of its friction, if it has one, fitted to some data.
+
+    Raises
+    ------
+    ConvergenceError
+        If prediction error leads away from what was found before.
+    """
+    if "motor_stiction" not in candidate.terms:
+        return candidate
+    start = candidate.least_squares(recordings, groups)
+    system, _ = fit_stopping_time(
+        candidate.samples(recordings),
+        candidate.joint.system,
+        start.fit,
+        _STOPPING_DURATION,
+        candidate.hold,
+        start.unknowns,
+    )
+    return replace(candidate, joint=replace(candidate.joint, system=system))
 
 
 def _with_terms(candidate: Candidate, terms: Sequence[str]) -> Candidate:
@@ -139,7 +165,7 @@ def _with_terms(candidate: Candidate, terms: Sequence[str]) -> Candidate:
     return replace(candidate, terms=ordered)
 
 
-def _most_promising(best: Trial, pieces: Pieces) -> list[Candidate]:
+def _most_promising(best: Trial, cuts: Cuts) -> list[Candidate]:
     """The candidates with one more term whose least squares leaves the least residual."""
     candidate = best.candidate
     larger = [
@@ -147,12 +173,12 @@ def _most_promising(best: Trial, pieces: Pieces) -> list[Candidate]:
         for term in candidate.joint.terms
         if term not in candidate.terms
     ]
-    return sorted(larger, key=lambda c: _misfit(c, pieces))[:_TRIED]
+    return sorted(larger, key=lambda c: _misfit(c, cuts))[:_TRIED]
 
 
-def _misfit(candidate: Candidate, pieces: Pieces) -> float:
+def _misfit(candidate: Candidate, cuts: Cuts) -> float:
     """Log of the residuals of least squares, summed over the rows."""
-    fit = candidate.least_squares(pieces.fitted, pieces.groups).fit
+    fit = candidate.least_squares(cuts[0].fitted, cuts[0].groups).fit
     tiny = np.finfo(float).tiny
     return float(sum(np.log(max(row.residual_sum, tiny)) for row in fit.rows))
 
@@ -167,16 +193,19 @@ def _feeds_energy(trial: Trial) -> bool:
     )
 
 
-def _without_idle(
-    best: Trial, given: Sequence[str], pieces: Pieces, progress: Progress
+def without_idle_terms(
+    best: Trial, given: Sequence[str], cuts: Cuts, progress: Progress
 ) -> tuple[Trial, tuple[TermEvidence, ...]]:
-    """Drop, one by one, terms whose absence costs nothing; and what each of the others saves."""
+    """Drop, one by one, terms whose absence costs nothing; and say what each of the others saves.
+
+    Terms in `given` stay.
+    """
     while True:
         progress("terms: leaving out each in turn")
         terms = best.candidate.terms
         fewer = {
             term: attempt(
-                _with_terms(best.candidate, [t for t in terms if t != term]), pieces, best.error
+                _with_terms(best.candidate, [t for t in terms if t != term]), cuts, best.error
             )
             for term in terms
             if term not in given
