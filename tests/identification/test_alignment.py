@@ -74,9 +74,12 @@ def test_skew_is_found(skew, bits):
     assert found.interval[0] <= skew <= found.interval[1]
 
 
-@pytest.mark.parametrize("delay", [0.3e-3, 1e-3, 2.5e-3, 20e-3, -4e-3])
+@pytest.mark.parametrize("delay", [0.3e-3, 1.4e-3, 2.5e-3, 20e-3, -4e-3])
 def test_input_delay_is_found(delay):
-    """Assert that a torque that acts late, by a part of a sample or by many, is found."""
+    """Assert that a torque that acts late, by a part of a sample or by many, is found.
+
+    Half a sample is left out: nothing tells it from a held torque.
+    """
     found = estimate_alignment([log(delay=delay)])
     assert found.input_delay.status == "found"
     assert found.input_delay.value == pytest.approx(delay, abs=0.02 * SAMPLE_TIME)
@@ -119,9 +122,8 @@ def test_one_encoder_has_an_input_delay():
     drive = 0.5 * acceleration + 2.0 * np.sin(link(time)) + 0.3 * speed
     late = make_interp_spline(time, drive, k=5)(time + 1.5e-3)
     noise = 1e-5 * np.random.default_rng(0).standard_normal(len(time))
-    found = estimate_alignment(
-        [Recording(SAMPLE_TIME, 0.0, None, link(time) + noise, late, "N m").window(50, 9900)]
-    )
+    piece = Recording(SAMPLE_TIME, 0.0, None, link(time) + noise, late, "N m").window(50, 9900)
+    found = estimate_alignment([piece], "linear")
     assert found.link_delay.value == 0.0
     assert found.input_delay.value == pytest.approx(1.5e-3, abs=0.05 * SAMPLE_TIME)
 
