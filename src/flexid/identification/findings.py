@@ -80,6 +80,11 @@ def findings(
         shifts = filter_shifts(start, others)
     else:
         between = estimator_shifts(reported.fit, start)
-        shifts = {c: max(between[c], segment_shifts.get(c, 0.0)) for c in between}
+        shifts = {c: max(between[c], _of(c, segment_shifts)) for c in between}
     evidence = row_evidence(reported.fit, start, shifts, excess, excitation, fit_percent)
     return Findings(start, excitation, excess, evidence)
+
+
+def _of(name: str, shifts: Mapping[str, float]) -> float:
+    """Shift of a coefficient; choices that looked at one log alone know it without its number."""
+    return shifts.get(name, shifts.get(name.partition("[")[0], 0.0))

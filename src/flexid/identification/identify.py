@@ -14,12 +14,13 @@ from flexid.identification.choose import Choice, choose
 from flexid.identification.compliance import compare_with_rigid, one_encoder
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates
 from flexid.identification.findings import findings
+from flexid.identification.friction_shape import with_friction_shape
 from flexid.identification.joint import Joint, flexible, rigid
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import Pieces, prepare
 from flexid.identification.prior_knowledge import Known, informed
 from flexid.identification.result import Choices, Identification, ObserverTrace
-from flexid.identification.settings import Auto, Settings
+from flexid.identification.settings import Auto, Settings, check_for
 from flexid.identification.summary import summary
 from flexid.identification.term_choice import with_stopping_time
 from flexid.identification.validation import validate
@@ -78,6 +79,7 @@ def identify(
     pieces, dropped = prepare(logs, settings.validation_share)
     input_unit = pieces.recorded[0].input_unit
     joint = rigid() if pieces.recorded[0].link_position is None else flexible()
+    check_for(joint, settings)
     fixed = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
 
     pieces, alignment, choice = _best_choice(joint, pieces, fixed, settings, progress)
@@ -91,7 +93,9 @@ def identify(
     progress("fit to all data")
     reported, retreat = _fit(candidate, pieces.whole, pieces.groups, settings)
     found = findings(candidate, pieces, reported, choice.shifts, validation.fit_percent)
-    fit, contradictions = _informed(candidate.joint, reported, fixed, settings, input_unit)
+    widened = with_friction_shape(candidate, reported, pieces.whole, pieces.groups)
+    given = {**fixed, **reported.at_bound}
+    fit, contradictions = _informed(joint, widened, given, settings, input_unit)
     estimates = coefficient_estimates(
         fit, found.evidence, candidate.joint.units, _fixed(reported, fixed), input_unit
     )
@@ -108,7 +112,11 @@ def identify(
         parameters=parameter_estimates(
             candidate.joint, fit, reported.unknowns, estimates, input_unit
         ),
-        least_squares=dict(zip(found.start.names, found.start.values.tolist(), strict=True)),
+        least_squares={
+            name: value
+            for name, value in zip(found.start.names, found.start.values.tolist(), strict=True)
+            if name in estimates
+        },
         excitation=found.excitation,
         residual_excess=found.residual_excess,
         validation=validation,
@@ -201,8 +209,8 @@ def _stream(candidate: Candidate, pieces: Pieces) -> ObserverTrace:
 
 def _informed(
     joint: Joint,
-    reported: AnyFitted,
-    fixed: Mapping[str, float],
+    fit: intervals.Fitted,
+    given: Mapping[str, float],
     settings: Settings,
     input_unit: str,
 ) -> tuple[intervals.Fitted, tuple[str, ...]]:
@@ -213,10 +221,9 @@ def _informed(
         if std > 0
     ]
     if not uncertain:
-        return reported.fit, ()
-    given = {**fixed, **reported.at_bound}
-    parameters = joint.parameters({*reported.fit.names, *given}, input_unit == "N m")
-    both = informed(reported.fit, uncertain, parameters, given)
+        return fit, ()
+    parameters = joint.parameters({*fit.names, *given}, input_unit == "N m")
+    both = informed(fit, uncertain, parameters, given)
     return both, both.warnings
 
 

@@ -46,17 +46,16 @@ class Pieces:
     def inner(self, share: float, most_samples: int) -> "Pieces":
         """The parts before the held-out ends, cut in turn: what choices may look at.
 
-        Of very long records the first samples are enough for that.
+        Of very long records the first samples are enough for that. A part that is too short to be
+        cut again is left out, unless all are.
         """
-        parts, groups, left = [], [], most_samples
+        seen, left = [], most_samples
         for part, group in zip(self._parts(), self.groups, strict=True):
-            if parts and left < len(part):
-                break
-            parts.append(part.window(0, min(len(part), most_samples)))
-            groups.append(group)
+            if left > 0:
+                seen.append((group, part.window(0, min(len(part), left))))
             left -= len(part)
-        starts = tuple(_held_out_start(part, share) for part in parts)
-        return Pieces(tuple(parts), starts, tuple(groups))
+        groups, parts = zip(*(_long_enough(seen, share) or seen), strict=True)
+        return Pieces(parts, tuple(_held_out_start(part, share) for part in parts), groups)
 
     def changed(self, change: Callable[[Recording], Recording], share: float) -> "Pieces":
         """The same with every piece changed, and cut anew."""
@@ -89,11 +88,7 @@ def prepare(logs: Sequence[Log], share: float) -> tuple[Pieces, tuple[str, ...]]
     _check_distinct(logs)
     _check_channels(logs)
     pieces = [(group, piece) for group, log in enumerate(logs) for piece in log.pieces]
-    kept = [
-        (group, piece)
-        for group, piece in pieces
-        if round(len(piece) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES
-    ]
+    kept = _long_enough(pieces, share)
     warnings = [
         f"{piece.source}: the {len(piece)} samples from {piece.start_time:g} s on are too few to "
         f"fit and validate, so they were left out: record without gaps"
@@ -133,6 +128,17 @@ def _check_channels(logs: Sequence[Log]) -> None:
             "link_position",
             f"is missing where {encoders[False]} has it: identify them one by one",
         )
+
+
+def _long_enough(
+    pieces: Sequence[tuple[int, Recording]], share: float
+) -> list[tuple[int, Recording]]:
+    """Those, with their logs, that leave enough to fit."""
+    return [
+        (group, piece)
+        for group, piece in pieces
+        if round(len(piece) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES
+    ]
 
 
 def _held_out_start(piece: Recording, share: float) -> int:

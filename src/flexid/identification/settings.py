@@ -6,6 +6,7 @@ from math import isfinite, isnan
 from typing import Literal
 
 from flexid.errors import SettingError
+from flexid.identification.joint import Joint
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, TERMS
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.recording import Hold
@@ -113,6 +114,47 @@ class Settings:
         known = {c: v for c, v in self.known.items() if not self.known_deviations.get(c)}
         inertia = known.pop("motor_inertia", None)
         return known if inertia is None else {**known, "beta1": 1 / inertia}
+
+
+def check_for(joint: Joint, settings: Settings) -> None:
+    """Raise `SettingError` for what a joint does not have, or what contradicts itself."""
+    what = "two encoders show" if joint.kind == "flexible" else "is all that one encoder shows"
+    terms = TERMS if joint.kind == "flexible" else RIGID_TERMS
+    chosen = () if settings.terms == "auto" else settings.terms
+    for term in chosen:
+        if term not in terms:
+            raise SettingError(
+                "terms",
+                f"{term!r} is no term of the {joint.kind} joint, which {what}; it has "
+                f"{', '.join(terms)}",
+            )
+    if joint.kind == "rigid" and "motor_inertia" in settings.known:
+        raise SettingError(
+            "known",
+            "motor_inertia says nothing about the inertia of motor and link together, which is all "
+            "that one encoder shows: give beta1, the inverse of that",
+        )
+    for setting, names in (("known", settings.known), ("bounds", settings.bounds)):
+        for name in names:
+            if name in _COEFFICIENTS and name not in joint.units:
+                raise SettingError(
+                    setting, f"{name} is no coefficient of the {joint.kind} joint, which {what}"
+                )
+    for name, (lower, upper) in settings.bounds.items():
+        if settings.terms != "auto" and not _is_on(name, joint, chosen):
+            raise SettingError("bounds", f"{name} belongs to a term that is off: switch it on")
+        if name in settings.known and not lower <= settings.known[name] <= upper:
+            raise SettingError(
+                "bounds", f"what {name} is known as lies outside: correct one of them"
+            )
+
+
+def _is_on(coefficient: str, joint: Joint, terms: tuple[str, ...]) -> bool:
+    """Whether some terms bring a coefficient in, or it is always there."""
+    both = ("motor_coulomb", "motor_stiction")  # the one stands for the other in a joint
+    on = {*terms, *both} if set(terms) & set(both) else {*terms}
+    owners = joint.terms_with([coefficient])
+    return not owners or bool(on & set(owners))
 
 
 def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:

@@ -1,0 +1,60 @@
+"""Options that hold several values, or a value with something about it."""
+
+from math import inf
+
+import pytest
+
+from flexid.cli.assignments import parse_bounds, parse_known, parse_names, parse_number
+from flexid.errors import SettingError
+
+
+def test_names_stand_between_commas():
+    """Assert that blanks about names, and empty names, do not count."""
+    assert parse_names(" gravity, motor_viscous,,") == ("gravity", "motor_viscous")
+
+
+@pytest.mark.parametrize("text", ["theta2=100+-5", "theta2 = 100 ± 5", "theta2=1e2+-5e+0"])
+def test_uncertainty_follows_the_value(text):
+    """Assert that a value and its standard deviation are told apart in either notation."""
+    assert parse_known([text]) == ({"theta2": 100.0}, {"theta2": 5.0})
+
+
+def test_exponent_is_no_uncertainty():
+    """Assert that the sign of an exponent does not begin a standard deviation."""
+    assert parse_known(["beta1=1e+3", "alpha1=1e-3"]) == ({"beta1": 1000.0, "alpha1": 0.001}, {})
+
+
+@pytest.mark.parametrize("text", ["theta2", "theta2=", "theta2=a", "theta2=1+-", "theta2=+-1"])
+def test_bad_knowledge_is_shown(text):
+    """Assert that what is no name=number is refused in the words of the user."""
+    with pytest.raises(SettingError, match="--known") as refused:
+        parse_known([text])
+    assert repr(text) in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "ends"), [("0:", (0.0, inf)), (":2", (-inf, 2.0)), (" -1e3 : 2 ", (-1000.0, 2.0))]
+)
+def test_end_left_out_is_infinite(text, ends):
+    """Assert that bounds may be open at either end."""
+    assert parse_bounds([f"alpha2={text}"]) == {"alpha2": ends}
+
+
+@pytest.mark.parametrize("text", ["alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3"])
+def test_bad_bounds_are_shown(text):
+    """Assert that what is no name=lower:upper is refused in the words of the user."""
+    with pytest.raises(SettingError, match="--bounds") as refused:
+        parse_bounds([text])
+    assert repr(text) in str(refused.value)
+
+
+def test_number_or_auto():
+    """Assert that a number becomes one and auto stays."""
+    assert parse_number("--input-delay", "2e-3") == 0.002
+    assert parse_number("--input-delay", "auto") == "auto"
+
+
+def test_neither_number_nor_auto_names_the_option():
+    """Assert that the message says which option is wrong."""
+    with pytest.raises(SettingError, match="--input-delay: 'soon'"):
+        parse_number("--input-delay", "soon")

@@ -1,0 +1,125 @@
+"""Logs become pieces with held-out ends."""
+
+import numpy as np
+import pytest
+
+from flexid.errors import RecordingError, SettingError
+from flexid.identification.preparation import Pieces, prepare
+from flexid.recording.recording import Log, Recording
+
+SHARE = 1 / 3
+
+
+def recording(n=300, *, unit="N m", link=True, start=0.0, seed=0, source="a.csv"):
+    """Noise in every channel, sampled at 100 Hz."""
+    link_position, motor, drive = np.random.default_rng(seed).standard_normal((3, n))
+    return Recording(
+        0.01, start, link_position if link else None, motor, drive, unit, source=source
+    )
+
+
+def log(*pieces, digest=""):
+    """Return a log of some pieces."""
+    return Log(pieces, (), pieces[0].source, digest)
+
+
+def test_end_of_every_piece_is_held_out():
+    """Assert that the last third of each piece is cut off, and that logs are told apart."""
+    pieces, warnings = prepare(
+        [log(recording(300), recording(600, start=9.0)), log(recording(900))], SHARE
+    )
+    assert pieces.starts == (200, 400, 600)
+    assert pieces.groups == (0, 0, 1)
+    assert warnings == ()
+    assert [len(part) for part in pieces.fitted] == [200, 400, 600]
+
+
+def test_same_data_twice_is_refused():
+    """Assert that two files with the same bytes are not taken for two experiments."""
+    first, second = recording(source="a.csv"), recording(source="b.csv")
+    with pytest.raises(RecordingError, match=r"b\.csv.*same data as a\.csv"):
+        prepare([log(first, digest="abc"), log(second, digest="abc")], SHARE)
+
+
+def test_inputs_of_two_kinds_are_refused():
+    """Assert that a log with a voltage does not join one with a torque."""
+    with pytest.raises(RecordingError, match=r"b\.csv.*input.*is in V where a\.csv has N m"):
+        prepare([log(recording()), log(recording(unit="V", source="b.csv"))], SHARE)
+
+
+@pytest.mark.parametrize("first_has_link", [True, False])
+def test_one_encoder_does_not_join_two(first_has_link):
+    """Assert that the log without the link's encoder is named, whichever comes first."""
+    logs = [
+        log(recording(link=first_has_link, source="a.csv")),
+        log(recording(link=not first_has_link, source="b.csv")),
+    ]
+    missing, other = ("b", "a") if first_has_link else ("a", "b")
+    with pytest.raises(RecordingError, match=rf"{missing}\.csv.*missing where {other}\.csv has it"):
+        prepare(logs, SHARE)
+
+
+def test_short_piece_costs_a_warning():
+    """Assert that a piece too short to fit is left out where others are not."""
+    pieces, (warning,) = prepare([log(recording(300), recording(70, start=9.0))], SHARE)
+    assert len(pieces.recorded) == 1
+    assert "70 samples from 9 s on are too few" in warning
+
+
+def test_nothing_but_short_pieces_is_refused():
+    """Assert that a log too short to fit is refused."""
+    with pytest.raises(RecordingError, match="record longer"):
+        prepare([log(recording(70))], SHARE)
+
+
+def test_share_that_tests_on_nothing_is_refused():
+    """Assert that fewer than ten samples to test on are too few."""
+    with pytest.raises(SettingError, match="validation-share"):
+        prepare([log(recording(300))], 0.01)
+
+
+def test_choices_never_reach_the_held_out_data():
+    """Assert that what choices look at ends where the held-out data begin, and is cut itself."""
+    pieces, _ = prepare([log(recording(900)), log(recording(300, start=20.0))], SHARE)
+    inner = pieces.inner(SHARE, 40_000)
+    assert [len(piece) for piece in inner.recorded] == [600, 200]
+    assert inner.starts == (400, 133)
+    np.testing.assert_array_equal(inner.recorded[0].input, pieces.recorded[0].input[:600])
+
+
+def test_choices_look_at_the_first_samples_of_long_records():
+    """Assert that a long record, and a long one after a short one, are cut off."""
+    pieces, _ = prepare([log(recording(300)), log(recording(9000)), log(recording(900))], SHARE)
+    inner = pieces.inner(SHARE, 1000)
+    assert [len(piece) for piece in inner.recorded] == [200, 800]
+    assert inner.groups == (0, 1)
+
+
+def test_choices_do_without_a_piece_that_cannot_be_cut_twice():
+    """Assert that a piece long enough to fit but not to choose by does not stop the others."""
+    pieces, _ = prepare([log(recording(90), recording(300, start=5.0))], SHARE)
+    assert len(pieces.recorded) == 2
+    assert [len(piece) for piece in pieces.inner(SHARE, 40_000).recorded] == [200]
+
+
+def test_fitted_velocities_do_not_know_of_held_out_positions():
+    """Assert that other held-out positions change no velocity before them."""
+    known = recording(300)
+    spoilt = Recording(
+        0.01,
+        0.0,
+        np.where(np.arange(300) < 200, known.link_position, 50.0),
+        np.where(np.arange(300) < 200, known.motor_position, -50.0),
+        known.input,
+        "N m",
+    )
+    one, other = (Pieces((piece,), (200,), (0,)).fitted[0] for piece in (known, spoilt))
+    np.testing.assert_array_equal(one.link_velocity, other.link_velocity)
+    np.testing.assert_array_equal(one.motor_velocity, other.motor_velocity)
+
+
+def test_changed_pieces_are_cut_anew():
+    """Assert that a change that shortens a piece leaves the same share held out."""
+    pieces, _ = prepare([log(recording(300))], SHARE)
+    shorter = pieces.changed(lambda piece: piece.window(0, 240), SHARE)
+    assert shorter.starts == (160,)
