@@ -34,6 +34,7 @@ _LARGEST_SHARE = 0.1  # of a piece, that the search may cost at either end
 _TIME_CONSTANTS = 200.0  # of the filter in the log: twenty blocks of ten
 _SLOWEST, _FASTEST = 8.0, 40.0  # 1/s, rates of the filter
 _FASTEST_SAMPLED = 0.2  # over the sampling rate
+_CLAIMED = 3.0  # standard deviations that a delay has to have: 95 % would claim one in 20 logs
 _HOLDS: tuple[Hold, ...] = ("linear", "zero")
 
 
@@ -269,9 +270,9 @@ def _delay(
     if abs(estimate.value) >= limit or low <= -1e3 * limit or high >= 1e3 * limit:
         status: DelayStatus = "unknown"
         reason = f"the log cannot tell how late the {what}, so nothing is corrected"
-    elif estimate.contains_zero:
+    elif estimate.contains_zero or abs(estimate.value) < _CLAIMED * estimate.std:
         status = "none"
-        reason = f"nothing shows that the {what} late; {within} could hide"
+        reason = f"nothing shows for sure that the {what} late; {within} could hide"
     else:
         status = "found"
         ratio = estimate.misfit_without / estimate.misfit
@@ -296,7 +297,10 @@ def _hold(found: Mapping[Hold, DelayEstimate], free_delay: bool) -> tuple[Hold, 
     chosen: Hold = min(candidates, key=misfit)
     ceiling = found[chosen].misfit_ceiling
     as_good: list[Hold] = [name for name in candidates if misfit(name) <= ceiling]
-    names: dict[Hold, str] = {"linear": "on straight lines between samples", "zero": "held over each sample"}
+    names: dict[Hold, str] = {
+        "linear": "on straight lines between samples",
+        "zero": "held over each sample",
+    }
     if len(as_good) > 1:
         return as_good[0], f"the log cannot tell the holds apart; {names[as_good[0]]} is assumed"
     if len(simple) == 1 and len(found) > 1:

@@ -110,12 +110,14 @@ def _agree(shorter: Trial, longer: Trial) -> bool:
 
 
 def _distance(one: PredictionErrorFit, other: PredictionErrorFit) -> tuple[FloatArray, FloatArray]:
-    """How far two fits are apart, and the standard deviation that noise alone would give that.
+    """How far two fits are apart, and the standard deviation that noise would give that."""
+    return np.abs(one.values - other.values), np.sqrt(_variances(one) + _variances(other))
 
-    White noise is taken for granted: what else there is in the residuals is what this looks for.
-    """
-    variances = np.diag(one.gauss_newton_covariance) + np.diag(other.gauss_newton_covariance)
-    return np.abs(one.values - other.values), np.sqrt(variances)
+
+def _variances(fit: PredictionErrorFit) -> FloatArray:
+    """The larger of both variances; that of the blocks is missing where they are too few."""
+    blocks = np.diag(fit.covariance)
+    return np.fmax(np.diag(fit.gauss_newton_covariance), np.where(np.isfinite(blocks), blocks, 0.0))
 
 
 def _log_variance(trial: Trial) -> float:

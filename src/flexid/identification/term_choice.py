@@ -19,6 +19,8 @@ from flexid.identification.joint import flexible
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import TermEvidence
 from flexid.identification.verdict import DISSIPATIVE, NEGATIVE_DEVIATIONS
+from flexid.models.flexible_joint import STOPPING
+from flexid.models.flexible_joint import with_stopping_time as about_stopping_time
 from flexid.recording.recording import Recording
 
 WORTH = 0.005
@@ -149,7 +151,7 @@ def with_stopping_time(
     if "motor_stiction" not in candidate.terms:
         return candidate
     start = candidate.least_squares(recordings, groups)
-    system, _ = fit_stopping_time(
+    system, fit = fit_stopping_time(
         candidate.samples(recordings),
         candidate.joint.system,
         start.fit,
@@ -157,6 +159,10 @@ def with_stopping_time(
         candidate.hold,
         start.unknowns,
     )
+    # The motor's acceleration without friction, too, is that of the better fit.
+    values = start.unknowns.coefficients(fit.values, 0).tolist()
+    nominal = dict(zip(system.coefficients, values, strict=True))
+    system = about_stopping_time(system, system.constants[STOPPING], nominal)
     return replace(candidate, joint=replace(candidate.joint, system=system))
 
 
