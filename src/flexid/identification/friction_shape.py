@@ -3,7 +3,7 @@
 No drive's friction is a tanh of the velocity. How fast it really changes sign is known only as far
 as the log shows, and hardly shows in the residuals, but moves the coefficients by more than noise
 does where encoders are fine. So the fit is repeated with friction that changes sign over half and
-over one and a half times the velocity, and the changes count as standard deviations.
+over twice the velocity, and the changes count as standard deviations.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from flexid.identification.intervals import FloatArray
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Recording
 
-_FACTORS = (0.5, 1.5)
+_FACTORS = (0.5, 2.0)
 _DRY = frozenset({"motor_coulomb", "motor_stiction", "link_coulomb", "coulomb"})
 
 

@@ -1,8 +1,8 @@
 """How long the segments of the prediction error are: chosen by the free run over held-out data.
 
 Long segments tell more, for what a coefficient does adds up over a segment; but what the model
-lacks adds up too. Of the lengths whose free runs are about equally good, the longest is taken that
-agrees with the shorter ones. How far the coefficients move from length to length beyond noise is
+lacks adds up too. Of the lengths whose free runs are about equally good, the one with the least
+predicted variance is taken. How far the coefficients move from length to length beyond noise is
 evidence of its own: those of a right model do not.
 """
 
@@ -24,7 +24,6 @@ ABOUT_EQUAL = 0.01
 """Excess of the free run's error that counts as about equally good."""
 
 _NOISE_DEVIATIONS = 2.0  # by which coefficients may differ between lengths for no reason
-_AGREEMENT = 3.0  # the same where a longer length is to be trusted
 
 Progress = Callable[[str], None]
 
@@ -52,24 +51,14 @@ def try_segments(
 
 
 def best_segments(trials: Sequence[Trial]) -> Trial:
-    """The trial to follow: least squares itself only where no prediction error does as well.
-
-    Among lengths that are about equally good, longer ones are taken, which tell more, as long as
-    they agree with the shorter ones within their noise.
-    """
+    """The trial to follow: least squares itself only where no prediction error does as well."""
     least = min(trial.error for trial in trials)
     equal = [
         trial
         for trial in trials
         if trial.finish is not None and trial.error <= least * (1 + ABOUT_EQUAL)
     ]
-    if not equal:
-        return min(trials, key=lambda trial: trial.error)
-    best, *longer = sorted(equal, key=lambda trial: trial.candidate.segment_duration)
-    for trial in longer:
-        if _log_variance(trial) < _log_variance(best) and _agree(best, trial):
-            best = trial
-    return best
+    return min(equal, key=_log_variance) if equal else min(trials, key=lambda t: t.error)
 
 
 def segment_evidence(trials: Sequence[Trial]) -> tuple[SegmentEvidence, ...]:
@@ -98,15 +87,6 @@ def segment_shifts(chosen: Trial, trials: Sequence[Trial]) -> dict[str, float]:
             beyond = moved - _NOISE_DEVIATIONS * noise
             excess = np.fmax(excess, np.where(np.isfinite(beyond), beyond, 0.0))
     return dict(zip(names, map(float, excess), strict=True))
-
-
-def _agree(shorter: Trial, longer: Trial) -> bool:
-    assert shorter.finish is not None
-    assert longer.finish is not None
-    if shorter.finish.fit.names != longer.finish.fit.names:
-        return False
-    moved, noise = _distance(shorter.finish.fit, longer.finish.fit)
-    return bool(np.all(moved[noise > 0] <= _AGREEMENT * noise[noise > 0]))
 
 
 def _distance(one: PredictionErrorFit, other: PredictionErrorFit) -> tuple[FloatArray, FloatArray]:
