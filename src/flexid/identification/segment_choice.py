@@ -1,8 +1,8 @@
 """How long the segments of the prediction error are: chosen by the free run over held-out data.
 
 Long segments tell more, for what a coefficient does adds up over a segment; but what the model
-lacks adds up too. Of the lengths whose free runs are about equally good, the one with the least
-predicted variance is taken. How far the coefficients move from length to length beyond noise is
+lacks adds up too. Of the lengths whose free runs are about equally good, the longest is taken. How
+far the coefficients move from length to length beyond noise is
 evidence of its own: those of a right model do not.
 """
 
@@ -51,14 +51,20 @@ def try_segments(
 
 
 def best_segments(trials: Sequence[Trial]) -> Trial:
-    """The trial to follow: least squares itself only where no prediction error does as well."""
+    """The trial to follow: least squares itself only where no prediction error does as well.
+
+    Of the lengths about equally good, the longest: its predicted variance is no guide, for what the
+    model lacks makes the residuals of short segments small and those of long ones large.
+    """
     least = min(trial.error for trial in trials)
     equal = [
         trial
         for trial in trials
         if trial.finish is not None and trial.error <= least * (1 + ABOUT_EQUAL)
     ]
-    return min(equal, key=_log_variance) if equal else min(trials, key=lambda t: t.error)
+    if not equal:
+        return min(trials, key=lambda trial: trial.error)
+    return max(equal, key=lambda trial: trial.candidate.segment_duration)
 
 
 def segment_evidence(trials: Sequence[Trial]) -> tuple[SegmentEvidence, ...]:
