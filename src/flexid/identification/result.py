@@ -170,14 +170,13 @@ class SegmentEvidence:
         In s; 0 stands for least squares without any.
     error : float
         Error of the free run relative to the motion.
-    log_variance : float
-        Mean logarithm of the predicted variances relative to the squared values; NaN where
-        prediction error did not converge, so that least squares ran in its place.
+    converged : bool
+        Whether prediction error did; if not, least squares ran in its place. True without segments.
     """
 
     duration: float
     error: float
-    log_variance: float
+    converged: bool
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,11 @@ def best_segments(trials: Sequence[Trial]) -> Trial:
 def segment_evidence(trials: Sequence[Trial]) -> tuple[SegmentEvidence, ...]:
     """What the trials say, for the record."""
     return tuple(
-        SegmentEvidence(trial.candidate.segment_duration, trial.error, _log_variance(trial))
+        SegmentEvidence(
+            trial.candidate.segment_duration,
+            trial.error,
+            trial.finish is not None or trial.candidate.segment_duration == 0,
+        )
         for trial in trials
     )
 
@@ -104,12 +108,3 @@ def _variances(fit: PredictionErrorFit) -> FloatArray:
     """The larger of both variances; that of the blocks is missing where they are too few."""
     blocks = np.diag(fit.covariance)
     return np.fmax(np.diag(fit.gauss_newton_covariance), np.where(np.isfinite(blocks), blocks, 0.0))
-
-
-def _log_variance(trial: Trial) -> float:
-    if trial.finish is None:
-        return np.nan
-    variances = np.diag(trial.finish.fit.gauss_newton_covariance)
-    known = np.isfinite(variances) & (variances > 0) & (trial.finish.fit.values != 0)
-    relative = variances[known] / trial.finish.fit.values[known] ** 2
-    return float(np.mean(np.log(relative))) if known.any() else np.inf

@@ -1,7 +1,6 @@
 """The evidence behind the choices of an identification: what ``--explain`` adds."""
 
 from collections.abc import Iterator
-from math import isnan
 
 from rich import box
 from rich.console import RenderableType
@@ -22,6 +21,11 @@ def explanation(result: Identification) -> Iterator[RenderableType]:
         yield _segments(choices)
     yield _delays(choices)
     yield Text(f"Input hold {choices.hold}: {choices.alignment.hold_reason}")
+    yield Text(f"Filter rate {choices.filter_rate:.6g} 1/s, estimator {choices.estimator}")
+    if choices.coulomb_velocity is not None:
+        yield Text(f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s")
+    if choices.stopping_time is not None:
+        yield Text(f"Friction stops the motor within {choices.stopping_time:.3g} s")
     yield Text()
     yield _least_squares(result)
 
@@ -54,7 +58,7 @@ def _segments(choices: Choices) -> Table:
             length, note = "none", "least squares"
         else:
             length = f"{e.duration:g} s"
-            note = "did not converge" if isnan(e.log_variance) else ""
+            note = "" if e.converged else "did not converge"
         if e.duration == (choices.segment_duration or 0):
             note = "chosen" if e.duration else "least squares, chosen"
         table.add_row(length, _percent(e.error), note)
