@@ -15,6 +15,7 @@ from flexid.simulation.free_run import free_run
 
 _WARM_UP = 0.5  # s of data before the held-out stretch from which its first state is taken
 _FEWEST_SAMPLES = 20
+_STEP = 1e-4  # rad and rad/s, for the Jacobian
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
 _CHOICE_STARTS = (0.0, 0.2, 0.4, 0.6)  # of a stretch, from which runs start where a choice is made
 
@@ -105,7 +106,12 @@ def _run(joint: Joint, piece: Recording, start: int, values: FloatArray, hold: H
     def misfit(state: FloatArray) -> FloatArray:
         return (run(state, first, start)[:, ::2] - positions).ravel()
 
-    found = least_squares(misfit, _initial_guess(positions, piece.sample_time), method="lm")
+    guess = _initial_guess(positions, piece.sample_time)
+    # Over the warm-up the motion is all but linear in its first state: one Jacobian is enough.
+    base = misfit(guess)
+    slopes = [(misfit(guess + step) - base) / _STEP for step in _STEP * np.eye(len(guess))]
+    jacobian = np.column_stack(slopes)
+    found = least_squares(misfit, guess, jac=lambda _: jacobian, method="lm")
     state = run(found.x, first, start + 1)[-1]
     return joint.channels_of(run(state, start, len(piece))[:, ::2])
 
