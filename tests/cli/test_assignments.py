@@ -9,8 +9,8 @@ from flexid.errors import SettingError
 
 
 def test_names_stand_between_commas():
-    """Assert that blanks about names, and empty names, do not count."""
-    assert parse_names(" gravity, motor_viscous,,") == ("gravity", "motor_viscous")
+    """Assert that blanks about names, empty names and repetitions do not count."""
+    assert parse_names(" gravity, motor_viscous,,gravity") == ("gravity", "motor_viscous")
 
 
 @pytest.mark.parametrize("text", ["theta2=100+-5", "theta2 = 100 ± 5", "theta2=1e2+-5e+0"])
@@ -46,6 +46,14 @@ def test_bad_bounds_are_shown(text):
     with pytest.raises(SettingError, match="--bounds") as refused:
         parse_bounds([text])
     assert repr(text) in str(refused.value)
+
+
+@pytest.mark.parametrize("parse", [parse_known, parse_bounds])
+def test_second_value_does_not_replace_the_first(parse):
+    """Assert that a name that stands twice is refused rather than one of them dropped."""
+    texts = ["beta1=3", "beta1=4"] if parse is parse_known else ["beta1=3:", "beta1 = :4"]
+    with pytest.raises(SettingError, match="beta1 is given twice"):
+        parse(texts)
 
 
 def test_number_or_auto():

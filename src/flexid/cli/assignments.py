@@ -1,7 +1,7 @@
 """Options that hold several values, or a value with something about it."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from typing import Literal
 
 from flexid.errors import SettingError
@@ -10,8 +10,8 @@ _UNCERTAIN = re.compile(r"(.+?)(?:±|\+-)(.+)")
 
 
 def parse_names(text: str) -> tuple[str, ...]:
-    """Names that stand between commas."""
-    return tuple(name.strip() for name in text.split(",") if name.strip())
+    """Names that stand between commas, each once."""
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
 
 
 def parse_known(assignments: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]:
@@ -20,16 +20,18 @@ def parse_known(assignments: Iterable[str]) -> tuple[dict[str, float], dict[str,
     Raises
     ------
     SettingError
-        If one is neither name=number nor name=number±number.
+        If one is neither name=number nor name=number±number, or a name stands twice.
 
     Examples
     --------
     >>> parse_known(["motor_inertia=0.3", "theta2=100+-5"])
     ({'motor_inertia': 0.3, 'theta2': 100.0}, {'theta2': 5.0})
     """
-    known, deviations = {}, {}
+    known: dict[str, float] = {}
+    deviations: dict[str, float] = {}
     for assignment in assignments:
         name, _, text = (part.strip() for part in assignment.partition("="))
+        _check_new("--known", name, known)
         uncertain = _UNCERTAIN.fullmatch(text)
         try:
             known[name] = float(uncertain[1] if uncertain else text)
@@ -49,27 +51,33 @@ def parse_bounds(assignments: Iterable[str]) -> dict[str, tuple[float, float]]:
     Raises
     ------
     SettingError
-        If one is no name=lower:upper.
+        If one is no name=lower:upper, or a name stands twice.
 
     Examples
     --------
     >>> parse_bounds(["alpha2=0:", "theta2=50:200"])
     {'alpha2': (0.0, inf), 'theta2': (50.0, 200.0)}
     """
-    bounds = {}
+    bounds: dict[str, tuple[float, float]] = {}
     for assignment in assignments:
-        name, _, text = assignment.partition("=")
+        name, _, text = (part.strip() for part in assignment.partition("="))
+        _check_new("--bounds", name, bounds)
         lower, colon, upper = text.partition(":")
         try:
             if not colon:
                 raise ValueError
-            bounds[name.strip()] = (float(lower or "-inf"), float(upper or "inf"))
+            bounds[name] = (float(lower or "-inf"), float(upper or "inf"))
         except ValueError:
             raise SettingError(
                 "--bounds",
                 f"{assignment!r} is no name=lower:upper, e.g. theta2=50:200 or alpha2=0:",
             ) from None
     return bounds
+
+
+def _check_new(option: str, name: str, before: Container[str]) -> None:
+    if name in before:
+        raise SettingError(option, f"{name} is given twice: leave one of them out")
 
 
 def parse_number(option: str, text: str) -> float | Literal["auto"]:

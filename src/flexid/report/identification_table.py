@@ -73,9 +73,14 @@ def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEs
     table.add_column("verdict", no_wrap=True)
     for e in estimates:
         value, lower, upper = format_with_interval(e.value, *e.interval)
-        interval = f"[{lower}, {upper}]" if lower != upper else "given"
+        interval = f"[{lower}, {upper}]" if e.interval[0] != e.interval[1] else _fixed(e)
         table.add_row(e.name, value, interval, e.unit, Text(e.status, _COLOURS[e.status]))
     return table
+
+
+def _fixed(estimate: CoefficientEstimate | ParameterEstimate) -> str:
+    """Why something has no interval; a parameter follows from coefficients that say it."""
+    return estimate.reason if isinstance(estimate, CoefficientEstimate) else "fixed"
 
 
 def format_fits(fits: Mapping[str, float]) -> str:
