@@ -1,7 +1,6 @@
 """What ``--explain`` adds to the answer."""
 
 import io
-from math import nan
 from types import SimpleNamespace
 
 import pytest
@@ -37,9 +36,9 @@ CHOICES = Choices(
         TermEvidence("cubic_stiffness", False, 0.0124, 0.0123),
     ),
     segment_evidence=(
-        SegmentEvidence(0.0, 0.0234, nan),
-        SegmentEvidence(1.0, 0.0345, nan),
-        SegmentEvidence(2.0, 0.0123, -12.0),
+        SegmentEvidence(0.0, 0.0234, True),
+        SegmentEvidence(1.0, 0.0345, False),
+        SegmentEvidence(2.0, 0.0123, True),
     ),
 )
 

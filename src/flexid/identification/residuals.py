@@ -48,7 +48,7 @@ def residual_excess(
     longest = pieces[place]
     noise = np.array([position_noise(position) for position in longest.positions.T])
     stiffness, damping = _linearised(unknowns, unknowns.coefficients(fit.values, place), longest)
-    smooth, first, second = _responses(fit.filter_rate, longest.sample_time)
+    smooth, first, second = _responses(fit.filter_rate, longest.sample_time, len(longest))
     excess = {}
     for place, row in enumerate(fit.rows):
         variance = 0.0
@@ -62,10 +62,12 @@ def residual_excess(
     return excess
 
 
-def _responses(filter_rate: float, sample_time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _responses(
+    filter_rate: float, sample_time: float, most_samples: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Impulse responses of the filter alone, with the first and with the second difference."""
     pole = np.exp(-filter_rate * sample_time)
-    impulse = np.zeros(int(_MEMORY / (filter_rate * sample_time)) + 10)
+    impulse = np.zeros(int(min(_MEMORY / (filter_rate * sample_time), most_samples)) + 10)
     impulse[2] = 1.0
     smooth = lfilter([(1 - pole) ** 2], [1.0, -2 * pole, pole**2], impulse)
     first = lfilter([1.0, 0.0, -1.0], [2 * sample_time], smooth)

@@ -2,8 +2,8 @@
 
 Long segments tell more, for what a coefficient does adds up over a segment; but what the model
 lacks adds up too. Of the lengths whose free runs are about equally good, the longest is taken. How
-far the coefficients move from length to length beyond noise is
-evidence of its own: those of a right model do not.
+far the coefficients move from length to length beyond noise is evidence of its own: those of a
+right model do not.
 """
 
 from collections.abc import Callable, Sequence

@@ -55,10 +55,11 @@ def _alignment_sentence(alignment: Alignment) -> str:
 
 
 def _delay(channel: str, delay: Delay) -> str:
-    if delay.status in ("given", "found"):
+    if delay.status == "given":
+        return f"{channel} {1e3 * delay.value:.3g} ms late, as given"
+    if delay.status == "found":
         lower, upper = (1e3 * end for end in delay.interval)
-        interval = "" if delay.status == "given" else f" [{lower:.3g}, {upper:.3g}]"
-        return f"{channel} {1e3 * delay.value:.3g}{interval} ms late, corrected"
+        return f"{channel} {1e3 * delay.value:.3g} [{lower:.3g}, {upper:.3g}] ms late, corrected"
     return f"{channel} delay {'unknown' if delay.status == 'unknown' else 'none'}"
 
 
