@@ -88,10 +88,12 @@ def identify(
     progress("free run over the held-out data")
     trained, _ = _fit(candidate, pieces.fitted, pieces.groups, settings)
     coefficients = trained.coefficients(len(pieces.recorded))
-    validation = validate(candidate.joint, pieces, coefficients, candidate.hold)
+    trained_joint = _as_fitted(candidate, trained).joint
+    validation = validate(trained_joint, pieces, coefficients, candidate.hold)
 
     progress("fit to all data")
     reported, retreat = _fit(candidate, pieces.whole, pieces.groups, settings)
+    candidate = _as_fitted(candidate, reported)
     found = findings(candidate, pieces, reported, choice.shifts, validation.fit_percent)
     widened = with_friction_shape(candidate, reported, pieces.whole, pieces.groups)
     given = {**fixed, **reported.at_bound}
@@ -105,7 +107,7 @@ def identify(
         if joint.kind == "flexible"
         else one_encoder()
     )
-    choices = _choices(choice, alignment, reported)
+    choices = _choices(candidate, choice, alignment, reported)
     return Identification(
         model=joint.kind,
         coefficients=estimates,
@@ -197,6 +199,11 @@ def _fit(
         )
 
 
+def _as_fitted(candidate: Candidate, fitted: AnyFitted) -> Candidate:
+    """The candidate with the constants of a fit: friction's stopping time is fitted each time."""
+    return replace(candidate, joint=replace(candidate.joint, system=fitted.unknowns.system))
+
+
 def _stream(candidate: Candidate, pieces: Pieces) -> ObserverTrace:
     """The paper's observer with the same terms, as far as it needs no derivative of the input."""
     joint, terms = candidate.joint, candidate.terms
@@ -233,8 +240,10 @@ def _fixed(reported: AnyFitted, given: Mapping[str, float]) -> dict[str, tuple[f
     return fixed | {name: (value, "at its bound") for name, value in reported.at_bound.items()}
 
 
-def _choices(choice: Choice, alignment: Alignment, reported: AnyFitted) -> Choices:
-    candidate, constants = choice.candidate, choice.candidate.joint.system.constants
+def _choices(
+    candidate: Candidate, choice: Choice, alignment: Alignment, reported: AnyFitted
+) -> Choices:
+    constants = candidate.joint.system.constants
     finished = isinstance(reported.fit, PredictionErrorFit)
     smoothed = any("coulomb" in term for term in candidate.terms)
     holding = "motor_stiction" in candidate.terms
