@@ -34,7 +34,7 @@ _LARGEST_SHARE = 0.1  # of a piece, that the search may cost at either end
 _TIME_CONSTANTS = 200.0  # of the filter in the log: twenty blocks of ten
 _SLOWEST, _FASTEST = 8.0, 40.0  # 1/s, rates of the filter
 _FASTEST_SAMPLED = 0.2  # over the sampling rate
-_CLAIMED = 3.0  # standard deviations that a delay has to have: 95 % would claim one in 20 logs
+_CLAIMED = 3.0  # standard deviations that a delay has to have
 _HOLDS: tuple[Hold, ...] = ("linear", "zero")
 
 
@@ -229,8 +229,8 @@ class _Task:
         misfits: dict[Hold, float] = {h: estimate.misfit for h, estimate in found.items()}
         hold, why = _hold(found, self.input_delay == "auto")
         drive = _delay(found[hold], self.input_delay, self.limit, "input acts")
-        if drive.value != 0.0 or hold != holds[0]:
-            link = self._link(equations[hold], drive.value)
+        # What is not known of the input's delay is not known of the link's either.
+        link = self._link(equations[hold], drive.value, *drive.interval)
         return Alignment(
             hold=hold,
             input_delay=drive,
@@ -241,10 +241,20 @@ class _Task:
             filter_rate=rate,
         )
 
-    def _link(self, equations: DelayEquations, input_delay: float) -> Delay:
+    def _link(self, equations: DelayEquations, *input_delays: float) -> Delay:
+        """Delay of the link's encoder at the first of some input delays, no surer than at all."""
         if self.pieces[0].link_position is None:
             return Delay(0.0, 0.0, 0.0, (0.0, 0.0), "none", "there is no encoder on the link")
-        estimate = _deflection_search(equations, input_delay).best()
+        found = [_deflection_search(equations, d).best() for d in dict.fromkeys(input_delays)]
+        low = min(estimate.interval[0] for estimate in found)
+        high = max(estimate.interval[1] for estimate in found)
+        widening = (high - low) - (found[0].interval[1] - found[0].interval[0])
+        estimate = replace(
+            found[0],
+            std=found[0].std + 0.25 * widening,  # two deviations to either side
+            interval=(low, high),
+            contains_zero=any(estimate.contains_zero for estimate in found),
+        )
         return _delay(estimate, self.link_delay, self.limit, "link's encoder is")
 
 
@@ -270,7 +280,7 @@ def _delay(
     if abs(estimate.value) >= limit or low <= -1e3 * limit or high >= 1e3 * limit:
         status: DelayStatus = "unknown"
         reason = f"the log cannot tell how late the {what}, so nothing is corrected"
-    elif estimate.contains_zero or abs(estimate.value) < _CLAIMED * estimate.std:
+    elif _is_none(estimate):
         status = "none"
         reason = f"nothing shows for sure that the {what} late; {within} could hide"
     else:
@@ -284,10 +294,15 @@ def _delay(
     return Delay(value, estimate.value, estimate.std, estimate.interval, status, reason)
 
 
+def _is_none(estimate: DelayEstimate) -> bool:
+    """Whether no delay is claimed: 95 % would claim one in a log of twenty that have none."""
+    return estimate.contains_zero or abs(estimate.value) < _CLAIMED * estimate.std
+
+
 def _hold(found: Mapping[Hold, DelayEstimate], free_delay: bool) -> tuple[Hold, str]:
     """The hold that needs no delay, if only one does not; else the one that explains more."""
     simple: list[Hold] = [
-        name for name, estimate in found.items() if estimate.contains_zero and free_delay
+        name for name, estimate in found.items() if _is_none(estimate) and free_delay
     ]
     candidates: list[Hold] = simple or list(found)
 
