@@ -81,7 +81,11 @@ def findings(
     else:
         between = estimator_shifts(reported.fit, start)
         shifts = {c: max(between[c], _of(c, segment_shifts)) for c in between}
-    evidence = row_evidence(reported.fit, start, shifts, excess, excitation, fit_percent)
+    judged = excess
+    if candidate.segment_duration > 0:
+        # Prediction error couples the rows: what one lacks is made up for by the others too.
+        judged = dict.fromkeys(excess, max(excess.values()))
+    evidence = row_evidence(reported.fit, start, shifts, judged, excitation, fit_percent)
     return Findings(start, excitation, excess, evidence)
 
 

@@ -12,7 +12,8 @@ Six kinds of evidence count, and the worst decides:
   segments of every length, and to least squares as to prediction error; one that moves with any of
   these by more than noise allows makes up for what the model lacks, and makes its row weak;
 - the residual: where a row leaves far more unexplained than the noise of the positions accounts
-  for, the model or the recorded input lacks something, and the row is weak;
+  for, the model or the recorded input lacks something, and the row is weak; to prediction error,
+  which fits the rows together, all of them are;
 - the sign: no spring, no inertia and no friction is negative;
 - the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
   not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
@@ -173,7 +174,7 @@ def _by_shift(name: str, row: Evidence) -> Verdict:
 def _by_residual(_: str, row: Evidence) -> Verdict:
     if row.residual_excess <= NOISE_EXCESS:
         return _FINE
-    return "weak", f"its row leaves {row.residual_excess:.0f} times what sensor noise explains"
+    return "weak", f"the fit leaves {row.residual_excess:.0f} times what sensor noise explains"
 
 
 def _by_sign(name: str, row: Evidence) -> Verdict:

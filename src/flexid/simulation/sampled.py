@@ -157,8 +157,8 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
     def build() -> str:
         from flexid.derivation.sampled_loop import sampled_loop_source
 
-        parts = (sampled_loop_source(declaration), template("parametric_observer"))
-        return "\n\n".join((*parts, template("sampled_loop")))
+        templates = map(template, ("status", "parametric_observer", "sampled_loop"))
+        return "\n\n".join((sampled_loop_source(declaration), *templates))
 
     return load_kernel("sampled_loop", declaration.digests, build)
 
