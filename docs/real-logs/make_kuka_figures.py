@@ -78,7 +78,7 @@ def deflection_figure(pieces: dict[int, Recording], found: dict[int, Alignment])
             axes.set_ylabel("link − motor, deg")
             if place == 0:
                 axes.legend(ncols=2, loc="upper right")
-        axes.set_xlabel("time, s")
+        figure.axes[-1].set_xlabel("time, s")
         save(figure, ASSETS, "kuka-deflection")
 
 

@@ -44,7 +44,9 @@ def log(seed=0, skew=0.0, delay=0.0, noise=1e-4, bits=None, held=False, **more):
     if bits:
         step = 2 * np.pi / 2**bits
         positions = step * np.rint(positions / step)
-    recording = Recording(SAMPLE_TIME, 0.0, *positions, torque(time + delay), "N m")
+    link_encoder, motor_encoder = positions
+    acting = torque(time + delay)
+    recording = Recording(SAMPLE_TIME, 0.0, link_encoder, motor_encoder, acting, "N m")
     return recording.window(*inside.indices(len(time))[:2])
 
 
@@ -144,6 +146,7 @@ def test_velocities_move_with_their_positions():
     given = estimate_alignment([piece], "linear", input_delay=0.0, link_delay=1e-3)
     moved = aligned(replace(piece, link_velocity=speed), given)
     derived = np.gradient(moved.needed_link_position, SAMPLE_TIME)
+    assert moved.link_velocity is not None
     assert moved.link_velocity[5:-5] == pytest.approx(derived[5:-5], abs=1e-4)
 
 

@@ -108,7 +108,7 @@ def test_fitted_velocities_do_not_know_of_held_out_positions():
     spoilt = Recording(
         0.01,
         0.0,
-        np.where(np.arange(300) < 200, known.link_position, 50.0),
+        np.where(np.arange(300) < 200, known.needed_link_position, 50.0),
         np.where(np.arange(300) < 200, known.motor_position, -50.0),
         known.input,
         "N m",

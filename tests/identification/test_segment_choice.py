@@ -1,6 +1,7 @@
 """How long the segments are, from what their free runs do."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from flexid.identification.segment_choice import best_segments, segment_evidence
 NAMES = ("stiffness", "friction")
 
 
-def trial(duration, error, values=(100.0, 2.0), std=0.1):
+def trial(duration, error, values=(100.0, 2.0), std=0.1) -> Any:
     """Return what is needed of a trial; no length or no standard deviation: least squares alone."""
     fit = SimpleNamespace(
         names=NAMES,

@@ -1,6 +1,7 @@
 """Free runs: how well the model alone repeats a stretch that was kept out of the fit."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,9 +112,14 @@ def _run(joint: Joint, piece: Recording, start: int, values: FloatArray, hold: H
     base = misfit(guess)
     slopes = [(misfit(guess + step) - base) / _STEP for step in _STEP * np.eye(len(guess))]
     jacobian = np.column_stack(slopes)
-    found = least_squares(misfit, guess, jac=lambda _: jacobian, method="lm")
+    found = least_squares(misfit, guess, jac=_always(jacobian), method="lm")
     state = run(found.x, first, start + 1)[-1]
     return joint.channels_of(run(state, start, len(piece))[:, ::2])
+
+
+def _always(jacobian: FloatArray) -> Any:
+    """A function of the state that SciPy takes for the Jacobian; its stubs know of none."""
+    return lambda _: jacobian
 
 
 def _initial_guess(positions: FloatArray, sample_time: float) -> FloatArray:
