@@ -45,7 +45,7 @@ def log(seed=0, skew=0.0, delay=0.0, noise=1e-4, bits=None, held=False, **more):
         step = 2 * np.pi / 2**bits
         positions = step * np.rint(positions / step)
     link_encoder, motor_encoder = positions
-    acting = torque(time + delay)
+    acting = np.asarray(torque(time + delay), dtype=np.float64)
     recording = Recording(SAMPLE_TIME, 0.0, link_encoder, motor_encoder, acting, "N m")
     return recording.window(*inside.indices(len(time))[:2])
 
