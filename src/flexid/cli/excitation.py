@@ -50,7 +50,7 @@ def excitation(
         hold=hold,  # type: ignore[arg-type] - Settings checks it
     )
     errors = Console(stderr=True)
-    with errors.status("Examining … (the first run on a machine compiles for some seconds)"):
+    with errors.status("Examining … (the first run on a machine compiles for up to a minute)"):
         report = examine([read_log(log, columns) for log in logs], settings)
         document = to_json(excitation_document(report))
         if out is not None:

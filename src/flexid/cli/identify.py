@@ -83,7 +83,9 @@ def identify(
         validation_share=validation_share,
     )
     errors = Console(stderr=True)
-    with errors.status("reading (the first run on a machine compiles for some seconds)") as status:
+    with errors.status(
+        "reading (the first run on a machine compiles for up to a minute)"
+    ) as status:
         result = run(
             [read_log(log, columns) for log in logs],
             settings,
