@@ -164,7 +164,7 @@ def _score(answer: Answer) -> dict[str, Any]:
     score: dict[str, Any] = {"errors": [float(f"{error:.4g}") for error in errors.values()]}
     if answer.intervals is not None:
         ends = {name: answer.intervals[name] for name in TRUTH}
-        score["inside"] = [low <= TRUTH[name] <= high for name, (low, high) in ends.items()]
+        score["inside"] = [bool(low <= TRUTH[name] <= high) for name, (low, high) in ends.items()]
         widths = (50.0 * (high - low) / TRUTH[name] for name, (low, high) in ends.items())
         score["widest"] = float(f"{max(widths):.4g}")
     return score
