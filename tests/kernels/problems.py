@@ -5,7 +5,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 
 HEAD = """
 from math import cos, exp, sin, sqrt
@@ -81,8 +81,8 @@ def smooth_solution(t: float | NDArray[np.float64]) -> NDArray[np.float64]:
 
 def integrator(problem: tuple[str, str], size: int) -> ModuleType:
     """Compile the integrator for a problem."""
-    source = HEAD.format(size=size, rates=problem[0], jacobian=problem[1]) + template("rodas5p")
-    return load_kernel("test_problem", [source], lambda: source)
+    source = HEAD.format(size=size, rates=problem[0], jacobian=problem[1])
+    return load_kernel("test_problem", [source], lambda: source, ["rodas5p"])
 
 
 def integrate(

@@ -81,6 +81,16 @@ def test_changed_declaration_is_built_anew(cache: Path) -> None:
     assert len(list(cache.glob("*.py"))) == 4
 
 
+def test_changed_recipe_is_built_anew(cache: Path) -> None:
+    """Assert that other templates, or the same in another order, make another kernel."""
+    recipes = [("status",), ("status", "free_run"), ("free_run", "status"), ()]
+    source = "from numba import njit\n"
+    names = {
+        store.load_kernel("recipe", ["x"], lambda: source, recipe).__name__ for recipe in recipes
+    }
+    assert len(names) == 4
+
+
 def test_failed_build_leaves_nothing(cache: Path) -> None:
     """Assert that a build that fails neither leaves a file nor a module behind."""
 

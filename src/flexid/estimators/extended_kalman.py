@@ -25,7 +25,7 @@ from flexid.estimators.recursive_least_squares import (
     recursive_least_squares,
 )
 from flexid.estimators.samples import FloatArray
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -157,8 +157,7 @@ def extended_kalman_filter(
     def build() -> str:
         from flexid.derivation.sensitivities import sensitivity_functions
 
-        source = sensitivity_functions(system, "Extended Kalman filter")
-        return "\n\n".join((source, template("prediction_error"), template("extended_kalman")))
+        return sensitivity_functions(system, "Extended Kalman filter")
 
     for name, value in (
         ("position noise", position_noise),
@@ -172,7 +171,8 @@ def extended_kalman_filter(
         beside = recursive_least_squares(system, sample_time, filter_rate, hold)
     else:
         beside = least_squares_observer(system, sample_time, hold)
-    kernel = load_kernel("extended_kalman", [system.digest], build)
+    templates = ["prediction_error", "extended_kalman"]
+    kernel = load_kernel("extended_kalman", [system.digest], build, templates)
     velocity = 0.0 if velocity_noise is None else velocity_noise
     settings = [sample_time, float(hold == "zero"), float(velocity_noise is not None)]
     settings += [position_noise, velocity, acceleration_noise, drift, _START_VELOCITY]

@@ -16,7 +16,7 @@ from flexid.estimators.cluster_covariance import Clusters
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, first_states
 from flexid.estimators.unknowns import FIXED, Unknowns
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -274,10 +274,9 @@ def segmented_motion(
     def build() -> str:
         from flexid.derivation.sensitivities import sensitivity_functions
 
-        source = sensitivity_functions(system, "Segmented prediction error")
-        return source + "\n\n" + template("prediction_error")
+        return sensitivity_functions(system, "Segmented prediction error")
 
-    kernel = load_kernel("prediction_error", [system.digest], build)
+    kernel = load_kernel("prediction_error", [system.digest], build, ["prediction_error"])
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(len(segments.measured))
     unknowns = unknowns or Unknowns(system)

@@ -21,7 +21,7 @@ from flexid.estimators.online import (
     fading_factor,
     row_starts,
 )
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -87,11 +87,11 @@ def memory_regressor(
 
         source = model_functions(system, "Memory regressor")
         sizes = row_starts(system) + f"ADJUGATE = {law == 'drem'}\n"
-        names = ("status", "velocity_rows", "memory_gain", "online")
-        return "\n\n".join((source + "\n\n" + sizes, *map(template, names)))
+        return source + "\n\n" + sizes
 
     h = checked_sample_time(sample_time)
-    kernel = load_kernel("memory_regressor", [system.digest, law], build)
+    templates = ["status", "velocity_rows", "memory_gain", "online"]
+    kernel = load_kernel("memory_regressor", [system.digest, law], build, templates)
     settings = [fading_factor(memory_time, h), rate, np.ceil(_FIRST / h)]
     settings += [h, float(hold == "zero"), *system.constants.values()]
     state = np.zeros(kernel.STATE_SIZE)

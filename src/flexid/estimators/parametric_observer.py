@@ -16,7 +16,7 @@ import numpy as np
 from flexid.errors import SettingError
 from flexid.estimators.online import CompiledEstimator, checked_sample_time, packed
 from flexid.estimators.samples import FloatArray, Samples
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -128,7 +128,7 @@ def _kernel(system: ParametricSystem) -> ModuleType:
     def build() -> str:
         from flexid.derivation.sampled_observer import sampled_observer_functions
 
-        source = sampled_observer_functions(system, "Parametric observer, sampled")
-        return "\n\n".join((source, template("status"), template("parametric_observer")))
+        return sampled_observer_functions(system, "Parametric observer, sampled")
 
-    return load_kernel("parametric_observer", [system.digest], build)
+    templates = ["status", "parametric_observer"]
+    return load_kernel("parametric_observer", [system.digest], build, templates)

@@ -23,7 +23,7 @@ from flexid.estimators.online import (
     row_starts,
 )
 from flexid.estimators.samples import FloatArray
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -246,10 +246,11 @@ def least_squares_observer(
         from flexid.derivation.model_functions import model_functions
 
         source = model_functions(system, "Parametric observer with least-squares gain")
-        return _law_source(source, "velocity_rows", system)
+        return source + _sizes(system)
 
     h = checked_sample_time(sample_time)
-    kernel = load_kernel("least_squares_observer", [system.digest], build)
+    templates = _templates("velocity_rows")
+    kernel = load_kernel("least_squares_observer", [system.digest], build, templates)
     law = _law(h, memory_time, least_information, _SHORTEST_BLOCK / h)
     law += [0.0, np.ceil(_SHORTEST_BLOCK / h)]
     return _built(system, h, hold, True, kernel, [*law, h, float(hold == "zero")])
@@ -285,14 +286,16 @@ def _filtered_kernel(system: ParametricSystem, half_window: int) -> ModuleType:
         from flexid.derivation.regressor_classes import filter_functions
 
         source = filter_functions(system, "Recursive least squares on positions")
-        source += f"HALF_WINDOW = {half_window}\n"
-        return _law_source(source, "filtered_rows", system)
+        return source + f"HALF_WINDOW = {half_window}\n" + _sizes(system)
 
     digests = [system.digest, str(half_window)]
-    return load_kernel("recursive_least_squares", digests, build)
+    templates = _templates("filtered_rows")
+    return load_kernel("recursive_least_squares", digests, build, templates)
 
 
-def _law_source(source: str, rows: str, system: ParametricSystem) -> str:
-    sizes = row_starts(system) + f"N_BLOCKS = {N_BLOCKS}\n"
-    names = ("status", rows, "block_scores", "least_squares_gain", "online")
-    return "\n\n".join((source + "\n\n" + sizes, *map(template, names)))
+def _sizes(system: ParametricSystem) -> str:
+    return "\n\n" + row_starts(system) + f"N_BLOCKS = {N_BLOCKS}\n"
+
+
+def _templates(rows: str) -> tuple[str, ...]:
+    return "status", rows, "block_scores", "least_squares_gain", "online"

@@ -12,7 +12,7 @@ import numpy as np
 from flexid.errors import SettingError
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.unknowns import FIXED, Unknowns
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
@@ -119,7 +119,6 @@ def _kernel(system: ParametricSystem) -> ModuleType:
     def build() -> str:
         from flexid.derivation.regressor_classes import filter_functions
 
-        source = filter_functions(system, "State-variable filter on positions")
-        return source + "\n\n" + template("state_variable_filter")
+        return filter_functions(system, "State-variable filter on positions")
 
-    return load_kernel("state_variable_filter", [system.digest], build)
+    return load_kernel("state_variable_filter", [system.digest], build, ["state_variable_filter"])

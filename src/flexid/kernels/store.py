@@ -26,7 +26,12 @@ CACHE_VARIABLE = "FLEXID_CACHE_DIR"
 """Environment variable that moves the cache of kernels."""
 
 
-def load_kernel(task: str, declarations: Sequence[str], build: Callable[[], str]) -> ModuleType:
+def load_kernel(
+    task: str,
+    declarations: Sequence[str],
+    build: Callable[[], str],
+    templates: Sequence[str] = (),
+) -> ModuleType:
     """Import a kernel, building its source first if it is not on disk yet.
 
     Parameters
@@ -34,23 +39,27 @@ def load_kernel(task: str, declarations: Sequence[str], build: Callable[[], str]
     task : str
         What the kernel does; the first part of its file name.
     declarations : sequence of str
-        Digests of the declarations that the kernel is generated from.
+        Digests of the declarations that the kernel is generated from, and whatever else decides
+        what ``build`` returns.
     build : callable
-        Returns the whole source of the module. Called only when the file is missing, so that
+        Returns the generated part of the source. Called only when the file is missing, so that
         symbolic algebra costs nothing in later processes.
+    templates : sequence of str, optional
+        Names of the templates that follow it, in this order.
 
     Returns
     -------
     module
         With compiled functions, cached on disk by numba.
     """
-    name = f"flexid_{task}_{_digest(task, *declarations)}"
+    parts = [template(name) for name in templates]
+    name = f"flexid_{task}_{_digest(task, *declarations, *parts)}"
     if name in sys.modules:
         return sys.modules[name]
     path = cache_directory() / f"{name}.py"
     _discard_damaged(path)
     if not path.exists():
-        _write_atomically(path, build() + _END)
+        _write_atomically(path, "\n\n".join((build(), *parts)) + _END)
     return _import(name, path)
 
 
@@ -66,6 +75,7 @@ def _discard_damaged(path: Path) -> None:
             compiled.unlink()
 
 
+@cache
 def template(name: str) -> str:
     """Source text of a template: code that calls generated functions by name."""
     return resources.files("flexid.kernels.templates").joinpath(f"{name}.py").read_text("utf-8")
@@ -95,15 +105,12 @@ def _digest(*parts: str) -> str:
 
 @cache
 def _generator_digest() -> str:
-    """Hash of the code that generates: a changed derivation or template makes new kernels.
+    """Hash of the code that generates: a changed derivation makes new kernels.
 
     The declarations' code counts too: it fixes what a text means and the order of the parameters.
     """
     content = hashlib.sha256()
-    for package in (
-        *("flexid.models", "flexid.control"),
-        *("flexid.derivation", "flexid.kernels", "flexid.kernels.templates"),
-    ):
+    for package in ("flexid.models", "flexid.control", "flexid.derivation", "flexid.kernels"):
         files = [f for f in resources.files(package).iterdir() if f.name.endswith(".py")]
         for file in sorted(files, key=lambda file: file.name):
             content.update(file.read_bytes())

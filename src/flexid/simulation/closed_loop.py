@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 import flexid
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
 
@@ -110,11 +110,10 @@ def loop_kernel(declaration: LoopDeclaration, plain_coordinates: bool = False) -
     def build() -> str:
         from flexid.derivation.loop_source import closed_loop_source, plain_loop_source
 
-        source = (plain_loop_source if plain_coordinates else closed_loop_source)(declaration)
-        return "\n".join((source, template("rodas5p"), template("loop_outputs")))
+        return (plain_loop_source if plain_coordinates else closed_loop_source)(declaration)
 
     task = "plain_closed_loop" if plain_coordinates else "closed_loop"
-    return load_kernel(task, declaration.digests, build)
+    return load_kernel(task, declaration.digests, build, ["rodas5p", "loop_outputs"])
 
 
 def _run(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexid.errors import SimulationError
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 from flexid.simulation.substeps import runge_kutta_substeps
@@ -71,6 +71,6 @@ def free_run_kernel(system: ParametricSystem) -> ModuleType:
     def build() -> str:
         from flexid.derivation.model_functions import model_functions
 
-        return model_functions(system, "Free run") + "\n\n" + template("free_run")
+        return model_functions(system, "Free run")
 
-    return load_kernel("free_run", [system.digest], build)
+    return load_kernel("free_run", [system.digest], build, ["free_run"])

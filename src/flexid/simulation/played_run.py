@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SimulationError
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.substeps import runge_kutta_substeps
 
@@ -108,6 +108,6 @@ def played_kernel(system: ParametricSystem) -> ModuleType:
     def build() -> str:
         from flexid.derivation.model_functions import model_functions
 
-        return model_functions(system, "Played run") + "\n\n" + template("played_run")
+        return model_functions(system, "Played run")
 
-    return load_kernel("played_run", [system.digest], build)
+    return load_kernel("played_run", [system.digest], build, ["played_run"])

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 import flexid
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
-from flexid.kernels.store import load_kernel, template
+from flexid.kernels.store import load_kernel
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
 from flexid.simulation.substeps import runge_kutta_substeps
@@ -157,10 +157,10 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
     def build() -> str:
         from flexid.derivation.sampled_loop import sampled_loop_source
 
-        templates = map(template, ("status", "parametric_observer", "sampled_loop"))
-        return "\n\n".join((sampled_loop_source(declaration), *templates))
+        return sampled_loop_source(declaration)
 
-    return load_kernel("sampled_loop", declaration.digests, build)
+    templates = ["status", "parametric_observer", "sampled_loop"]
+    return load_kernel("sampled_loop", declaration.digests, build, templates)
 
 
 def _observer_settings(loop: ClosedLoop, sample_time: float) -> Array:
