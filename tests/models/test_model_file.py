@@ -7,7 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexid.errors import ExpressionError, FlexidError, ModelError
-from flexid.models.model_file import MAX_BYTES, read_model
+from flexid.models.model_file import read_model
+from flexid.toml_file import MAX_BYTES
 
 GOOD = """
 name = "pendulum"

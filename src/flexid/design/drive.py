@@ -12,6 +12,7 @@ from flexid.errors import SettingError
 from flexid.estimators.samples import FloatArray
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem
+from flexid.models.physical import joint_coefficients
 
 Kind = Literal["multisine", "trajectory"]
 Criterion = Literal["E", "D"]
@@ -36,25 +37,6 @@ _TERMS = {
     "motor_offset_torque": "motor_offset",
 }
 """The term of the model that each optional parameter switches on."""
-
-_LINK = {
-    "theta1": "gravity_torque",
-    "theta2": "joint_stiffness",
-    "theta_viscous": "link_viscous_friction",
-    "theta_damping": "joint_damping",
-    "theta_coulomb": "link_coulomb_friction",
-    "theta_cubic": "cubic_joint_stiffness",
-    "theta_offset": "link_offset_torque",
-}
-_MOTOR = {
-    "alpha1": "joint_stiffness",
-    "alpha2": "motor_viscous_friction",
-    "alpha_damping": "joint_damping",
-    "alpha_coulomb": "motor_coulomb_friction",
-    "alpha_cubic": "cubic_joint_stiffness",
-    "alpha_offset": "motor_offset_torque",
-}
-"""The parameter that, over its side's inertia, gives each coefficient."""
 
 
 @dataclass(frozen=True)
@@ -135,10 +117,7 @@ class Drive:
     @property
     def coefficients(self) -> dict[str, float]:
         """All coefficients of the model, those known among them."""
-        p = self.parameters
-        link = {c: p[n] / p["link_inertia"] for c, n in _LINK.items() if n in p}
-        motor = {c: p[n] / p["motor_inertia"] for c, n in _MOTOR.items() if n in p}
-        return link | motor | {"beta1": 1.0 / p["motor_inertia"]}
+        return joint_coefficients(self.parameters)
 
     def case(self, parameters: Mapping[str, float], name: str = "nominal") -> "Case":
         """The model with some values of its parameters."""

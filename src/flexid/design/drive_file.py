@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,8 @@ import numpy as np
 
 from flexid.design.drive import HIGHEST, Drive, Limits
 from flexid.errors import SettingError
+from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
-_MAX_BYTES = 200_000
 _LARGEST_RAMP = 0.25  # of the duration, at either end
 _RAMP = 0.1  # of the duration, by default
 _SLOWEST_SAMPLING = 10.0  # samples per period of the fastest tone
@@ -57,40 +56,23 @@ def read_drive(
     SettingError
         If a file cannot be read or used; the text names file, key and remedy.
     """
-    raw = _bytes(path, "a TOML file")
+    raw = read_bytes(path, "a TOML file", _refusing(path))
     inputs = [(path.name, hashlib.sha256(raw).hexdigest())]
-    content = _toml(path, raw)
+    content = parse_toml(raw, _refusing(path))
     experiment = content.get("experiment")
     if isinstance(experiment, dict):
         experiment.update(choices or {})
     if estimate is not None:
-        better = _bytes(estimate, "an estimate.json of flexid identify")
+        better = read_bytes(estimate, "an estimate.json of flexid identify", _refusing(estimate))
         inputs.append((estimate.name, hashlib.sha256(better).hexdigest()))
         _take_over(content, estimate, better)
     return DriveFile(_drive(path, content), tuple(inputs))
 
 
-def _bytes(path: Path, wanted: str) -> bytes:
-    try:
-        with path.open("rb") as file:
-            raw = file.read(_MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = (getattr(error, "strerror", None) or "cannot be opened").lower()
-        raise SettingError(str(path), f"{reason}: give the path of {wanted}") from None
-    if len(raw) > _MAX_BYTES:
-        raise SettingError(str(path), f"is larger than {_MAX_BYTES} bytes: give {wanted}")
-    return raw
-
-
-def _toml(path: Path, raw: bytes) -> dict[str, Any]:
-    try:
-        return tomllib.loads(raw.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        raise SettingError(
-            str(path), f"is no text at byte {error.start}: save it as UTF-8 TOML"
-        ) from None
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        raise SettingError(str(path), f"is no TOML: {_one_line(str(error))}; correct it") from None
+def _refusing(path: Path) -> Refuse:
+    return lambda key, reason: SettingError(
+        str(path), f"the key {key!r} {reason}" if key else reason
+    )
 
 
 def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> None:
@@ -108,14 +90,9 @@ def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> None:
 
 
 def _drive(path: Path, content: dict[str, Any]) -> Drive:
-    from pydantic import ValidationError
-
     from flexid.design.drive_schema import DriveContent
 
-    try:
-        checked = DriveContent.model_validate(content)
-    except ValidationError as error:
-        raise SettingError(str(path), _first_complaint(error)) from None
+    checked = validated(content, DriveContent, _refusing(path))
     wanted, sensors = checked.experiment, checked.sensors
     noise = sensors.position_noise
     if noise is None:
@@ -166,21 +143,3 @@ def _check(drive: Drive) -> None:
             f"are {drive.harmonics}, more than {drive.duration:g} s have between zero and "
             f"{fastest:.3g} rad/s: take fewer, or longer",
         )
-
-
-def _first_complaint(error: Any) -> str:
-    errors = error.errors(include_url=False, include_context=False)
-    # A misspelt key is missing too; its own spelling says more.
-    first = min(errors, key=lambda one: one["type"] != "extra_forbidden")
-    key = _one_line(".".join(map(str, first["loc"])))[:80]
-    kind = first["type"]
-    if kind == "missing":
-        return f"the key {key!r} is missing: add it"
-    if kind == "extra_forbidden":
-        return f"the key {key!r} is unknown: remove it or correct its spelling"
-    message = _one_line(first["msg"]).removeprefix("Value error, ")
-    return f"the key {key!r}: {message[:1].lower()}{message[1:]}: correct its value"
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())

@@ -12,6 +12,7 @@ import hashlib
 import json
 import keyword
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, field
 
 from flexid.errors import ModelError
@@ -155,6 +156,27 @@ class ParametricSystem:
             "constants": list(self.constants),
         }
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+    def with_constants(self, values: Mapping[str, float]) -> "ParametricSystem":
+        """Return the same system with other values of some constants.
+
+        Nothing is checked anew, since the names stay: thousands of runs differ in values alone.
+
+        Raises
+        ------
+        ModelError
+            If the system has no such constant.
+        """
+        for name in values:
+            if name not in self.constants:
+                raise ModelError(
+                    self.name,
+                    f"has no constant {name!r}; it has {', '.join(self.constants) or 'none'}",
+                )
+        changed = copy(self)
+        constants = {name: float(values.get(name, old)) for name, old in self.constants.items()}
+        object.__setattr__(changed, "constants", constants)
+        return changed
 
     def row_slices(self) -> Iterator[tuple[Row, slice]]:
         """Each row with the place of its coefficients in `coefficients`."""

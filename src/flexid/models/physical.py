@@ -280,6 +280,53 @@ def _determined(
     return tuple(found.values())
 
 
+_LINK = {
+    "theta1": "gravity_torque",
+    "theta2": "joint_stiffness",
+    "theta_viscous": "link_viscous_friction",
+    "theta_damping": "joint_damping",
+    "theta_coulomb": "link_coulomb_friction",
+    "theta_cubic": "cubic_joint_stiffness",
+    "theta_offset": "link_offset_torque",
+}
+_MOTOR = {
+    "alpha1": "joint_stiffness",
+    "alpha2": "motor_viscous_friction",
+    "alpha_damping": "joint_damping",
+    "alpha_coulomb": "motor_coulomb_friction",
+    "alpha_cubic": "cubic_joint_stiffness",
+    "alpha_offset": "motor_offset_torque",
+}
+"""The parameter that, over its side's inertia, gives each coefficient."""
+
+JOINT_PARAMETERS = tuple(
+    dict.fromkeys(("link_inertia", "motor_inertia", *_LINK.values(), *_MOTOR.values()))
+)
+"""Names of the physical parameters that `joint_coefficients` heeds."""
+
+
+def joint_coefficients(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Coefficients of a flexible joint from whatever physical parameters it has.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+        Values by the names of `JOINT_PARAMETERS`, in SI units; both inertias among them.
+
+    Returns
+    -------
+    dict
+        Every coefficient that the parameters give, and beta1.  # Huang (2003), below eq. (4)
+    """
+    link = {
+        c: parameters[n] / parameters["link_inertia"] for c, n in _LINK.items() if n in parameters
+    }
+    motor = {
+        c: parameters[n] / parameters["motor_inertia"] for c, n in _MOTOR.items() if n in parameters
+    }
+    return link | motor | {"beta1": 1 / parameters["motor_inertia"]}
+
+
 def lumped_coefficients(
     *,
     gravity_torque: float,
@@ -315,10 +362,12 @@ def lumped_coefficients(
     >>> table1["theta1"], table1["alpha1"], table1["beta1"]
     (5.0, 400.0, 4.0)
     """
-    return {
-        "theta1": gravity_torque / link_inertia,
-        "theta2": joint_stiffness / link_inertia,
-        "alpha1": joint_stiffness / motor_inertia,
-        "alpha2": motor_viscous_friction / motor_inertia,
-        "beta1": 1 / motor_inertia,
-    }
+    return joint_coefficients(
+        {
+            "gravity_torque": gravity_torque,
+            "link_inertia": link_inertia,
+            "joint_stiffness": joint_stiffness,
+            "motor_inertia": motor_inertia,
+            "motor_viscous_friction": motor_viscous_friction,
+        }
+    )

@@ -1,6 +1,7 @@
 """A closed loop with all its values: what a simulation starts from."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -66,6 +67,63 @@ class ClosedLoop:
     def declaration(self) -> LoopDeclaration:
         """The loop without its values."""
         return LoopDeclaration(self.system, self.controller, self.reference)
+
+    def with_values(
+        self,
+        *,
+        coefficients: Mapping[str, float],
+        constants: Mapping[str, float],
+        controller: Mapping[str, float],
+        reference: Reference,
+        observer_gains: Mapping[str, float],
+        initial_estimates: Mapping[str, float],
+        initial_state: Sequence[float],
+    ) -> "ClosedLoop":
+        """Return the same loop with other values; the two share one declaration.
+
+        What only the names decide is not checked anew, so that a loop costs some microseconds
+        where thousands differ in their values alone.
+
+        Parameters
+        ----------
+        coefficients, observer_gains, initial_estimates : mapping of str to float
+        initial_state : sequence of float
+            As for the class; complete.
+        constants, controller : mapping of str to float
+            Values of the system's constants and of the controller's parameters to replace.
+        reference : Reference
+            With the expression of the present one.
+
+        Raises
+        ------
+        SettingError
+            If the names or lengths are not those of this loop.
+        ModelError
+            If system or controller have no such constant or parameter.
+        """
+        same = (
+            list(coefficients) == list(self.coefficients)
+            and list(observer_gains) == list(self.observer_gains)
+            and list(initial_estimates) == list(self.initial_estimates)
+            and len(initial_state) == len(self.initial_state)
+            and reference.expression == self.reference.expression
+            and list(reference.parameters) == list(self.reference.parameters)
+        )
+        if not same:
+            raise SettingError("with_values", "other names than this loop's: build a loop anew")
+        changed = copy(self)  # with its declaration
+        values = {
+            "system": self.system.with_constants(constants),
+            "coefficients": coefficients,
+            "controller": self.controller.with_parameters(**controller),
+            "reference": reference,
+            "observer_gains": observer_gains,
+            "initial_estimates": initial_estimates,
+            "initial_state": tuple(map(float, initial_state)),
+        }
+        for name, value in values.items():
+            object.__setattr__(changed, name, value)
+        return changed
 
     @property
     def true_coefficients(self) -> NDArray[np.float64]:

@@ -1,0 +1,85 @@
+"""TOML files from outside: read, checked against a schema, refused in one sentence.
+
+Every reader has an error of its own; it hands in `Refuse`, which makes that error of a key and a
+reason.
+"""
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel, ValidationError
+
+MAX_BYTES = 200_000
+"""Largest file that is read."""
+
+Refuse = Callable[[str, str], Exception]
+"""Makes an error of a key, empty where the whole file is meant, and a reason, a predicate."""
+
+Content = TypeVar("Content", bound="BaseModel")
+
+
+def read_bytes(path: Path, wanted: str, refuse: Refuse) -> bytes:
+    """Read a small file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    wanted : str
+        What the file should be, for the remedy: "a TOML file".
+    refuse : callable
+        Makes the error.
+    """
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        reason = (getattr(error, "strerror", None) or "cannot be opened").lower()
+        raise refuse("", f"{reason}: give the path of {wanted}") from None
+    if len(raw) > MAX_BYTES:
+        raise refuse("", f"is larger than {MAX_BYTES} bytes: give {wanted}")
+    return raw
+
+
+def parse_toml(raw: bytes, refuse: Refuse) -> dict[str, Any]:
+    """Tables of a TOML file, from its bytes."""
+    try:
+        return tomllib.loads(raw.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise refuse("", f"is no text at byte {error.start}: save it as UTF-8 TOML") from None
+    except tomllib.TOMLDecodeError as error:
+        raise refuse("", f"is no TOML: {one_line(str(error))}; correct it") from None
+    except (RecursionError, ValueError):
+        raise refuse("", "is no TOML that can be read: simplify it") from None
+
+
+def validated(content: object, schema: type[Content], refuse: Refuse) -> Content:
+    """The content as an instance of the schema, checked for keys, types and ranges."""
+    from pydantic import ValidationError
+
+    try:
+        return schema.model_validate(content)
+    except ValidationError as error:
+        raise refuse(*_first_complaint(error)) from None
+
+
+def _first_complaint(error: "ValidationError") -> tuple[str, str]:
+    errors = error.errors(include_url=False, include_context=False)
+    # A misspelt key is missing too; its own spelling says more.
+    first = min(errors, key=lambda one: one["type"] != "extra_forbidden")
+    parts = (str(part + 1) if isinstance(part, int) else part for part in first["loc"])
+    key = one_line(".".join(parts))[:80]
+    if first["type"] == "missing":
+        return key, "is missing: add it"
+    if first["type"] == "extra_forbidden":
+        return key, "is unknown: remove it or correct its spelling"
+    message = one_line(first["msg"]).removeprefix("Value error, ")
+    return key, f"is wrong, {message[:1].lower()}{message[1:]}: correct it"
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks."""
+    return " ".join(text.split())
