@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import t
 
 from flexid.errors import SettingError
-from flexid.identification.prior_knowledge import Known, held, informed
+from flexid.identification.prior_knowledge import Known, informed
 from flexid.models.physical import physical_parameters
 
 PARAMETERS = physical_parameters(["alpha1", "beta1"], input_is_torque=True)
@@ -128,27 +128,6 @@ def test_free_neighbours_stay_free():
     found = informed(fit, [Known("a", 1.1, 0.1)])
     assert np.isinf(found.covariance[1, 1])
     assert found.degrees_of_freedom[1] == 0.0
-
-
-def test_held_where_the_log_leaves_free():
-    """Assert that of a sum that is known well the rest has the uncertainty of what was held."""
-
-    def fit_with(b: float) -> Fit:
-        return Fit(("a",), np.array([5.0 - b]), np.array([[0.04]]), (8.0,))
-
-    found = held(fit_with, Known("b", 2.0, 0.3))
-    assert found.names == ("a", "b")
-    assert found.values == pytest.approx([3.0, 2.0])
-    assert found.covariance == pytest.approx(np.array([[0.13, -0.09], [-0.09, 0.09]]))
-    assert found.degrees_of_freedom == pytest.approx((8.0 * (0.13 / 0.04) ** 2, np.inf))
-
-
-def test_held_exactly():
-    """Assert that a value held without uncertainty leaves the other intervals as they were."""
-    fit = Fit(("a",), np.array([3.0]), np.array([[0.04]]), (8.0,))
-    found = held(lambda _: fit, Known("b", 2.0, 0.0))
-    assert found.covariance == pytest.approx(np.diag([0.04, 0.0]))
-    assert found.degrees_of_freedom == (8.0, np.inf)
 
 
 @pytest.mark.parametrize("std", [0.03, 0.3, 3.0])

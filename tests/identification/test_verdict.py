@@ -19,12 +19,13 @@ def judged(
     direction=(1.0, -1.0, 0.0),
     link=95.0,
     deflection=90.0,
+    doubt=0.0,
 ):
-    """Verdict on a coefficient of a row of three, of which two share the worst direction."""
-    names = ("theta1", "theta2", "theta3")
+    """Verdict on a coefficient of a row of four, of which two share the worst direction."""
+    names = ("theta1", "theta2", "theta3", "theta4")
     excitation = Excitation(
         "link",
-        names,
+        names[:3],  # theta4 is known beforehand
         np.array([1.0, 1.0, 1.0 / condition]),
         1.0,
         ("theta1", "theta2"),
@@ -42,6 +43,7 @@ def judged(
         residual_excess,
         excitation,
         fits,
+        doubt,
     )
     return verdict(name, row)
 
@@ -125,7 +127,8 @@ def test_sign_decides(name, value, expected):
 
 
 @pytest.mark.parametrize(
-    ("deflection", "expected"), [(80.0, "determined"), (30.0, "weak"), (-5.0, "undetermined")]
+    ("deflection", "expected"),
+    [(80.0, "determined"), (30.0, "weak"), (6.0, "undetermined"), (-5.0, "undetermined")],
 )
 def test_validation_decides_on_stiffness(deflection, expected):
     """Assert that a model that does not repeat the deflection knows no stiffness."""
@@ -148,6 +151,20 @@ def test_validation_decides_on_a_row(link, expected):
     The other row's motion, which the model here never repeats, does not matter to it.
     """
     assert judged("theta1", link=link)[0] == expected
+
+
+@pytest.mark.parametrize(
+    ("doubt", "expected"), [(0.05, "determined"), (0.2, "weak"), (0.8, "undetermined")]
+)
+def test_alignment_decides_on_stiffness(doubt, expected):
+    """Assert that a stiffness whose deflection a delay could make is not called known."""
+    assert judged("theta2", doubt=doubt)[0] == expected
+    assert judged("theta1", doubt=doubt)[0] == "determined"
+
+
+def test_excitation_spares_what_is_known_beforehand():
+    """Assert that a coefficient that the excitation leaves out, as known, is not confounded."""
+    assert judged("theta4", condition=1e7)[0] == "determined"
 
 
 def test_parameter_is_as_bad_as_its_worst_coefficient():

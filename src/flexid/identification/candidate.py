@@ -1,6 +1,6 @@
 """A candidate: a model with the choices made about it, which can be fitted and tried."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
@@ -92,14 +92,7 @@ class Candidate:
     ) -> Fitted[LeastSquaresFit]:
         """Least squares at this candidate's filter rate."""
         samples = self.samples(recordings)
-
-        def fit_with(unknowns: Unknowns) -> LeastSquaresFit:
-            system = self.joint.system
-            return filtered_least_squares(samples, system, self.filter_rate, self.hold, unknowns)
-
-        unknowns = self.unknowns(groups)
-        fit, at_bound = bounded_fit(fit_with, unknowns, self._active_bounds())
-        return Fitted(fit, unknowns.fixing(at_bound), at_bound)
+        return self._fitted(groups, lambda unknowns: self._start(samples, unknowns))
 
     def prediction_error(
         self, recordings: Sequence[Recording], groups: Sequence[int]
@@ -115,14 +108,12 @@ class Candidate:
 
         def fit_with(unknowns: Unknowns) -> PredictionErrorFit:
             system, hold = self.joint.system, self.hold
-            start = filtered_least_squares(samples, system, self.filter_rate, hold, unknowns)
+            start = self._start(samples, unknowns)
             return prediction_error(
                 samples, system, start, self.segment_duration, hold, unknowns=unknowns
             )
 
-        unknowns = self.unknowns(groups)
-        fit, at_bound = bounded_fit(fit_with, unknowns, self._active_bounds())
-        return Fitted(fit, unknowns.fixing(at_bound), at_bound)
+        return self._fitted(groups, fit_with)
 
     def with_own_filter_rate(self, pieces: Pieces) -> "Candidate":
         """The same with the filter rate that suits the fitted parts of some pieces."""
@@ -133,6 +124,17 @@ class Candidate:
             self.unknowns(pieces.groups),
         )
         return replace(self, filter_rate=rate)
+
+    def _start(self, samples: Sequence[Samples], unknowns: Unknowns) -> LeastSquaresFit:
+        system = self.joint.system
+        return filtered_least_squares(samples, system, self.filter_rate, self.hold, unknowns)
+
+    def _fitted(
+        self, groups: Sequence[int], fit_with: Callable[[Unknowns], AnyFit]
+    ) -> Fitted[AnyFit]:
+        unknowns = self.unknowns(groups)
+        fit, at_bound = bounded_fit(fit_with, unknowns, self._active_bounds())
+        return Fitted(fit, unknowns.fixing(at_bound), at_bound)
 
     def _active_bounds(self) -> Bounds:
         off = {c for t, names in self.joint.terms.items() if t not in self.terms for c in names}
@@ -181,22 +183,26 @@ def attempt(candidate: Candidate, cuts: Sequence[Pieces], rival: float = np.inf)
         prediction error, which takes long to say so, is spared.
     """
     starts = [candidate.least_squares(cut.fitted, cut.groups) for cut in cuts]
-    errors = [_error(candidate, cut, start) for cut, start in zip(cuts, starts, strict=True)]
-    trial = Trial(candidate, float(np.mean(errors)), starts[0], None)
-    if candidate.segment_duration == 0 or trial.error > _BEHIND * rival:
-        return trial
-    try:
-        finishes = [candidate.prediction_error(cut.fitted, cut.groups) for cut in cuts]
-    except ConvergenceError:
-        return trial  # least squares stands in
-    errors = [_error(candidate, cut, finish) for cut, finish in zip(cuts, finishes, strict=True)]
-    return Trial(candidate, float(np.mean(errors)), starts[0], finishes[0])
+    start_error = np.inf
+    if candidate.segment_duration == 0 or np.isfinite(rival):
+        start_error = _error(candidate, cuts, starts)
+    if candidate.segment_duration > 0 and not start_error > _BEHIND * rival:
+        try:
+            finishes = [candidate.prediction_error(cut.fitted, cut.groups) for cut in cuts]
+            return Trial(candidate, _error(candidate, cuts, finishes), starts[0], finishes[0])
+        except ConvergenceError:  # least squares stands in
+            start_error = _error(candidate, cuts, starts)
+    return Trial(candidate, start_error, starts[0], None)
 
 
 def _error(
     candidate: Candidate,
-    pieces: Pieces,
-    fitted: Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit],
+    cuts: Sequence[Pieces],
+    fits: Sequence[Fitted[LeastSquaresFit]] | Sequence[Fitted[PredictionErrorFit]],
 ) -> float:
-    coefficients = fitted.coefficients(len(pieces.recorded))
-    return free_run_error(candidate.joint, pieces, coefficients, candidate.hold)
+    """Mean over the cuts of the free runs' error."""
+    errors = [
+        free_run_error(candidate.joint, cut, fitted.coefficients(len(cut.recorded)), candidate.hold)
+        for cut, fitted in zip(cuts, fits, strict=True)
+    ]
+    return float(np.mean(errors))

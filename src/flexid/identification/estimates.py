@@ -56,7 +56,8 @@ def coefficient_estimates(
         estimates[name] = CoefficientEstimate(
             name, unit, value, 0.0, (value, value), "determined", reason
         )
-    return estimates
+    order = list(units)
+    return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
 
 
 def row_evidence(
@@ -66,6 +67,7 @@ def row_evidence(
     residual_excess: Mapping[str, float],
     excitation: Mapping[str, Excitation],
     fit_percent: Mapping[str, float],
+    deflection_doubt: float,
 ) -> dict[str, Evidence]:
     """What is known about each coefficient: the evidence of its row.
 
@@ -79,6 +81,8 @@ def row_evidence(
         How far each coefficient moves, beyond noise, with what should not move it.
     residual_excess, excitation, fit_percent : mapping
         By row, by row, by channel.
+    deflection_doubt : float
+        Share of the deflection that another delay between the encoders could make.
     """
     deviations = dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)).tolist(), strict=True))
     values = dict(zip(fit.names, np.asarray(fit.values).tolist(), strict=True))
@@ -97,6 +101,7 @@ def row_evidence(
             residual_excess[row.name],
             excitation[row.name],
             fit_percent,
+            deflection_doubt,
         )
         found |= dict.fromkeys(names, evidence)
     return found

@@ -17,11 +17,11 @@ from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.candidate import Candidate, Fitted
 from flexid.identification.intervals import Fitted as IntervalFit
 from flexid.identification.intervals import FloatArray
+from flexid.identification.joint import DRY_FRICTION
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Recording
 
 _FACTORS = (0.5, 2.0)
-_DRY = frozenset({"motor_coulomb", "motor_stiction", "link_coulomb", "coulomb"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def with_friction_shape(
     Parameters
     ----------
     candidate : Candidate
-        What was fitted.
+        What was fitted, with the constants of the fit.
     reported : Fitted
         Its fit to the recordings; least squares stays as it is, for it hardly sees the shape.
     recordings : sequence of Recording
@@ -66,9 +66,9 @@ def with_friction_shape(
         The log of each.
     """
     fit = reported.fit
-    if not _DRY & set(candidate.terms) or not isinstance(fit, PredictionErrorFit):
+    if not DRY_FRICTION & set(candidate.terms) or not isinstance(fit, PredictionErrorFit):
         return fit
-    joint = replace(candidate.joint, system=reported.unknowns.system)
+    joint = candidate.joint
     fixed = {**candidate.fixed, **reported.at_bound}
     covariance = np.array(fit.covariance)
     for factor in _FACTORS:

@@ -15,7 +15,7 @@ from flexid.identification.compliance import compare_with_rigid, one_encoder
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates
 from flexid.identification.findings import findings
 from flexid.identification.friction_shape import with_friction_shape
-from flexid.identification.joint import Joint, flexible, rigid
+from flexid.identification.joint import SMOOTHED_FRICTION, Joint, flexible, rigid
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import Pieces, prepare
 from flexid.identification.prior_knowledge import Known, informed
@@ -94,10 +94,19 @@ def identify(
     progress("fit to all data")
     reported, retreat = _fit(candidate, pieces.whole, pieces.groups, settings)
     candidate = _as_fitted(candidate, reported)
-    found = findings(candidate, pieces, reported, choice.shifts, validation.fit_percent)
     widened = with_friction_shape(candidate, reported, pieces.whole, pieces.groups)
     given = {**fixed, **reported.at_bound}
-    fit, contradictions = _informed(joint, widened, given, settings, input_unit)
+    fit, contradictions, known = _informed(joint, widened, given, settings, input_unit)
+    found = findings(
+        candidate,
+        pieces,
+        reported,
+        fit,
+        known,
+        choice.shifts,
+        validation.fit_percent,
+        alignment.deflection_doubt,
+    )
     estimates = coefficient_estimates(
         fit, found.evidence, candidate.joint.units, _fixed(reported, fixed), input_unit
     )
@@ -220,18 +229,24 @@ def _informed(
     given: Mapping[str, float],
     settings: Settings,
     input_unit: str,
-) -> tuple[intervals.Fitted, tuple[str, ...]]:
-    """The fit with what is known uncertainly joined to it, and where the two contradict."""
+) -> tuple[intervals.Fitted, tuple[str, ...], frozenset[str]]:
+    """The fit with what is known uncertainly joined to it.
+
+    Beside it where the two contradict each other, and the coefficients that are known by that.
+    """
     uncertain = [
         Known(name, settings.known[name], std)
         for name, std in settings.known_deviations.items()
         if std > 0
     ]
     if not uncertain:
-        return fit, ()
+        return fit, (), frozenset()
     parameters = joint.parameters({*fit.names, *given}, input_unit == "N m")
     both = informed(fit, uncertain, parameters, given)
-    return both, both.warnings
+    of = {p.name: [c for c in p.coefficients if c in fit.names] for p in parameters}
+    known = [of.get(item.name, [item.name]) for item in uncertain]
+    # What is known of several coefficients together leaves each of them to be sought.
+    return both, both.warnings, frozenset(c for names in known if len(names) == 1 for c in names)
 
 
 def _fixed(reported: AnyFitted, given: Mapping[str, float]) -> dict[str, tuple[float, str]]:
@@ -245,7 +260,7 @@ def _choices(
 ) -> Choices:
     constants = candidate.joint.system.constants
     finished = isinstance(reported.fit, PredictionErrorFit)
-    smoothed = any("coulomb" in term for term in candidate.terms)
+    smoothed = bool(SMOOTHED_FRICTION & set(candidate.terms))
     holding = "motor_stiction" in candidate.terms
     return Choices(
         terms=candidate.terms,

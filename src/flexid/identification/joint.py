@@ -25,6 +25,12 @@ FloatArray = NDArray[np.float64]
 
 Kind = Literal["flexible", "rigid"]
 
+SMOOTHED_FRICTION = frozenset({"motor_coulomb", "link_coulomb", "coulomb"})
+"""Terms of friction that changes sign with the velocity, over `SMOOTHING`."""
+
+DRY_FRICTION = SMOOTHED_FRICTION | {"motor_stiction"}
+"""Terms of friction that does not grow with the velocity."""
+
 _OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
 
 

@@ -10,11 +10,11 @@ where g is not linear, the step is repeated from where it led until it stays the
 of the fit is taken as it is, right for correlated residuals, so that the log gets the weight that
 it deserves. s = 0 fixes g(p) at v; a large s changes nothing.
 
-Where the log leaves a coefficient free there is no C to start from. Then the coefficient is held
-at v, the log is fitted again, and s is carried through by two fits more, at v + s and v - s.
+Where the log leaves a coefficient entirely free there is no C to start from, and what is known of
+it has to be given as exact.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,7 +115,7 @@ def informed(
     ------
     SettingError
         If a name is neither coefficient nor parameter, or the log leaves a coefficient free that
-        it depends on: then see `held`.
+        it depends on.
     ConvergenceError
         If no values satisfy both.
     """
@@ -141,41 +141,6 @@ def informed(
     total[~finite, ~finite] = np.inf
     warnings = _contradictions(alone, covariance, known)
     return Informed(fit.names, both.point, total, tuple(freedom.tolist()), warnings)
-
-
-def held(fit_with: Callable[[float], Fitted], known: Known) -> Informed:
-    """Fit with a coefficient held at what it is known as, and carry its uncertainty through.
-
-    Parameters
-    ----------
-    fit_with : callable
-        From a value of the coefficient to a fit of all the others.
-    known : Known
-        The coefficient.
-
-    Returns
-    -------
-    Informed
-        The coefficient itself comes last, with the uncertainty that it was given.
-    """
-    fit = fit_with(known.value)
-    slope = np.zeros(len(fit.names))
-    if known.std > 0.0:
-        above, below = (fit_with(known.value + sign * known.std) for sign in (1.0, -1.0))
-        slope = (np.asarray(above.values) - np.asarray(below.values)) / (2.0 * known.std)
-    direction = np.append(slope, 1.0)
-    total = known.std**2 * np.outer(direction, direction)
-    total[:-1, :-1] += fit.covariance
-    freedom = _welch_satterthwaite(
-        np.array(fit.degrees_of_freedom), np.diag(fit.covariance), np.diag(total)[:-1]
-    )
-    return Informed(
-        (*fit.names, known.name),
-        np.append(fit.values, known.value),
-        total,
-        (*freedom.tolist(), np.inf),
-        (),
-    )
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from flexid.errors import ConvergenceError
 from flexid.estimators.stopping_time import find_stopping_time, fit_stopping_time
 from flexid.identification.candidate import Candidate, Trial, attempt
-from flexid.identification.joint import flexible
+from flexid.identification.joint import SMOOTHED_FRICTION, flexible
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import TermEvidence
 from flexid.identification.verdict import DISSIPATIVE, NEGATIVE_DEVIATIONS
@@ -30,7 +30,6 @@ _OBVIOUS = 0.2  # part of the error that a term saves which even least squares s
 _TRIED = 3  # of the most promising candidates in each round
 _WIDTHS = (0.3, 0.03, 0.01, 0.003)  # rad/s, smoothings of Coulomb friction beside the usual one
 _STOPPING_DURATION = 0.5  # s, segments while the stopping time is sought
-_COULOMB = ("motor_coulomb", "link_coulomb", "coulomb")
 
 Progress = Callable[[str], None]
 Cuts = Sequence[Pieces]
@@ -73,7 +72,7 @@ def choose_terms(
 
 def choose_coulomb_velocity(best: Trial, cuts: Cuts, progress: Progress) -> Trial:
     """Try other smoothings of Coulomb friction, if there is any, and take the best."""
-    if not set(best.candidate.terms) & set(_COULOMB):
+    if not SMOOTHED_FRICTION & set(best.candidate.terms):
         return best
     usual = best.error
     for width in _WIDTHS:

@@ -1,6 +1,6 @@
 """The verdict on each coefficient: determined, weak or undetermined, and why.
 
-Six kinds of evidence count, and the worst decides:
+Seven kinds of evidence count, and the worst decides:
 
 - the interval: a coefficient is known if its standard deviation is small beside its value, or if
   what it could contribute to the motion within its interval is negligible (a friction that is
@@ -14,6 +14,8 @@ Six kinds of evidence count, and the worst decides:
 - the residual: where a row leaves far more unexplained than the noise of the positions accounts
   for, the model or the recorded input lacks something, and the row is weak; to prediction error,
   which fits the rows together, all of them are;
+- the alignment: where the delay between the encoders is known only so far that another would make a
+  good part of the deflection, the log knows no stiffness;
 - the sign: no spring, no inertia and no friction is negative;
 - the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
   not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
@@ -45,6 +47,15 @@ NOISE_EXCESS = 5.0
 
 WEAK_FIT = 50.0
 """Free-run fit in per cent below which what it depends on is doubtful."""
+
+LOST_FIT = 10.0
+"""Free-run fit in per cent below which a model predicts hardly better than the mean."""
+
+WEAK_DOUBT = 0.1
+"""Share of the deflection that a delay could make, up to which a stiffness is determined."""
+
+LOST_DOUBT = 0.3
+"""Share of the deflection that a delay could make, up to which a stiffness is weakly determined."""
 
 DISSIPATIVE = frozenset(
     {"alpha2", "theta_viscous", "theta_damping", "alpha_damping", "theta_coulomb", "alpha_coulomb"}
@@ -87,6 +98,8 @@ class Evidence:
         Of the row.
     fit_percent : mapping of str to float
         Free-run fit per channel.
+    deflection_doubt : float
+        Share of the deflection that another delay between the encoders could make.
     """
 
     values: Mapping[str, float]
@@ -96,6 +109,7 @@ class Evidence:
     residual_excess: float
     excitation: Excitation
     fit_percent: Mapping[str, float]
+    deflection_doubt: float
 
     def relative(self, name: str, amount: float) -> float:
         """An amount of a coefficient as a share of its value."""
@@ -116,7 +130,10 @@ def verdict(name: str, row: Evidence) -> Verdict:
     reason : str
         Empty for a determined coefficient.
     """
-    rules = (_by_interval, _by_excitation, _by_shift, _by_residual, _by_sign, _by_validation)
+    rules = (
+        *(_by_interval, _by_excitation, _by_shift, _by_residual),
+        *(_by_alignment, _by_sign, _by_validation),
+    )
     return max((rule(name, row) for rule in rules), key=lambda judged: _RANK[judged[0]])
 
 
@@ -137,6 +154,8 @@ def _by_interval(name: str, row: Evidence) -> Verdict:
 
 
 def _by_excitation(name: str, row: Evidence) -> Verdict:
+    if name not in row.excitation.coefficients:  # known beforehand, so not sought
+        return _FINE
     condition = row.excitation.condition_number
     if condition <= WEAK_CONDITION or not _tainted(name, row):
         return _FINE
@@ -177,6 +196,14 @@ def _by_residual(_: str, row: Evidence) -> Verdict:
     return "weak", f"the fit leaves {row.residual_excess:.0f} times what sensor noise explains"
 
 
+def _by_alignment(name: str, row: Evidence) -> Verdict:
+    if name not in _STIFFNESS or row.deflection_doubt <= WEAK_DOUBT:
+        return _FINE
+    share = f"{100 * min(row.deflection_doubt, 1.0):.0f} %"
+    status: Status = "weak" if row.deflection_doubt <= LOST_DOUBT else "undetermined"
+    return status, f"a delay between the encoders could make {share} of the deflection"
+
+
 def _by_sign(name: str, row: Evidence) -> Verdict:
     value = row.values[name]
     if name in _POSITIVE and value < 0:
@@ -202,6 +229,7 @@ def _by_validation(name: str, row: Evidence) -> Verdict:
     shown = channel.replace("_", " ")
     if fit >= WEAK_FIT:
         return _FINE
-    if fit > 0:
+    if fit > LOST_FIT:
         return "weak", f"the free run repeats only {fit:.0f} % of the held-out {shown}"
-    return "undetermined", f"the free run predicts the held-out {shown} no better than its mean"
+    how = "hardly" if fit > 0 else "no"
+    return "undetermined", f"the free run predicts the held-out {shown} {how} better than its mean"
