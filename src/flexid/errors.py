@@ -125,6 +125,43 @@ class SettingError(FlexidError):
         super().__init__(f"{setting}: {reason}")
 
 
+class ExperimentError(FlexidError):
+    """An experiment file, or a value set in it, cannot be used.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    key : str
+        Dotted path of the key; empty where the whole file is meant.
+    reason : str
+        What is wrong, a predicate of the key or the file, and the remedy.
+    """
+
+    def __init__(self, path: str, key: str, reason: str) -> None:
+        self.path = path
+        self.key = key
+        self.reason = reason
+        super().__init__(f"{path}: the key {key!r} {reason}" if key else f"{path}: {reason}")
+
+
+class CampaignError(FlexidError):
+    """A campaign cannot be run, resumed or summarised.
+
+    Parameters
+    ----------
+    place : str
+        The directory, file or scheduler.
+    reason : str
+        What is wrong there, a predicate of the place, and the remedy.
+    """
+
+    def __init__(self, place: str, reason: str) -> None:
+        self.place = place
+        self.reason = reason
+        super().__init__(f"{place} {reason}")
+
+
 class ConvergenceError(FlexidError):
     """An iterative estimate did not converge, or converged where the data contradict it.
 

@@ -1,0 +1,191 @@
+"""An experiment: a closed loop with everything that a run of it needs."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from numbers import Integral
+from typing import Any, Literal
+
+from flexid.errors import ExperimentError
+from flexid.experiments.variation import Variation
+from flexid.simulation.closed_loop import simulate
+from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.run import Run
+from flexid.simulation.sampled import Sampling, simulate_sampled
+
+Tables = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """How long a loop runs and how closely it is integrated.
+
+    Parameters
+    ----------
+    duration : float
+        In s.
+    sample_time : float
+        Distance of the samples in s.
+    relative_tolerance, absolute_tolerance : float
+        Of a continuous run.
+    maximum_steps : int
+        Of a continuous run.
+    """
+
+    duration: float
+    sample_time: float
+    relative_tolerance: float = 1e-6
+    absolute_tolerance: float = 1e-9
+    maximum_steps: int = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What an experiment file says.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    tables : mapping
+        The file's tables but the campaign's, complete with what it leaves to the defaults.
+    loop : ClosedLoop
+        Model, true coefficients, controller, reference, observer and where they start.
+    settings : RunSettings
+    sampling : Sampling or None
+        Of a sampled loop; None for a continuous one.
+    variation : Variation or None
+        The ``[campaign]`` part, if there is one.
+    build : callable
+        Makes the experiment of other tables of the same shape.
+    """
+
+    path: str
+    tables: Tables = field(repr=False)
+    loop: ClosedLoop = field(repr=False)
+    settings: RunSettings
+    sampling: Sampling | None
+    variation: Variation | None = field(repr=False)
+    build: Callable[[Tables], "Experiment"] = field(repr=False)
+
+    @property
+    def name(self) -> str:
+        """Title of the experiment, or the name of its file."""
+        return self.tables["name"] or self.path
+
+    @property
+    def mode(self) -> Literal["continuous", "sampled"]:
+        """Whether controller and observer are sampled."""
+        return "continuous" if self.sampling is None else "sampled"
+
+    @property
+    def duration(self) -> float:
+        """Length of a run in s."""
+        return self.settings.duration
+
+    @property
+    def sample_time(self) -> float:
+        """Distance of the samples in s."""
+        return self.settings.sample_time
+
+    @property
+    def relative_tolerance(self) -> float:
+        """Error allowed per step of a continuous run, relative to the value."""
+        return self.settings.relative_tolerance
+
+    @property
+    def absolute_tolerance(self) -> float:
+        """The same in SI units."""
+        return self.settings.absolute_tolerance
+
+    @property
+    def maximum_steps(self) -> int:
+        """Steps after which a continuous run is given up."""
+        return self.settings.maximum_steps
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Every number that can be set, by its dotted path; places in a list count from 1."""
+        return dict(_leaves(self.tables))
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of everything that decides the result of a run."""
+        decisive = {key: table for key, table in self.tables.items() if key != "name"}
+        system = self.loop.system
+        content = [decisive, system.digest, list(system.constants.items())]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    def with_values(self, values: Mapping[str, float]) -> "Experiment":
+        """Return the same experiment with other numbers in its file.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            By dotted path, for example ``{"controller.k": 30.0, "sampling.seed": 7}``.
+
+        Raises
+        ------
+        ExperimentError
+            If there is no such path, or a value is not allowed there.
+        """
+        known = self.values
+        tables: dict[str, Any] = dict(self.tables)
+        for path, value in values.items():
+            if path not in known:
+                raise ExperimentError(
+                    self.path, path, f"cannot be set: known are {', '.join(known)}"
+                )
+            number = int(value) if isinstance(value, Integral) else float(value)
+            _put(tables, path.split("."), number)
+        return replace(self.build(tables), variation=self.variation)
+
+    def run(self) -> Run:
+        """Simulate the experiment.
+
+        Raises
+        ------
+        SimulationError
+            If the loop diverges or cannot meet its tolerance.
+        AccelerationError
+            If the observer of a continuous loop needs an acceleration.
+        """
+        if self.sampling is not None:
+            return simulate_sampled(self.loop, self.duration, self.sampling)
+        return simulate(
+            self.loop,
+            self.duration,
+            self.sample_time,
+            self.relative_tolerance,
+            self.absolute_tolerance,
+            self.maximum_steps,
+        )
+
+
+def _leaves(table: Any, path: str = "") -> Any:
+    """Dotted paths of all numbers; what has no value yet counts as one."""
+    if isinstance(table, Mapping):
+        for key, value in table.items():
+            yield from _leaves(value, f"{path}.{key}" if path else key)
+    elif isinstance(table, list):
+        for place, value in enumerate(table, start=1):
+            yield from _leaves(value, f"{path}.{place}")
+    elif table is None or isinstance(table, int | float):
+        yield path, table
+
+
+def _put(tables: dict[str, Any], keys: list[str], number: float) -> None:
+    """Replace a leaf; what holds it is copied, since other experiments share it."""
+    holder: Any = tables
+    for key in keys[:-1]:
+        inner = holder[int(key) - 1] if isinstance(holder, list) else holder[key]
+        inner = list(inner) if isinstance(inner, list) else dict(inner)
+        _set(holder, key, inner)
+        holder = inner
+    _set(holder, keys[-1], number)
+
+
+def _set(holder: Any, key: str, value: Any) -> None:
+    holder[int(key) - 1 if isinstance(holder, list) else key] = value

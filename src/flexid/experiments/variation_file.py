@@ -1,0 +1,95 @@
+"""The ``[campaign]`` part of an experiment file, read and tried out."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from flexid.errors import ExperimentError
+from flexid.experiments.experiment import Experiment
+from flexid.experiments.variation import Distribution, Variation, grid_size
+from flexid.toml_file import validated
+
+_MOST_RUNS = 10_000_000
+
+Input = tuple[float, ...] | Distribution
+
+
+def read_variation(campaign: Any, experiment: Experiment) -> Variation:
+    """Check a campaign against the experiment that it varies.
+
+    Parameters
+    ----------
+    campaign : object
+        What the file holds under ``campaign``.
+    experiment : Experiment
+
+    Raises
+    ------
+    ExperimentError
+        If it cannot be used; each end of a distribution and each listed value is tried.
+    """
+    from flexid.experiments.schema import CampaignTable
+
+    def refuse(key: str, reason: str) -> ExperimentError:
+        return ExperimentError(experiment.path, f"campaign.{key}" if key else "campaign", reason)
+
+    content = validated(campaign, CampaignTable, refuse)
+    inputs = {
+        path: _input(experiment, path, text) for path, text in _flat(content.vary, experiment)
+    }
+    runs = content.runs
+    if content.kind == "grid":
+        for path, choice in inputs.items():
+            if isinstance(choice, Distribution):
+                raise refuse(f"vary.{path}", "is a distribution: a grid takes a list of values")
+        if runs is not None:
+            raise refuse("runs", "is for draws: remove it, a grid has one run per combination")
+        runs = grid_size(inputs)
+        if runs > _MOST_RUNS:
+            raise refuse("vary", f"makes {runs} combinations: give at most {_MOST_RUNS}")
+    elif runs is None:
+        raise refuse("runs", "is missing: add it")
+    return Variation(
+        content.kind, runs, content.seed, inputs, tuple(content.keep), content.runs_per_piece
+    )
+
+
+def _flat(vary: Mapping[str, Any], experiment: Experiment, path: str = "") -> Iterator[Any]:
+    """Dotted paths with their values: TOML nests tables where dotted keys are not quoted."""
+    for key, value in vary.items():
+        here = f"{path}.{key}" if path else key
+        if isinstance(value, dict) and here not in experiment.values:
+            yield from _flat(value, experiment, here)
+        else:
+            yield here, value
+
+
+def _input(experiment: Experiment, path: str, value: Any) -> Input:
+    from flexid.experiments.schema import DistributionTable, ListedValues
+
+    def refuse(key: str, reason: str) -> ExperimentError:
+        place = f"campaign.vary.{path}" + (f".{key}" if key else "")
+        return ExperimentError(experiment.path, place, reason)
+
+    if path not in experiment.values:
+        raise refuse("", f"varies nothing: known are {', '.join(experiment.values)}")
+    if isinstance(value, list):
+        chosen: Input = tuple(validated({"values": value}, ListedValues, refuse).values)
+        tried = chosen
+    else:
+        found = validated(value, DistributionTable, refuse).distribution()
+        if found is None:
+            raise refuse("", "must have exactly one of uniform, log_uniform, normal, integers")
+        if found.kind != "normal" and not found.first < found.second:
+            raise refuse(found.kind, "must rise from the first number to the second: correct it")
+        if found.kind == "normal" and not found.second > 0.0:
+            raise refuse("normal", "needs a positive standard deviation: correct it")
+        chosen = found
+        tried = (found.first,) if found.kind == "normal" else (found.first, found.second)
+    for number in tried:
+        try:
+            experiment.with_values({path: number})
+        except ExperimentError as error:
+            raise refuse(
+                "", f"reaches {number:g}, but the key {error.key!r} {error.reason}"
+            ) from None
+    return chosen
