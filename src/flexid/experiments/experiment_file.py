@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from flexid.experiments.parts import (
     plant_values,
 )
 from flexid.experiments.variation_file import read_variation
+from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.sampled import Sampling
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
@@ -43,13 +45,10 @@ def read_experiment(path: str | Path) -> Experiment:
         If the file cannot be read or used; the text names file, key and remedy.
     """
     path = Path(path)
-
-    def refuse(key: str, reason: str) -> ExperimentError:
-        return ExperimentError(str(path), key, reason)
-
+    refuse = partial(ExperimentError, str(path))
     tables = parse_toml(read_bytes(path, "an experiment file in TOML", refuse), refuse)
     campaign = tables.pop("campaign", None)
-    experiment = _Builder(path, tables, refuse)(tables)
+    experiment = _Builder(path, tables)(tables)
     if campaign is None:
         return experiment
     return replace(experiment, variation=read_variation(campaign, experiment))
@@ -58,16 +57,27 @@ def read_experiment(path: str | Path) -> Experiment:
 class _Builder:
     """Makes experiments of tables; what only the names in them decide is made once."""
 
-    def __init__(self, path: Path, tables: Mapping[str, Any], refuse: Refuse) -> None:
+    def __init__(
+        self,
+        path: Path,
+        tables: Mapping[str, Any],
+        system: ParametricSystem | None = None,
+        loop: ClosedLoop | None = None,
+    ) -> None:
         self._path = path
-        self._refuse = refuse
-        self._schema = _schema(tables, refuse)
-        model = validated(tables, self._schema, refuse).model_dump()["model"]
-        self._system = declared_system(model, path.parent, refuse)
+        self._tables = tables
+        self._refuse = partial(ExperimentError, str(path))
+        self._schema = _schema(tables, self._refuse)
+        model = validated(tables, self._schema, self._refuse).model_dump()["model"]
+        self._system = system or declared_system(model, path.parent, self._refuse)
         self._joint = "file" not in model
         needed = model["known"] if self._joint else self._system.constants
         self._names = (*self._system.coefficients, *needed)
-        self._loop: ClosedLoop | None = None
+        self._loop = loop
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        # To another machine: the schema is made anew there, the model's file is not looked for
+        return type(self), (self._path, self._tables, self._system, self._loop)
 
     def __call__(self, tables: Mapping[str, Any]) -> Experiment:
         content = validated(tables, self._schema, self._refuse).model_dump()
