@@ -110,7 +110,7 @@ def test_both_routes_agree(declaration: LoopDeclaration) -> None:
     estimates = np.random.default_rng(4).normal(size=error.N_COEFFICIENTS)
 
     def outputs(kernel, t: float, z: np.ndarray) -> np.ndarray:
-        y = np.empty(kernel.N_STATES + kernel.N_INPUTS + 2 * kernel.N_COEFFICIENTS + 1)
+        y = np.empty(kernel.N_OUTPUTS)
         kernel.outputs(t, z, p, y)
         return y
 

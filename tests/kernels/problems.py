@@ -26,6 +26,11 @@ def rates_and_jacobian(t, z, p, dz, jacobian, slope):
     rates(t, z, p, dz)
 {jacobian}
 
+
+@njit(cache=True, error_model="numpy")
+def observe(t, weight, z, p, totals):
+    totals[0] += weight * z[0] ** 2
+
 """
 
 # z = (exp(sin t), cos(t) / (1 + t/2)): nonlinear, coupled and driven by time.
@@ -115,5 +120,6 @@ def integrate(
         sample_time,
         table,
         counts,
+        np.empty(0),
     )
     return status, reached, z, table, counts

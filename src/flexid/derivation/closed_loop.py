@@ -42,6 +42,8 @@ class SymbolicLoop:
         p̂ and p̃.
     tracking_error : Expr
         The tracked state minus the reference.
+    regressors : tuple of Expr
+        r of all rows in turn.
     """
 
     declaration: LoopDeclaration
@@ -54,6 +56,7 @@ class SymbolicLoop:
     estimates: tuple[sp.Expr, ...]
     errors: tuple[sp.Expr, ...]
     tracking_error: sp.Expr
+    regressors: tuple[sp.Expr, ...]
 
 
 def start_estimates(symbolic: SymbolicSystem) -> tuple[sp.Symbol, ...]:
@@ -85,7 +88,8 @@ def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
         # The chain runs through the rates found before, so what cancelled there stays cancelled.
         moved = (sp.diff(shift, z) * rate for z, rate in zip(coordinates, rates, strict=False))
         rates.append(insert(known, velocity) + signals.derivative(shift) + sp.Add(*moved))
-    errors, error_rates = _error_dynamics(symbolic, known)
+    regressors = [[insert(known, r) for r in row.regressor] for row in symbolic.rows]
+    errors, error_rates = _error_dynamics(symbolic, regressors)
     true = symbolic.coefficients
     start_errors = (s - p for s, p in zip(start_estimates(symbolic), true, strict=True))
     tracked = plain[symbol(declaration.controller.tracked)]
@@ -100,6 +104,7 @@ def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
         tuple(p + error for p, error in zip(true, errors, strict=True)),
         errors,
         _cancelled(tracked - signals.reference(0)),
+        tuple(r for row in regressors for r in row),
     )
 
 
@@ -149,13 +154,12 @@ def _invert(
 
 
 def _error_dynamics(
-    symbolic: SymbolicSystem, known: dict[sp.Symbol, sp.Expr]
+    symbolic: SymbolicSystem, regressors: Sequence[Sequence[sp.Expr]]
 ) -> tuple[tuple[sp.Symbol, ...], list[sp.Expr]]:
     """The estimation errors and their rates, Huang (2003), eq. (7)."""
     errors = tuple(symbol(f"_error_{p}") for p in symbolic.coefficients)
     rates: list[sp.Expr] = []
-    for place, row in enumerate(symbolic.rows):
-        regressor = [insert(known, r) for r in row.regressor]
+    for place, regressor in enumerate(regressors):
         row_errors = errors[len(rates) : len(rates) + len(regressor)]
         innovation = sp.Add(*(r * e for r, e in zip(regressor, row_errors, strict=True)))
         rates += [-symbol(f"_gain{place}") * r * innovation for r in regressor]

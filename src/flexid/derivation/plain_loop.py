@@ -62,4 +62,5 @@ def compose_plain_loop(declaration: LoopDeclaration) -> SymbolicLoop:
         outputs,
         tuple(e - p for e, p in zip(outputs, symbolic.coefficients, strict=True)),
         tracked - signals.reference(0),
+        tuple(insert(known, r) for row in symbolic.rows for r in row.regressor),
     )

@@ -1,5 +1,7 @@
 """Continuous closed loops, stiff or not, to a stated tolerance."""
 
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from types import ModuleType
 
 import numpy as np
@@ -11,6 +13,8 @@ from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
+
+Array = NDArray[np.float64]
 
 DIVERGED_BEYOND = 1e12
 """Magnitude of a coordinate at which a run counts as diverged: an angle has lost its digits."""
@@ -63,45 +67,130 @@ def simulate(
     AccelerationError
         If the observer of the model needs an acceleration; a sampled loop does not.
     """
-    if absolute_tolerance is None:
-        absolute_tolerance = 1e-3 * relative_tolerance
-    settings = {
-        "duration": duration,
-        "sample_time": sample_time,
-        "relative_tolerance": relative_tolerance,
-        "absolute_tolerance": absolute_tolerance,
-        "maximum_steps": maximum_steps,
-    }
-    for name, value in settings.items():
-        if not 0.0 < value < np.inf:
-            raise SettingError(name, f"{value!r} must be a positive number")
+    tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
+    grid = SampleGrid(duration, sample_time)
     kernel = loop_kernel(loop.declaration, plain_coordinates)
+    samples = np.empty((grid.count, kernel.SIZE))
+    end = integrate_loop(kernel, loop, grid, tolerance, samples, np.empty(0))
+    task = "continuous, plain coordinates" if plain_coordinates else "continuous"
+    if end.status != kernel.FINISHED:
+        largest = float(np.max(np.abs(end.variables)))
+        raise SimulationError(_reason(kernel, end.status, largest, maximum_steps), end.reached)
+    settings = {"task": task, **asdict(grid), **asdict(tolerance)}
+    return _run(loop, kernel, samples, settings, end)
+
+
+@dataclass(frozen=True)
+class SampleGrid:
+    """The instants 0, sample_time, 2 sample_time … up to the duration, in s.
+
+    Raises
+    ------
+    SettingError
+        If one is not positive.
+    """
+
+    duration: float
+    sample_time: float
+
+    def __post_init__(self) -> None:
+        check_positive(asdict(self))
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return int(np.floor(self.duration / self.sample_time * (1.0 + 1e-12))) + 1
+
+    @property
+    def end(self) -> float:
+        """Time of the last one in s."""
+        return (self.count - 1) * self.sample_time
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How accurately a loop is integrated; the absolute tolerance follows from the relative one.
+
+    Raises
+    ------
+    SettingError
+        If a value is not positive.
+    """
+
+    relative_tolerance: float
+    absolute_tolerance: float | None
+    maximum_steps: int
+
+    def __post_init__(self) -> None:
+        if self.absolute_tolerance is None:
+            object.__setattr__(self, "absolute_tolerance", 1e-3 * self.relative_tolerance)
+        check_positive(asdict(self))
+
+
+@dataclass(frozen=True)
+class End:
+    """How an integration ended: status, time, variables, accepted and rejected steps."""
+
+    status: int
+    reached: float
+    variables: Array
+    counts: NDArray[np.int64]
+
+
+def integrate_loop(
+    kernel: ModuleType,
+    loop: ClosedLoop,
+    grid: SampleGrid,
+    tolerance: Tolerance,
+    samples: Array,
+    totals: Array,
+) -> End:
+    """Integrate a loop; other threads can run meanwhile.
+
+    Parameters
+    ----------
+    kernel : module
+        From `loop_kernel`.
+    loop : ClosedLoop
+    grid : SampleGrid
+    tolerance : Tolerance
+    samples : (count or 0, SIZE) ndarray
+        Filled with the variables at the grid's instants.
+    totals : (N_TOTALS or 0,) ndarray
+        Zeros, to which the measures of the template ``loop_measures`` are added.
+
+    Returns
+    -------
+    End
+    """
     parameters = loop.parameters
-    final = np.empty(kernel.SIZE)
-    kernel.start(0.0, np.array(loop.initial_state), loop.start_estimates, parameters, final)
-    count = int(np.floor(duration / sample_time * (1.0 + 1e-12))) + 1
-    samples = np.empty((count, kernel.SIZE))
+    variables = np.empty(kernel.SIZE)
+    kernel.start(0.0, np.array(loop.initial_state), loop.start_estimates, parameters, variables)
     counts = np.zeros(3, dtype=np.int64)
     status, reached = kernel.integrate(
         0.0,
-        (count - 1) * sample_time,
-        final,
+        grid.end,
+        variables,
         parameters,
-        relative_tolerance,
-        np.full(kernel.SIZE, absolute_tolerance),
-        min(_FIRST_STEP, sample_time),
+        tolerance.relative_tolerance,
+        np.full(kernel.SIZE, tolerance.absolute_tolerance),
+        min(_FIRST_STEP, grid.sample_time),
         _LONGEST_STEP,
         DIVERGED_BEYOND,
-        maximum_steps,
-        sample_time,
+        tolerance.maximum_steps,
+        grid.sample_time,
         samples,
         counts,
+        totals,
     )
-    task = "continuous, plain coordinates" if plain_coordinates else "continuous"
-    if status != kernel.FINISHED:
-        largest = float(np.max(np.abs(final)))
-        raise SimulationError(_reason(kernel, status, largest, maximum_steps), reached)
-    return _run(loop, kernel, samples, {"task": task, **settings}, counts)
+    return End(status, reached, variables, counts)
+
+
+def check_positive(settings: Mapping[str, float]) -> None:
+    """Raise a `SettingError` for the first that is no positive finite number."""
+    for name, value in settings.items():
+        if not 0.0 < value < np.inf:
+            raise SettingError(name, f"{value!r} must be a positive number")
 
 
 def loop_kernel(declaration: LoopDeclaration, plain_coordinates: bool = False) -> ModuleType:
@@ -113,22 +202,30 @@ def loop_kernel(declaration: LoopDeclaration, plain_coordinates: bool = False) -
         return (plain_loop_source if plain_coordinates else closed_loop_source)(declaration)
 
     task = "plain_closed_loop" if plain_coordinates else "closed_loop"
-    return load_kernel(task, declaration.digests, build, ["rodas5p", "loop_outputs"])
+    return load_kernel(
+        task, declaration.digests, build, ["loop_measures", "loop_outputs", "rodas5p"]
+    )
+
+
+def split_outputs(kernel: ModuleType, outputs: Array) -> list[Array]:
+    """States, inputs, estimates, their errors, tracking error and regressors, columns each."""
+    n = kernel.N_COEFFICIENTS
+    widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
+    return np.split(outputs, np.cumsum(widths), axis=1)
 
 
 def _run(
     loop: ClosedLoop,
     kernel: ModuleType,
-    samples: NDArray[np.float64],
+    samples: Array,
     settings: dict[str, str | int | float],
-    counts: NDArray[np.int64],
+    end: End,
 ) -> Run:
     sample_time = float(settings["sample_time"])
     time = sample_time * np.arange(len(samples), dtype=np.float64)
-    blocks = (kernel.N_STATES, kernel.N_INPUTS, kernel.N_COEFFICIENTS, kernel.N_COEFFICIENTS)
-    outputs = np.empty((len(samples), sum(blocks) + 1))
+    outputs = np.empty((len(samples), kernel.N_OUTPUTS))
     kernel.sampled_outputs(sample_time, samples, loop.parameters, outputs)
-    states, inputs, estimates, errors, tracking = np.split(outputs, np.cumsum(blocks), axis=1)
+    states, inputs, estimates, errors, tracking, _ = split_outputs(kernel, outputs)
     return Run(
         loop,
         time,
@@ -139,7 +236,7 @@ def _run(
         np.stack([loop.reference.evaluate(time, order) for order in range(5)], axis=1),
         tracking[:, 0],
         {**settings, "version": flexid.__version__},
-        {"accepted_steps": int(counts[0]), "rejected_steps": int(counts[1])},
+        {"accepted_steps": int(end.counts[0]), "rejected_steps": int(end.counts[1])},
     )
 
 

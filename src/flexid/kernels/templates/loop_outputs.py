@@ -1,3 +1,5 @@
+# Template: needs loop_measures and outputs(t, z, p, y), whose y holds states, inputs, estimates, their
+# errors, the tracking error and the regressors in turn.
 
 
 @njit(cache=True, error_model="numpy")
@@ -5,3 +7,14 @@ def sampled_outputs(sample_time, samples, p, y):
     """Outputs of the loop at every sample, the first at time 0."""
     for place in range(samples.shape[0]):
         outputs(place * sample_time, samples[place], p, y[place])
+
+
+@njit(cache=True, error_model="numpy")
+def observe(t, weight, z, p, totals):
+    """Take one state of the loop into the totals; the true coefficients lead its parameters."""
+    y = totals[OUTPUTS:]
+    outputs(t, z, p, y)
+    inputs = y[N_STATES:]
+    errors = inputs[N_INPUTS + N_COEFFICIENTS :]
+    regressors = errors[N_COEFFICIENTS + 1 :]
+    add_measures(t, weight, inputs, errors, errors[N_COEFFICIENTS], regressors, p, totals)

@@ -1,0 +1,30 @@
+# Template: needs N_STATES, N_INPUTS, N_COEFFICIENTS, ROW_STARTS.
+
+SETTLED = 0.05  # share of a coefficient within which its estimate counts as settled
+
+# What totals holds: the integral of the square and the largest magnitude of the tracking error, the
+# largest magnitude of each input, the last time at which each estimate was not settled, the
+# integrals of the products of each row's regressors (lower triangle), and room for the outputs that
+# these come from.
+PEAKS = 2
+UNSETTLED = PEAKS + N_INPUTS
+GRAM = UNSETTLED + N_COEFFICIENTS
+OUTPUTS = GRAM + N_COEFFICIENTS * N_COEFFICIENTS
+N_OUTPUTS = N_STATES + N_INPUTS + 3 * N_COEFFICIENTS + 1
+N_TOTALS = OUTPUTS + N_OUTPUTS
+
+
+@njit(cache=True, error_model="numpy")
+def add_measures(t, weight, inputs, errors, tracking, regressors, true, totals):
+    """Take one instant into the totals of a run."""
+    totals[0] += weight * tracking * tracking
+    totals[1] = max(totals[1], abs(tracking))
+    for i in range(N_INPUTS):
+        totals[PEAKS + i] = max(totals[PEAKS + i], abs(inputs[i]))
+    for i in range(N_COEFFICIENTS):
+        if not abs(errors[i]) <= SETTLED * abs(true[i]):
+            totals[UNSETTLED + i] = t
+    for row in range(len(ROW_STARTS) - 1):
+        for i in range(ROW_STARTS[row], ROW_STARTS[row + 1]):
+            for j in range(ROW_STARTS[row], i + 1):
+                totals[GRAM + i * N_COEFFICIENTS + j] += weight * regressors[i] * regressors[j]

@@ -1,0 +1,207 @@
+"""Many runs of one closed loop in compiled code, each boiled down to a few numbers.
+
+The runs differ in their values alone: coefficients, constants, gains, reference, starting values,
+noise. Nothing is kept of a run but its end and its measures, which are added up while it goes.
+Threads share the runs; what comes out of a run depends on neither their number nor the other runs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.errors import SettingError
+from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.closed_loop import (
+    SampleGrid,
+    Tolerance,
+    integrate_loop,
+    loop_kernel,
+    split_outputs,
+)
+from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.threads import share_out
+
+Array = NDArray[np.float64]
+
+STATUS = ("finished", "too many steps", "step too small", "not finite", "diverged")
+"""What became of a run, by its status number.
+
+``"step too small"`` means stiffer than the tolerance or the sample time allows, ``"not finite"``
+that the equations have no value where the run ended.
+"""
+
+FINISHED = 0
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """The ends and measures of n runs; all quantities in SI units.
+
+    A run that did not finish has the values it had when it was given up.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        Gives the order of states, inputs, coefficients and rows; one of the runs'.
+    status : (n,) ndarray of int
+        Places in `STATUS`.
+    reached : (n,) ndarray
+        Time at which each run ended, in s.
+    final_states : (n, n_states) ndarray
+    final_errors : (n, n_coefficients) ndarray
+        p̂ - p at the end.
+    settling_time : (n, n_coefficients) ndarray
+        Last time at which p̂ was more than 5 % of p away from it; NaN if it was at the end.
+    tracking_rms, tracking_peak : (n,) ndarray
+        Root mean square over time and largest magnitude of the tracking error, in rad.
+    peak_input : (n, n_inputs) ndarray
+        Largest magnitude of each input.
+    excitation : (n, n_rows) ndarray
+        Condition number of each row's normalised Gram matrix, (A4) of Huang (2003) measured: the
+        mean over time of r rᵀ along the run, scaled to a unit diagonal.
+    steps : (n,) ndarray of int
+        Accepted steps of the integrator, or samples.
+    """
+
+    system: ParametricSystem
+    status: NDArray[np.int64]
+    reached: Array
+    final_states: Array
+    final_errors: Array
+    settling_time: Array
+    tracking_rms: Array
+    tracking_peak: Array
+    peak_input: Array
+    excitation: Array
+    steps: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Table:
+    """What the runs fill, one row per run."""
+
+    status: NDArray[np.int64]
+    reached: Array
+    steps: NDArray[np.int64]
+    totals: Array
+
+    @staticmethod
+    def of(runs: int, width: int) -> "_Table":
+        numbers = (np.zeros(runs, dtype=np.int64) for _ in range(2))
+        return _Table(next(numbers), np.zeros(runs), next(numbers), np.zeros((runs, width)))
+
+
+def simulate_ensemble(
+    loops: Sequence[ClosedLoop],
+    duration: float,
+    sample_time: float = 1e-3,
+    relative_tolerance: float = 1e-6,
+    absolute_tolerance: float | None = None,
+    maximum_steps: int = 1_000_000,
+    workers: int = 1,
+) -> Ensemble:
+    """Simulate many closed loops in continuous time, each as `simulate` does.
+
+    Measures are taken at the integrator's accepted steps, where they are most accurate: means over
+    time by the trapezoidal rule, peaks and settling times to within a step.
+
+    Parameters
+    ----------
+    loops : sequence of ClosedLoop
+        At least one; all of one declaration.
+    duration : float
+        In s; a run ends at the last sample within it.
+    sample_time : float, optional
+        Of `simulate` in s; here it decides nothing but the end.
+    relative_tolerance, absolute_tolerance, maximum_steps : optional
+        As for `simulate`.
+    workers : int, optional
+        Threads.
+
+    Returns
+    -------
+    Ensemble
+        A run that `simulate` refuses is a row with its status.
+
+    Raises
+    ------
+    SettingError
+        If there is no loop, loops differ in more than values, or a setting is not positive.
+    AccelerationError
+        If the observer of the model needs an acceleration; a sampled loop does not.
+    """
+    _check(loops, workers)
+    tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
+    grid = SampleGrid(duration, sample_time)
+    kernel = loop_kernel(loops[0].declaration)
+    table = _Table.of(len(loops), kernel.N_TOTALS)
+    no_samples = np.empty((0, kernel.SIZE))
+
+    def job(place: int) -> None:
+        totals = table.totals[place]
+        end = integrate_loop(kernel, loops[place], grid, tolerance, no_samples, totals)
+        table.status[place] = end.status
+        table.reached[place] = end.reached
+        table.steps[place] = end.counts[0]
+
+    share_out(len(loops), workers, job)
+    states, _, _, errors, _, _ = split_outputs(kernel, table.totals[:, kernel.OUTPUTS :])
+    return _ensemble(kernel, loops[0].system, table, table.reached, states, errors)
+
+
+def _check(loops: Sequence[ClosedLoop], workers: int) -> None:
+    if not loops:
+        raise SettingError("loops", "there is none: give at least one")
+    if workers < 1:
+        raise SettingError("workers", f"{workers!r} must be at least 1")
+    digests = {loop.declaration.digests for loop in loops}
+    if len(digests) > 1:
+        raise SettingError(
+            "loops", "they differ in more than values: simulate each kind of loop by itself"
+        )
+
+
+def _ensemble(
+    kernel: ModuleType,
+    system: ParametricSystem,
+    table: _Table,
+    weights: Array,
+    states: Array,
+    errors: Array,
+) -> Ensemble:
+    """Turn totals into measures; weights are what the sums over time are divided by."""
+    totals, n = table.totals, kernel.N_COEFFICIENTS
+    unsettled = totals[:, kernel.UNSETTLED : kernel.GRAM]
+    gram = totals[:, kernel.GRAM : kernel.OUTPUTS].reshape(-1, n, n)
+    with np.errstate(all="ignore"):  # a run given up at once, or beyond all numbers
+        rms = np.sqrt(totals[:, 0] / weights)
+        excitation = [_conditions(gram[:, part, part]) for _, part in system.row_slices()]
+    return Ensemble(
+        system,
+        table.status,
+        table.reached,
+        states,
+        errors,
+        np.where(unsettled < table.reached[:, np.newaxis], unsettled, np.nan),
+        rms,
+        totals[:, 1].copy(),
+        totals[:, kernel.PEAKS : kernel.UNSETTLED].copy(),
+        np.stack(excitation, axis=1),
+        table.steps,
+    )
+
+
+def _conditions(gram: Array) -> Array:
+    """Condition number of each normalised Gram matrix, of which the lower triangle is given."""
+    scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
+    scale = np.where(scale == 0.0, 1.0, scale)
+    normalised = gram / (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
+    conditions = np.full(len(gram), np.nan)
+    finite = np.all(np.isfinite(normalised), axis=(1, 2))
+    eigenvalues = np.linalg.eigvalsh(normalised[finite])  # reads the lower triangle alone
+    smallest = np.maximum(eigenvalues[:, 0], 0.0)  # rounding may have made it negative
+    conditions[finite] = eigenvalues[:, -1] / smallest
+    return conditions
