@@ -75,6 +75,32 @@ def parse_bounds(assignments: Iterable[str]) -> dict[str, tuple[float, float]]:
     return bounds
 
 
+def parse_values(option: str, assignments: Iterable[str]) -> dict[str, float]:
+    """Numbers by dotted path.
+
+    Raises
+    ------
+    SettingError
+        If one is no path=number, or a path stands twice.
+
+    Examples
+    --------
+    >>> parse_values("--set", ["controller.k=30", "sampling.seed = 7"])
+    {'controller.k': 30.0, 'sampling.seed': 7.0}
+    """
+    values: dict[str, float] = {}
+    for assignment in assignments:
+        name, _, text = (part.strip() for part in assignment.partition("="))
+        _check_new(option, name, values)
+        try:
+            values[name] = float(text)
+        except ValueError:
+            raise SettingError(
+                option, f"{assignment!r} is no path=number, e.g. controller.k=30"
+            ) from None
+    return values
+
+
 def _check_new(option: str, name: str, before: Container[str]) -> None:
     if name in before:
         raise SettingError(option, f"{name} is given twice: leave one of them out")

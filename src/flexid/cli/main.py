@@ -10,6 +10,7 @@ from flexid.cli.design import design
 from flexid.cli.excitation import excitation
 from flexid.cli.identify import identify
 from flexid.cli.reproduce import reproduce
+from flexid.cli.simulate import simulate
 from flexid.errors import FlexidError
 
 app = typer.Typer(
@@ -26,6 +27,7 @@ app.command()(identify)
 app.command()(excitation)
 app.command()(design)
 app.command()(derive)
+app.command()(simulate)
 app.command()(reproduce)
 
 

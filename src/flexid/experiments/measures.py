@@ -1,0 +1,90 @@
+"""What one run comes down to: a few numbers, computed from its samples."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.analysis.excitation import Excitation, excitation
+from flexid.analysis.histories import row_histories
+from flexid.simulation.run import Run
+
+SETTLED = 0.05
+"""Share of its true value within which an estimate counts as settled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """A run in numbers, in SI units.
+
+    Parameters
+    ----------
+    final_states : mapping of str to float
+        x at the end.
+    final_errors : mapping of str to float
+        p̂ - p at the end, by coefficient.
+    settling_times : mapping of str to float
+        The last time in s at which |p̂ - p| was beyond 5 % of |p|; 0 if it never was, NaN if it
+        still is at the end.
+    tracking_rms, tracking_peak : float
+        Root mean square and largest magnitude of the tracking error.
+    peak_inputs : mapping of str to float
+        Largest magnitude of each input.
+    excitation : mapping of str to Excitation
+        Of each row, by the mean of r rᵀ over the run.
+    """
+
+    final_states: Mapping[str, float]
+    final_errors: Mapping[str, float]
+    settling_times: Mapping[str, float]
+    tracking_rms: float
+    tracking_peak: float
+    peak_inputs: Mapping[str, float]
+    excitation: Mapping[str, Excitation]
+
+
+def measure(run: Run) -> Measures:
+    """Measure a run at its samples; what happens between two of them is not seen."""
+    system = run.loop.system
+    settled = settling_times(run.time, run.parameter_errors, run.loop.true_coefficients)
+    return Measures(
+        dict(zip(system.states, run.states[-1].tolist(), strict=True)),
+        run.final_errors(),
+        dict(zip(system.coefficients, settled.tolist(), strict=True)),
+        float(np.sqrt(np.mean(run.tracking_error**2))),
+        float(np.max(np.abs(run.tracking_error))),
+        dict(zip(system.inputs, np.abs(run.inputs).max(axis=0).tolist(), strict=True)),
+        {
+            history.row: excitation(history.row, history.coefficients, history.regressors)
+            for history in row_histories(run)
+        },
+    )
+
+
+def settling_times(
+    time: NDArray[np.float64], errors: NDArray[np.float64], true: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Last times at which each error was beyond `SETTLED` of the true value.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+    errors : (n, m) ndarray
+    true : (m,) ndarray
+
+    Returns
+    -------
+    (m,) ndarray
+        0 where an error never was beyond, NaN where it is at the end.
+
+    Examples
+    --------
+    >>> errors = np.array([[1.0, 0.01, 1.0], [0.2, 0.01, 1.0], [0.01, 0.01, 1.0]])
+    >>> settling_times(np.array([0.0, 0.5, 1.0]), errors, np.ones(3)).tolist()
+    [0.5, 0.0, nan]
+    """
+    beyond = np.abs(errors) > SETTLED * np.abs(true)
+    last = len(time) - 1 - np.argmax(beyond[::-1], axis=0)
+    settled = np.where(beyond.any(axis=0), time[last], 0.0)
+    return np.where(beyond[-1], np.nan, settled)

@@ -1,0 +1,72 @@
+"""The printed answer of a simulation, at most 100 columns wide."""
+
+from collections.abc import Iterator
+from math import isfinite
+
+from rich import box
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from flexid.experiments.experiment import Experiment
+from flexid.experiments.measures import SETTLED, Measures
+from flexid.report.identification_table import WIDTH
+from flexid.report.run_series import coefficient_unit, is_joint
+from flexid.simulation.run import Run
+
+
+def print_run(experiment: Experiment, run: Run, measures: Measures) -> None:
+    """Print estimates, tracking, inputs and excitation on standard output."""
+    console = Console()
+    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
+    Console(width=width).print(Group(*_parts(experiment, run, measures)))
+
+
+def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[RenderableType]:
+    length = f"{run.time[-1]:g} s {experiment.mode}"
+    yield Text(f"{experiment.name}: {length}, {_statistics(run)}")
+    yield _estimates(experiment, run, measures)
+    angle = " rad" if is_joint(run) else ""
+    yield Text(
+        f"Tracking error: {measures.tracking_rms:.4g}{angle} root mean square, "
+        f"{measures.tracking_peak:.4g}{angle} at most"
+    )
+    torque = " N m" if is_joint(run) else ""
+    peaks = ", ".join(f"{name} {peak:.4g}{torque}" for name, peak in measures.peak_inputs.items())
+    yield Text(f"Largest input at a sample: {peaks}")
+    for row, excitation in measures.excitation.items():
+        yield Text(f"Excitation, {row} row: condition number {excitation.condition_number:.3g}")
+
+
+def _estimates(experiment: Experiment, run: Run, measures: Measures) -> Table:
+    table = Table(
+        title="Estimates of the observer",
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+    )
+    table.add_column("coefficient", no_wrap=True)
+    for heading in ("true", "initial", "final", "error", f"within {SETTLED:.0%}"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for place, (name, error) in enumerate(measures.final_errors.items()):
+        true = experiment.loop.coefficients[name]
+        table.add_row(
+            name,
+            f"{true:.6g}",
+            f"{experiment.loop.initial_estimates.get(name, 0.0):.6g}",
+            f"{run.estimates[-1, place]:.6g}",
+            f"{error / true:+.2%}" if true else f"{error:+.3g}",
+            _settled(measures.settling_times[name]),
+            coefficient_unit(run, name),
+        )
+    return table
+
+
+def _settled(time: float) -> str:
+    return f"from {time:.3g} s" if isfinite(time) else "never"
+
+
+def _statistics(run: Run) -> str:
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in run.statistics.items())
