@@ -55,9 +55,10 @@ def block_lengths(
     duration = min(duration, total / (n_coefficients + 3))
     blocks = []
     for n, sample_time in zip(lengths, sample_times, strict=True):
-        count = max(1, round(n * sample_time / duration)) if duration > 0.0 else 1
-        edges = np.linspace(0, n, min(count, n) + 1).round().astype(int)
-        blocks += np.diff(edges).tolist()
+        size = max(1, min(n, round(duration / sample_time)))
+        # What is left over is a block of its own, or belongs to the last one if it is short.
+        count = max(1, (2 * n + size) // (2 * size))
+        blocks += [size] * (count - 1) + [n - (count - 1) * size]
     return blocks
 
 

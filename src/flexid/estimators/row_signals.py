@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.errors import SettingError
 from flexid.estimators.samples import FloatArray, Samples
@@ -18,7 +19,11 @@ from flexid.recording.recording import Hold
 
 
 def row_signals(
-    piece: Samples, system: ParametricSystem, hold: Hold, pole: float = 0.0
+    piece: Samples,
+    system: ParametricSystem,
+    hold: Hold,
+    pole: float = 0.0,
+    wanted: NDArray[np.int64] | None = None,
 ) -> FloatArray:
     """Regressors of all coefficients and left-hand sides of all rows over a piece.
 
@@ -33,17 +38,21 @@ def row_signals(
     pole : float, optional
         Of the filter ((1 - pole) / (1 - pole/z))² that all signals pass, starting from rest; 0 is
         no filter.
+    wanted : array of int, optional
+        Places of the signals that are to be computed, if not all.
 
     Returns
     -------
     array, shape (n_coefficients + n_rows, n_samples - 2)
         Accelerations averaged over the two intervals around every inner sample, weighted by a
-        triangle; filtered.
+        triangle; filtered. Zero where they are not wanted.
     """
     kernel = _kernel(system)
     positions = np.ascontiguousarray(piece.positions, dtype=np.float64)
     velocities = np.zeros_like(positions) if piece.velocities is None else piece.velocities
-    signals = np.empty((kernel.N_SIGNALS, len(piece) - 2))
+    signals = np.zeros((kernel.N_SIGNALS, len(piece) - 2))
+    if wanted is None:
+        wanted = np.arange(kernel.N_SIGNALS, dtype=np.int64)
     kernel.filter_piece(
         positions,
         np.ascontiguousarray(velocities, dtype=np.float64),
@@ -52,8 +61,8 @@ def row_signals(
         float(piece.sample_time),
         pole,
         hold == "zero",
+        wanted,
         signals,
-        0,
     )
     return signals
 
@@ -72,6 +81,24 @@ def check_velocities(pieces: Sequence[Samples], usable: Sequence[int], unknowns:
                     f"the regressor of {name!r} is nonlinear in a velocity but there are none: "
                     f"derive velocities first, or drop the term",
                 )
+
+
+def wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int64]:
+    """Places of the signals that least squares needs: left-hand sides, and regressors that are on.
+
+    Parameters
+    ----------
+    unknowns : Unknowns
+        What is sought.
+    usable : sequence of int
+        Places of the pieces.
+    """
+    system = unknowns.system
+    absent = [unknowns.absent(place) for place in usable] or [frozenset()]
+    off = frozenset.intersection(*absent)
+    coefficients = [i for i, name in enumerate(system.coefficients) if name not in off]
+    rows = [len(system.coefficients) + j for j in range(len(system.rows))]
+    return np.array(coefficients + rows, dtype=np.int64)
 
 
 def sought_signals(

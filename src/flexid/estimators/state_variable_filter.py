@@ -10,10 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_lengths
-from flexid.estimators.row_signals import check_velocities, row_signals, sought_signals
+from flexid.estimators.row_signals import (
+    check_velocities,
+    row_signals,
+    sought_signals,
+    wanted_signals,
+)
 from flexid.estimators.rowwise import RowwiseFit, fit_rows
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.unknowns import Unknowns, unknowns_of
@@ -76,7 +82,8 @@ def filtered_least_squares(
     usable = [place for place, piece in enumerate(pieces) if len(piece) > 4]
     used = [pieces[place] for place in usable]
     check_velocities(pieces, usable, unknowns)
-    signals = filtered_signals(used, system, filter_rate, hold)
+    wanted = wanted_signals(unknowns, usable)
+    signals = filtered_signals(used, system, filter_rate, hold, wanted)
     lengths = [len(piece) - 2 for piece in used]
     regressors, left_hand_sides = sought_signals(signals, unknowns, usable, lengths)
     time = np.concatenate([np.zeros(0), *(piece.time[1:-1] for piece in used)])
@@ -91,11 +98,13 @@ def filtered_signals(
     system: ParametricSystem,
     filter_rate: float,
     hold: Hold,
+    wanted: NDArray[np.int64] | None = None,
 ) -> FloatArray:
     """Filtered regressors and left-hand sides, the filter's initial conditions projected out.
 
-    Parameters are those of `filtered_least_squares`; every piece has at least three samples.
-    Velocities are taken as zero where there are none.
+    Parameters are those of `filtered_least_squares`, and the places of the signals that are wanted
+    if not all are: the others are zero. Every piece has at least three samples. Velocities are
+    taken as zero where there are none.
 
     Returns
     -------
@@ -106,14 +115,18 @@ def filtered_signals(
     filtered = [np.empty((len(system.coefficients) + len(system.rows), 0))]
     for piece in pieces:
         pole = float(np.exp(-filter_rate * piece.sample_time))
-        signals = row_signals(piece, system, hold, pole)
-        memory = int(np.ceil(_MEMORY / (filter_rate * piece.sample_time))) + 2
-        _project_out_past(signals[:, :memory], pole)
+        signals = row_signals(piece, system, hold, pole, wanted)
+        project_out_past(signals[:, : memory(filter_rate, piece.sample_time)], pole)
         filtered.append(signals)
     return np.concatenate(filtered, axis=1)
 
 
-def _project_out_past(signals: FloatArray, pole: float) -> None:
+def memory(filter_rate: float, sample_time: float) -> int:
+    """Equations after which the filter has forgotten, to rounding, what was before them."""
+    return int(np.ceil(_MEMORY / (filter_rate * sample_time))) + 2
+
+
+def project_out_past(signals: FloatArray, pole: float) -> None:
     """Remove from each signal, in place, what the filter may remember: z^i and i z^i."""
     i = np.arange(signals.shape[1])
     past, _ = np.linalg.qr(np.column_stack((pole**i, i * pole**i)))
