@@ -254,11 +254,12 @@ def test_bad_options_are_one_sentence(flexid, good_log, options):
     assert len(outcome.stderr.strip().splitlines()) == 1
 
 
-def test_same_log_twice_is_refused(flexid, good_log, tmp_path):
+@pytest.mark.parametrize("command", ["identify", "excitation"])
+def test_same_log_twice_is_refused(flexid, good_log, tmp_path, command):
     """Assert that a copy of a log is refused: counted twice it would narrow every interval."""
     copy = tmp_path / "copy.csv"
     copy.write_bytes(good_log.read_bytes())
-    outcome = flexid("identify", good_log, copy)
+    outcome = flexid(command, good_log, copy)
     assert outcome.status == 2
     assert "copy.csv" in outcome.stderr
     assert "good.csv" in outcome.stderr

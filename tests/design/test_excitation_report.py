@@ -124,7 +124,12 @@ def test_one_encoder_is_not_enough(flexid, tmp_path):
 
 @pytest.mark.parametrize(
     "options",
-    [("--terms", "gravitation"), ("--hold", "first"), ("--known", "motor_inertia")],
+    [
+        ("--terms", "gravitation"),
+        ("--hold", "first"),
+        ("--known", "motor_inertia"),
+        ("--known", "theta2=9+-1"),
+    ],
 )
 def test_bad_options_are_one_sentence(flexid, small_sine, options):
     """Assert that a wrong option exits with 2 and one line."""

@@ -31,6 +31,16 @@ REFUSED = {
     "unknown hold": ({"hold": "first"}, "'first' is none of"),
     "unknown estimator": ({"estimator": "oracle"}, "'oracle' is none of"),
     "coulomb velocity of zero": ({"coulomb_velocity": 0.0}, "coulomb-velocity"),
+    "stopping time of zero": ({"stopping_time": 0.0}, "stopping-time"),
+    "stopping time of nothing": (
+        {"terms": ("gravity",), "stopping_time": 0.01},
+        "motor_stiction, which is off",
+    ),
+    "two frictions": ({"stopping_time": 0.01, "coulomb_velocity": 0.1}, "leave one out"),
+    "width of what holds": (
+        {"terms": ("motor_stiction",), "coulomb_velocity": 0.1},
+        "follows from its stopping time",
+    ),
     "negative filter rate": ({"filter_rate": -3.0}, "filter-rate"),
     "infinite segments": ({"segment_duration": inf}, "segment-duration"),
     "word for a number": ({"segment_duration": "long"}, "segment-duration"),

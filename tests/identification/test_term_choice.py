@@ -10,6 +10,8 @@ from flexid.identification.term_choice import (
     choose_coulomb_velocity,
     choose_stiction,
     choose_terms,
+    with_stiction,
+    with_stopping_time,
     without_idle_terms,
 )
 from flexid.recording.recording import Recording
@@ -82,7 +84,16 @@ def test_friction_is_left_smooth_where_there_is_none(paper):
     """Assert that neither smoothing nor stiction is tried without Coulomb friction."""
     best = attempt(candidate("gravity", "motor_viscous"), paper)
     assert choose_coulomb_velocity(best, paper, silent) is best
-    assert choose_stiction(best, paper, silent) is best
+    assert choose_stiction(best, paper, "auto", silent) is best
+
+
+def test_given_stopping_time_is_kept(paper):
+    """Assert that a given stopping time is the friction's, and is not fitted any more."""
+    best = attempt(candidate("gravity", "motor_viscous", "motor_coulomb"), paper)
+    held = with_stiction(best, paper, 0.004)
+    assert held.joint.system.constants["stopping_time"] == 0.004
+    assert "alpha_holding" not in held.unknowns(paper[0].groups).names
+    assert with_stopping_time(held, paper[0].fitted, paper[0].groups) is held
 
 
 def test_sharper_friction_is_found():

@@ -127,13 +127,22 @@ def test_sign_decides(name, value, expected):
 
 
 @pytest.mark.parametrize(
-    ("deflection", "expected"),
-    [(80.0, "determined"), (30.0, "weak"), (6.0, "undetermined"), (-5.0, "undetermined")],
+    ("deflection", "stiffness", "beside"),
+    [
+        (80.0, "determined", "determined"),
+        (30.0, "weak", "determined"),
+        (6.0, "undetermined", "weak"),
+        (-5.0, "undetermined", "weak"),
+        (np.nan, "determined", "determined"),
+    ],
 )
-def test_validation_decides_on_stiffness(deflection, expected):
-    """Assert that a model that does not repeat the deflection knows no stiffness."""
-    assert judged("theta2", deflection=deflection)[0] == expected
-    assert judged("theta1", deflection=deflection)[0] == "determined"
+def test_validation_decides_on_stiffness(deflection, stiffness, beside):
+    """Assert that a model that does not repeat the deflection knows no stiffness.
+
+    And that it knows what stands beside the stiffness weakly at best.
+    """
+    assert judged("theta2", deflection=deflection)[0] == stiffness
+    assert judged("theta1", deflection=deflection)[0] == beside
 
 
 @pytest.mark.parametrize(

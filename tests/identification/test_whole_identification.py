@@ -87,6 +87,12 @@ def test_provenance_names_every_choice(alone):
     assert chosen["segment_duration"] == 1.0
 
 
+def test_segments_are_no_longer_than_the_log(clean):
+    """Assert that a segment length beyond the log's is reported as what it came to."""
+    choices = identify([clean], replace(SETTINGS, segment_duration=60.0)).choices
+    assert choices.segment_duration == pytest.approx(10.0)
+
+
 def test_least_squares_alone(clean):
     """Assert that least squares may be had without prediction error."""
     settings = replace(SETTINGS, estimator="least-squares", segment_duration="auto")

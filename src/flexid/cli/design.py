@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from flexid.cli.options import AsJson
+
 
 class Kind(StrEnum):
     """What is designed."""
@@ -38,7 +40,7 @@ def design(
         Path | None, typer.Option(help="estimate.json whose values replace the file's parameters.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the search's random starts.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Design an experiment that tells every coefficient, within limits, and check it.
 

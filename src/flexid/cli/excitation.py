@@ -1,18 +1,18 @@
 """``flexid excitation LOG...``: what a log can tell, and what to add."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flexid.cli.assignments import parse_known, parse_names
+from flexid.cli.options import AsJson, Columns, Logs
 
 
 def excitation(
-    logs: Annotated[list[Path], typer.Argument(help="CSV or Parquet files of one drive.")],
-    columns: Annotated[
-        Path | None, typer.Option(help="TOML map that renames, scales and combines raw columns.")
-    ] = None,
+    logs: Logs,
+    columns: Columns = None,
     known: Annotated[
         list[str] | None,
         typer.Option(help="What is known, e.g. motor_inertia=0.3 (kg m²); may be repeated."),
@@ -26,7 +26,7 @@ def excitation(
     out: Annotated[
         Path | None, typer.Option(help="Directory for excitation.json and excitation.png.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say how well a log tells each coefficient, which are confounded, and what to add.
 
@@ -50,15 +50,17 @@ def excitation(
         hold=hold,  # type: ignore[arg-type] - Settings checks it
     )
     errors = Console(stderr=True)
-    with errors.status("Examining … (the first run on a machine compiles for up to a minute)"):
+    with (
+        nullcontext() if out is None else output_directory(out) as directory,
+        errors.status("Examining … (the first run on a machine compiles for up to a minute)"),
+    ):
         report = examine([read_log(log, columns) for log in logs], settings)
         document = to_json(excitation_document(report))
-        if out is not None:
+        if directory is not None:
             from flexid.report.excitation_figures import save_excitation_figure
 
-            with output_directory(out) as directory:
-                (directory / "excitation.json").write_text(document, encoding="utf-8")
-                save_excitation_figure(report, directory)
+            (directory / "excitation.json").write_text(document, encoding="utf-8")
+            save_excitation_figure(report, directory)
     for warning in report.warnings:
         errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     if as_json:

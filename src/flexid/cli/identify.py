@@ -1,22 +1,19 @@
 """``flexid identify LOG...``: the main job."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flexid.cli.assignments import parse_bounds, parse_known, parse_names, parse_number
+from flexid.cli.options import AsJson, Columns, Known, Logs
 
 
 def identify(
-    logs: Annotated[list[Path], typer.Argument(help="CSV or Parquet files of one drive.")],
-    columns: Annotated[
-        Path | None, typer.Option(help="TOML map that renames, scales and combines raw columns.")
-    ] = None,
-    known: Annotated[
-        list[str] | None,
-        typer.Option(help="What is known, e.g. motor_inertia=0.3 or 0.3+-0.01; may be repeated."),
-    ] = None,
+    logs: Logs,
+    columns: Columns = None,
+    known: Known = None,
     bounds: Annotated[
         list[str] | None,
         typer.Option(help="Ends of a coefficient, e.g. alpha2=0: or theta2=50:200; repeatable."),
@@ -34,6 +31,9 @@ def identify(
     coulomb_velocity: Annotated[
         str, typer.Option(help="Velocity in rad/s over which Coulomb friction changes sign.")
     ] = "auto",
+    stopping_time: Annotated[
+        str, typer.Option(help="Seconds in which motor_stiction stops the motor.")
+    ] = "auto",
     filter_rate: Annotated[str, typer.Option(help="Rate of the filter in 1/s.")] = "auto",
     estimator: Annotated[
         str, typer.Option(help="Where the values come from: prediction-error, least-squares.")
@@ -50,7 +50,7 @@ def identify(
     out: Annotated[
         Path | None, typer.Option(help="Directory for estimate.json and the figures.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Identify a flexible joint: physical parameters with intervals and a verdict.
 
@@ -77,28 +77,29 @@ def identify(
         input_delay=parse_number("--input-delay", input_delay),
         link_delay=parse_number("--link-delay", link_delay),
         coulomb_velocity=parse_number("--coulomb-velocity", coulomb_velocity),
+        stopping_time=parse_number("--stopping-time", stopping_time),
         filter_rate=parse_number("--filter-rate", filter_rate),
         estimator=estimator,  # type: ignore[arg-type] - Settings checks it
         segment_duration=parse_number("--segment-duration", segment_duration),
         validation_share=validation_share,
     )
     errors = Console(stderr=True)
-    with errors.status(
-        "reading (the first run on a machine compiles for up to a minute)"
-    ) as status:
+    with (
+        nullcontext() if out is None else output_directory(out) as directory,
+        errors.status("reading (the first run on a machine compiles for up to a minute)") as status,
+    ):
         result = run(
             [read_log(log, columns) for log in logs],
             settings,
             lambda step: status.update(f"identifying: {step}"),
         )
         document = to_json(identification_document(result))
-        if out is not None:
+        if directory is not None:
             from flexid.report.identification_figures import save_identification_figures
 
             status.update("drawing")
-            with output_directory(out) as directory:
-                (directory / "estimate.json").write_text(document, encoding="utf-8")
-                save_identification_figures(result, directory)
+            (directory / "estimate.json").write_text(document, encoding="utf-8")
+            save_identification_figures(result, directory)
     for warning in result.warnings:
         errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     if as_json:

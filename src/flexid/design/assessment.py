@@ -127,6 +127,7 @@ def assess(information: Information, fit: LeastSquaresFit, input_unit: str) -> A
             1.0,
             excitation[row.name],
             dict.fromkeys(_CHANNELS, float("nan")),  # nothing was validated: no evidence
+            0.0,
         )
         verdicts |= {name: verdict(name, evidence) for name in row.coefficients}
     return Assessment(_coefficients(information, verdicts, input_unit), excitation)

@@ -10,12 +10,13 @@ from flexid.analysis.excitation import LOST_CONDITION
 from flexid.analysis.information import Information, segmented_information
 from flexid.design.advice import Advice, Rehearsal, advise, input_spectrum, rule_of_thumb
 from flexid.design.assessment import Assessment, assess
-from flexid.errors import ConvergenceError, RecordingError
+from flexid.errors import ConvergenceError, RecordingError, SettingError
 from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import FloatArray, Samples, samples_of_recording
 from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.identification.preparation import check_distinct, common_input_unit
 from flexid.identification.settings import Settings
 from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
@@ -97,7 +98,12 @@ def examine(logs: Sequence[Log], settings: Settings) -> ExcitationReport:
     SettingError
         If a setting does not suit the logs.
     """
-    unit = _input_unit(logs)
+    if any(settings.known_deviations.values()):
+        raise SettingError(
+            "known", "what is known counts as exact here: give it without an uncertainty"
+        )
+    check_distinct(logs)
+    unit = common_input_unit(logs)
     terms = PAPER_TERMS if settings.terms == "auto" else settings.terms
     system = flexible_joint(terms, settings.fixed_coefficients(input_is_torque=unit == "N m"))
     pieces = [
@@ -141,18 +147,6 @@ def examine(logs: Sequence[Log], settings: Settings) -> ExcitationReport:
             "inputs": [{"file": log.source, "sha256": log.sha256} for log in logs],
         },
     )
-
-
-def _input_unit(logs: Sequence[Log]) -> str:
-    units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
-    if len(units) > 1:
-        (first, second), sources = list(units)[:2], list(units.values())
-        raise RecordingError(
-            sources[1],
-            "input",
-            f"is in {second} where {sources[0]} has {first}: examine them one by one",
-        )
-    return next(iter(units))
 
 
 def _least_squares(

@@ -120,7 +120,7 @@ def _with_terms(
     if settings.terms != "auto":
         best = attempt(candidate, cuts)
         if "motor_stiction" in settings.terms:
-            best = attempt(with_stiction(best, cuts), cuts)
+            best = attempt(with_stiction(best, cuts, settings.stopping_time), cuts)
         elif settings.coulomb_velocity == "auto":
             best = choose_coulomb_velocity(best, cuts, progress)
         return best, ()
@@ -128,7 +128,7 @@ def _with_terms(
     best, rejected = choose_terms(replace(candidate, terms=given), cuts, progress)
     if settings.coulomb_velocity == "auto":
         best = choose_coulomb_velocity(best, cuts, progress)
-        best = choose_stiction(best, cuts, progress)
+        best = choose_stiction(best, cuts, settings.stopping_time, progress)
     best, kept = without_idle_terms(best, given, cuts, progress)
     return best, (*kept, *rejected)
 

@@ -116,7 +116,7 @@ def identify(
         if joint.kind == "flexible"
         else one_encoder()
     )
-    choices = _choices(candidate, choice, alignment, reported)
+    choices = _choices(candidate, choice, pieces, alignment, reported)
     return Identification(
         model=joint.kind,
         coefficients=estimates,
@@ -256,12 +256,13 @@ def _fixed(reported: AnyFitted, given: Mapping[str, float]) -> dict[str, tuple[f
 
 
 def _choices(
-    candidate: Candidate, choice: Choice, alignment: Alignment, reported: AnyFitted
+    candidate: Candidate, choice: Choice, pieces: Pieces, alignment: Alignment, reported: AnyFitted
 ) -> Choices:
     constants = candidate.joint.system.constants
     finished = isinstance(reported.fit, PredictionErrorFit)
     smoothed = bool(SMOOTHED_FRICTION & set(candidate.terms))
     holding = "motor_stiction" in candidate.terms
+    longest = max(len(piece) * piece.sample_time for piece in pieces.recorded)
     return Choices(
         terms=candidate.terms,
         alignment=alignment,
@@ -270,7 +271,8 @@ def _choices(
         stopping_time=constants[STOPPING] if holding else None,
         filter_rate=candidate.filter_rate,
         estimator="prediction-error" if finished else "least-squares",
-        segment_duration=candidate.segment_duration if finished else None,
+        # No segment is longer than its piece.
+        segment_duration=min(candidate.segment_duration, longest) if finished else None,
         term_evidence=choice.terms,
         segment_evidence=choice.segments,
     )

@@ -85,8 +85,9 @@ def prepare(logs: Sequence[Log], share: float) -> tuple[Pieces, tuple[str, ...]]
     SettingError
         If the share leaves too little to test on.
     """
-    _check_distinct(logs)
-    _check_channels(logs)
+    check_distinct(logs)
+    common_input_unit(logs)
+    _check_encoders(logs)
     pieces = [(group, piece) for group, log in enumerate(logs) for piece in log.pieces]
     kept = _long_enough(pieces, share)
     warnings = [
@@ -100,7 +101,7 @@ def prepare(logs: Sequence[Log], share: float) -> tuple[Pieces, tuple[str, ...]]
     return Pieces(recorded, starts, groups), tuple(warnings)
 
 
-def _check_distinct(logs: Sequence[Log]) -> None:
+def check_distinct(logs: Sequence[Log]) -> None:
     """Refuse the same data twice: counted as independent, they would narrow every interval."""
     sources: dict[str, str] = {}
     for log in logs:
@@ -111,22 +112,27 @@ def _check_distinct(logs: Sequence[Log]) -> None:
         sources[log.sha256] = log.source
 
 
-def _check_channels(logs: Sequence[Log]) -> None:
-    """Refuse logs that differ in their kind of input or in the encoders they hold."""
+def common_input_unit(logs: Sequence[Log]) -> str:
+    """Unit of the input of all logs; refuses logs that differ in it."""
     units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
     if len(units) > 1:
         (first, second), sources = list(units)[:2], list(units.values())
         raise RecordingError(
             sources[1],
             "input",
-            f"is in {second} where {sources[0]} has {first}: identify them one by one",
+            f"is in {second} where {sources[0]} has {first}: take them one by one",
         )
+    return next(iter(units))
+
+
+def _check_encoders(logs: Sequence[Log]) -> None:
+    """Refuse logs that differ in the encoders they hold."""
     encoders = {p.link_position is None: log.source for log in logs for p in log.pieces}
     if len(encoders) > 1:
         raise RecordingError(
             encoders[True],
             "link_position",
-            f"is missing where {encoders[False]} has it: identify them one by one",
+            f"is missing where {encoders[False]} has it: take them one by one",
         )
 
 

@@ -42,6 +42,8 @@ class Settings:
         By how many seconds the link's encoder lags behind the motor's.
     coulomb_velocity : float, optional
         Velocity in rad/s over which Coulomb friction changes sign.
+    stopping_time : float, optional
+        Time in s in which the friction of ``motor_stiction`` stops the motor.
     filter_rate : float, optional
         Rate of the state-variable filter in 1/s.
     estimator : {"auto", "prediction-error", "least-squares"}, optional
@@ -65,6 +67,7 @@ class Settings:
     input_delay: float | Auto = "auto"
     link_delay: float | Auto = "auto"
     coulomb_velocity: float | Auto = "auto"
+    stopping_time: float | Auto = "auto"
     filter_rate: float | Auto = "auto"
     estimator: Literal["auto", "prediction-error", "least-squares"] = "auto"
     segment_duration: float | Auto = "auto"
@@ -86,6 +89,8 @@ class Settings:
         _check_choice("hold", self.hold, ("auto", "zero", "linear"))
         _check_choice("estimator", self.estimator, ("auto", "prediction-error", "least-squares"))
         _check_positive("coulomb-velocity", self.coulomb_velocity, "rad/s")
+        _check_positive("stopping-time", self.stopping_time, "s")
+        self._check_friction()
         _check_positive("filter-rate", self.filter_rate, "1/s")
         _check_positive("segment-duration", self.segment_duration, "s")
         for name in ("input_delay", "link_delay"):
@@ -95,6 +100,27 @@ class Settings:
         if not 0 < self.validation_share <= _LARGEST_SHARE:
             raise SettingError(
                 "validation-share", f"give a share of the log between 0 and {_LARGEST_SHARE}"
+            )
+
+    def _check_friction(self) -> None:
+        holds = self.terms != "auto" and "motor_stiction" in self.terms
+        if self.coulomb_velocity != "auto" and holds:
+            raise SettingError(
+                "coulomb-velocity",
+                "that of motor_stiction follows from its stopping time: give that, or take the "
+                "term motor_coulomb",
+            )
+        if self.stopping_time == "auto":
+            return
+        if self.coulomb_velocity != "auto":
+            raise SettingError(
+                "stopping-time",
+                "motor_stiction has it, motor_coulomb has a Coulomb velocity, and a drive has one "
+                "of these frictions: leave one out",
+            )
+        if self.terms != "auto" and not holds:
+            raise SettingError(
+                "stopping-time", "belongs to the term motor_stiction, which is off: switch it on"
             )
 
     def fixed_coefficients(self, input_is_torque: bool) -> dict[str, float]:

@@ -18,6 +18,7 @@ from flexid.identification.candidate import Candidate, Trial, attempt
 from flexid.identification.joint import SMOOTHED_FRICTION, flexible
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import TermEvidence
+from flexid.identification.settings import Auto
 from flexid.identification.verdict import DISSIPATIVE, NEGATIVE_DEVIATIONS
 from flexid.models.flexible_joint import STOPPING
 from flexid.models.flexible_joint import with_stopping_time as about_stopping_time
@@ -96,23 +97,27 @@ def _grown(best: Trial, cuts: Cuts, progress: Progress, worth: float) -> tuple[T
         best = better
 
 
-def choose_stiction(best: Trial, cuts: Cuts, progress: Progress) -> Trial:
+def choose_stiction(
+    best: Trial, cuts: Cuts, stopping_time: float | Auto, progress: Progress
+) -> Trial:
     """Try friction that holds the motor at rest in the place of Coulomb friction, if there is any.
 
-    Its stopping time is found on the fitted data and is a constant from then on.
+    Its stopping time, if it is not given, is found on the fitted data.
     """
     if "motor_coulomb" not in best.candidate.terms:
         return best
     progress("friction that holds the motor at rest")
     try:
-        trial = attempt(with_stiction(best, cuts), cuts)
+        trial = attempt(with_stiction(best, cuts, stopping_time), cuts)
     except ConvergenceError:
         return best
     return trial if trial.error < best.error * (1 - WORTH) else best
 
 
-def with_stiction(best: Trial, cuts: Cuts) -> Candidate:
+def with_stiction(best: Trial, cuts: Cuts, stopping_time: float | Auto) -> Candidate:
     """A candidate with ``motor_stiction`` in the place of ``motor_coulomb``.
+
+    With a given stopping time alpha_holding, which stands for the uncertainty of that, is fixed.
 
     Raises
     ------
@@ -125,6 +130,10 @@ def with_stiction(best: Trial, cuts: Cuts) -> Candidate:
     held = _with_terms(replace(candidate, joint=joint), tuple(terms))
     values = best.fitted.coefficients(len(pieces.recorded))[0]
     nominal = dict(zip(candidate.joint.system.coefficients, values.tolist(), strict=True))
+    if stopping_time != "auto":
+        system = about_stopping_time(joint.system, stopping_time, nominal)
+        fixed = {**held.fixed, "alpha_holding": 0.0}
+        return replace(held, joint=replace(joint, system=system), fixed=fixed)
     system, _ = find_stopping_time(
         held.samples(pieces.fitted),
         joint.system,
@@ -140,14 +149,14 @@ def with_stiction(best: Trial, cuts: Cuts) -> Candidate:
 def with_stopping_time(
     candidate: Candidate, recordings: Sequence[Recording], groups: Sequence[int]
 ) -> Candidate:
-    """The same with the stopping time of its friction, if it has one, fitted to some data.
+    """The same with the stopping time of its friction, if one is sought, fitted to some data.
 
     Raises
     ------
     ConvergenceError
         If prediction error leads away from what was found before.
     """
-    if "motor_stiction" not in candidate.terms:
+    if "motor_stiction" not in candidate.terms or "alpha_holding" in candidate.fixed:
         return candidate
     start = candidate.least_squares(recordings, groups)
     system, fit = fit_stopping_time(

@@ -18,7 +18,9 @@ Seven kinds of evidence count, and the worst decides:
   good part of the deflection, the log knows no stiffness;
 - the sign: no spring, no inertia and no friction is negative;
 - the validation: no interval covers a wrong model, so a row whose held-out motion the free run does
-  not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness.
+  not repeat knows no coefficient, and one that does not repeat the deflection knows no stiffness,
+  and what stands beside it in a row only weakly: the spring's torque is what tells the two
+  inertias apart.
 """
 
 from collections.abc import Iterable, Mapping
@@ -224,6 +226,9 @@ def _by_validation(name: str, row: Evidence) -> Verdict:
     tested = {c: row.fit_percent[c] for c in channels if not isnan(row.fit_percent[c])}
     if not tested:
         return _FINE
+    rests = name not in _STIFFNESS and any(c in row.values for c in _STIFFNESS)
+    if rests and row.fit_percent["deflection"] <= LOST_FIT and tested[channels[0]] >= WEAK_FIT:
+        return "weak", "the free run does not repeat the deflection, which its row rests on"
     channel = min(tested, key=tested.__getitem__)
     fit = tested[channel]
     shown = channel.replace("_", " ")
