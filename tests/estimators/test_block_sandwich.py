@@ -5,7 +5,8 @@ import pytest
 from noisy_joint import VALUES, joint_samples
 from scipy.stats import t
 
-from flexid.estimators.block_sandwich import block_influences, block_lengths
+from flexid.estimators.block_sandwich import block_influences, block_lengths, summed_influences
+from flexid.estimators.cluster_covariance import Clusters, cluster_influences
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 
@@ -93,3 +94,16 @@ def test_blocks_keep_to_their_piece():
     """Assert that no block crosses from one piece to the next."""
     edges = np.cumsum(block_lengths([1500, 7, 4000], [1e-3] * 3, 20.0, 3))
     assert {1500, 1507, 5507} <= set(edges.tolist())
+
+
+def test_all_blocks_at_once_are_the_clusters_one_by_one():
+    """Assert that blocks without unknowns of their own get what the general formula gives."""
+    generator = np.random.default_rng(4)
+    regressors = generator.standard_normal((30, 3, 8))
+    normal = regressors @ regressors.transpose(0, 2, 1)
+    scores = np.einsum("bki,bi->bk", regressors, generator.standard_normal((30, 8)))
+    inverse = np.linalg.inv(normal.sum(axis=0))
+    together = summed_influences(normal, scores, inverse)
+    clusters = Clusters(normal, scores, np.arange(30), inverse)
+    for found, expected in zip(together, cluster_influences(clusters), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-14)

@@ -89,15 +89,56 @@ def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
             squares[c] += np.sum(own**2)
             across[c] += np.trace(common @ clusters.inverse @ common.T @ own)
             gram[c] += common.T @ common
-    products = clusters.inverse @ gram
-    squares += np.einsum("cij,cji->c", products, products) - 2.0 * across
-    variances = np.diag(clusters.inverse)
+    return unbiased(influences, clusters.inverse, shown, squares, across, gram)
+
+
+def unbiased(
+    influences: FloatArray,
+    inverse: FloatArray,
+    shown: FloatArray,
+    squares: FloatArray,
+    across: FloatArray,
+    gram: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Scale influences to the variance that white noise has, and count degrees of freedom.
+
+    Parameters
+    ----------
+    influences : array, shape (k, n_blocks)
+        Of all blocks; scaled in place.
+    inverse : array, shape (k, k)
+        Covariance of the unknowns for white noise of unit variance.
+    shown, squares, across, gram : array, shape (k,), (k,), (k,), (k, k, k)
+        Of each variance as a quadratic form in white noise, which is a part from each block's own
+        residuals less what the blocks have in common through the fit: its trace, the sum of the
+        squares of the first, the trace of the product of both, and the second as a matrix R of
+        R `inverse`.
+    """
+    products = inverse @ gram
+    squares = squares + np.einsum("cij,cji->c", products, products) - 2.0 * across
+    variances = np.diag(inverse)
     visible = (shown > _LEAST_SHARE * variances) & (variances > 0.0)
     safe = np.where(visible, shown, 1.0)
     # 1 unless a block alone decides a direction: its residuals show nothing of that.
     influences *= np.where(visible, np.sqrt(variances / safe), 0.0)[:, None]
     freedom = np.where(visible, shown**2 / np.where(visible, squares, 1.0), 0.0)
     return influences, freedom
+
+
+def covariance_root(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Matrices H and O, each shape (n, rank), with H Hᵀ the covariance and Oᵀ H = I."""
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    kept = eigenvalues > _ROUNDING * eigenvalues[-1]
+    root = np.sqrt(eigenvalues[kept])
+    return vectors[:, kept] * root * scale[:, None], vectors[:, kept] / root / scale[:, None]
+
+
+def unbiasing(leverages: FloatArray) -> FloatArray:
+    """Factor by which a fit has shrunk residuals along directions of these leverages, undone."""
+    left = 1.0 - leverages
+    return np.where(left > _WHOLE, 1.0 / np.sqrt(np.maximum(left, _WHOLE)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +159,9 @@ class _Segment:
     def adjusted(self, normal: FloatArray) -> FloatArray:
         """Matrix, shape (k, n), by which a block's scores become its influence."""
         covariance = self.own + self.borders @ self.inverse @ self.borders.T
-        scale = np.sqrt(np.diag(covariance))
-        scale = np.where(scale > 0.0, scale, 1.0)
-        eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-        kept = eigenvalues > _ROUNDING * eigenvalues[-1]
-        root = np.sqrt(eigenvalues[kept])
-        half = vectors[:, kept] * root * scale[:, None]  # half halfᵀ is the covariance
-        other = vectors[:, kept] / root / scale[:, None]  # otherᵀ half = I
+        half, other = covariance_root(covariance)
         leverages, directions = np.linalg.eigh(half.T @ normal @ half)
-        left = 1.0 - leverages
-        factor = np.where(left > _WHOLE, 1.0 / np.sqrt(np.maximum(left, _WHOLE)), 0.0)
-        correction = other @ (directions * factor) @ directions.T @ half.T
+        correction = other @ (directions * unbiasing(leverages)) @ directions.T @ half.T
         return self.inverse @ self.borders.T @ correction
 
 
