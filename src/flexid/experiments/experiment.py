@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import cached_property
 from numbers import Integral
 from typing import Any, Literal
@@ -135,9 +136,7 @@ class Experiment:
         tables: dict[str, Any] = dict(self.tables)
         for path, value in values.items():
             if path not in known:
-                raise ExperimentError(
-                    self.path, path, f"cannot be set: known are {', '.join(known)}"
-                )
+                raise ExperimentError(self.path, path, f"cannot be set: {suggestion(path, known)}")
             number = int(value) if isinstance(value, Integral) else float(value)
             _put(tables, path.split("."), number)
         return replace(self.build(tables), variation=self.variation)
@@ -162,6 +161,12 @@ class Experiment:
             self.absolute_tolerance,
             self.maximum_steps,
         )
+
+
+def suggestion(path: str, known: Mapping[str, float]) -> str:
+    """What to write instead of a path that there is not."""
+    close = get_close_matches(path, known, n=3, cutoff=0.75)
+    return f"write {' or '.join(close)}" if close else f"write one of {', '.join(known)}"
 
 
 def _leaves(table: Any, path: str = "") -> Any:

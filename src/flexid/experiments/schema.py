@@ -10,10 +10,14 @@ from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.models.terms import COULOMB_VELOCITY
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w-]+$")]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Negative = Annotated[float, Field(lt=0, allow_inf_nan=False)]
+LARGEST = 1e30
+"""Beyond it, and below its inverse, powers of a number overflow, and no drive has one."""
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, Field(ge=1 / LARGEST, le=LARGEST)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
+Negative = Annotated[float, Field(ge=-LARGEST, lt=0)]
+Exponent = Annotated[float, Field(ge=-6, le=6)]
 
 
 def _whole(value: Any) -> Any:
@@ -49,7 +53,7 @@ class RobustLaw(_Table):
 
     law: Literal["robust"]
     k: Positive
-    exponents: Annotated[list[Number], Field(min_length=3, max_length=3)] = [1.0, 2.0, 3.0]
+    exponents: Annotated[list[Exponent], Field(min_length=3, max_length=3)] = [1.0, 2.0, 3.0]
     largest_link_inertia: Positive
     largest_motor_inertia: Positive
     smallest_joint_stiffness: Positive
@@ -145,7 +149,7 @@ class CampaignTable(_Table):
     runs: Annotated[int, Field(ge=1, le=10_000_000)] | None = None
     seed: Annotated[int, Field(ge=0, le=2**63)] = 0
     keep: list[Kept] = list(MEASURES)
-    runs_per_piece: Annotated[int, Field(ge=1, le=100_000)] = 500
+    runs_per_piece: Annotated[int, Field(ge=1, le=100_000)] | None = None
     vary: Annotated[dict[str, Any], Field(min_length=1)]
 
 

@@ -24,7 +24,7 @@ MEASURES: tuple[Kept, ...] = tuple(name for name in get_args(Kept) if name != "t
 """All of it but the time series."""
 
 Kind = Literal["uniform", "log_uniform", "normal", "integers"]
-Plan = Literal["grid", "latin-hypercube", "sobol"]
+Plan = Literal["grid", "latin-hypercube", "sobol", "sobol-indices"]
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ class Variation:
 
     Parameters
     ----------
-    kind : {"grid", "latin-hypercube", "sobol"}
-        Every combination of the values, or draws.
+    kind : {"grid", "latin-hypercube", "sobol", "sobol-indices"}
+        Every combination of the values, or draws; the last ones made for Sobol indices.
     runs : int
         Number of runs; of a grid the product of the numbers of values.
     seed : int
@@ -87,8 +87,8 @@ class Variation:
         By dotted path of the experiment's file; of several values each is equally likely.
     keep : tuple of str
         What is kept of each run.
-    runs_per_piece : int
-        How many runs share a piece of the result.
+    runs_per_piece : int or None
+        How many runs share a file of the result; None leaves it to the campaign.
     """
 
     kind: Plan
@@ -96,7 +96,7 @@ class Variation:
     seed: int
     inputs: Mapping[str, tuple[float, ...] | Distribution]
     keep: tuple[Kept, ...]
-    runs_per_piece: int
+    runs_per_piece: int | None
 
 
 def grid_size(inputs: Mapping[str, tuple[float, ...] | Distribution]) -> int:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from flexid.errors import ExperimentError
-from flexid.experiments.experiment import Experiment
+from flexid.experiments.experiment import Experiment, suggestion
 from flexid.experiments.variation import Distribution, Variation, grid_size
 from flexid.toml_file import validated
 
@@ -71,7 +71,7 @@ def _input(experiment: Experiment, path: str, value: Any) -> Input:
         return ExperimentError(experiment.path, place, reason)
 
     if path not in experiment.values:
-        raise refuse("", f"varies nothing: known are {', '.join(experiment.values)}")
+        raise refuse("", f"varies nothing: {suggestion(path, experiment.values)}")
     if isinstance(value, list):
         chosen: Input = tuple(validated({"values": value}, ListedValues, refuse).values)
         tried = chosen

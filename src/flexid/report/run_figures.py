@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexid.experiments.measures import SETTLED
-from flexid.report.run_series import coefficient_unit, is_joint
+from flexid.experiments.run_columns import coefficient_unit, is_joint
 from flexid.report.style import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
 from flexid.simulation.run import Run
 

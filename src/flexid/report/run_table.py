@@ -10,8 +10,8 @@ from rich.text import Text
 
 from flexid.experiments.experiment import Experiment
 from flexid.experiments.measures import SETTLED, Measures
+from flexid.experiments.run_columns import coefficient_unit, is_joint
 from flexid.report.identification_table import WIDTH
-from flexid.report.run_series import coefficient_unit, is_joint
 from flexid.simulation.run import Run
 
 
