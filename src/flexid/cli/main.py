@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from flexid.cli.campaign import campaign
 from flexid.cli.derive import derive
 from flexid.cli.design import design
 from flexid.cli.excitation import excitation
@@ -28,6 +29,7 @@ app.command()(excitation)
 app.command()(design)
 app.command()(derive)
 app.command()(simulate)
+app.command()(campaign)
 app.command()(reproduce)
 
 

@@ -1,0 +1,115 @@
+"""The same pieces on a Dask cluster, where a lost worker's pieces go to another one."""
+
+import logging
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+
+import flexid
+from flexid.campaigns.piece import Piece, run_piece
+from flexid.errors import CampaignError
+from flexid.experiments import Experiment
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_TIMEOUT = 10.0  # s, to reach the scheduler
+
+
+def run_on_cluster(
+    experiment: Experiment, pieces: Sequence[Piece], scheduler: str
+) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
+    """Run pieces on the workers of a Dask scheduler, and yield each when it is done.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    pieces : sequence of Piece
+    scheduler : str
+        Its address, for example ``tcp://host:8786``.
+
+    Raises
+    ------
+    CampaignError
+        If the package is missing, the scheduler cannot be reached or is lost, it has no workers,
+        a worker has no flexid or another version, or a piece killed every worker that took it.
+    """
+    client = _connect(scheduler)
+    try:
+        _check_workers(client, scheduler)
+        yield from _results(client, experiment, pieces, scheduler)
+    finally:
+        client.close(timeout=_TIMEOUT)  # whatever was not done is not run any more
+
+
+def _connect(scheduler: str) -> "Client":
+    try:
+        from distributed import Client
+    except ImportError:
+        raise CampaignError(
+            "--scheduler", "needs the package distributed: pip install 'flexid[dask]'"
+        ) from None
+    # What goes wrong is told in one sentence; the package would add a traceback
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    try:
+        return Client(scheduler, timeout=_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, TypeError):
+        raise CampaignError(
+            scheduler,
+            "cannot be reached: start one there with `dask scheduler`, or correct the address",
+        ) from None
+
+
+def _check_workers(client: "Client", scheduler: str) -> None:
+    answers: Any = client.run(_version, on_error="return")
+    versions: dict[str, object] = answers
+    if not versions:
+        raise CampaignError(scheduler, f"has no workers: start them with `dask worker {scheduler}`")
+    for address, version in versions.items():
+        if version != flexid.__version__:
+            found = "no flexid" if isinstance(version, Exception) else f"flexid {version}"
+            raise CampaignError(
+                address,
+                f"is a worker with {found}: install flexid {flexid.__version__} there, as here",
+            )
+
+
+def _version() -> str:
+    return flexid.__version__
+
+
+def _run(
+    version: str, experiment: Experiment, piece: Piece
+) -> tuple[int, pl.DataFrame, pl.DataFrame | None]:
+    """What a worker does; one that came later may have another version."""
+    if flexid.__version__ != version:
+        raise CampaignError(
+            "a worker", f"has flexid {flexid.__version__}: install {version} there, as here"
+        )
+    return run_piece(experiment, piece)
+
+
+def _results(
+    client: "Client", experiment: Experiment, pieces: Sequence[Piece], scheduler: str
+) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
+    from distributed import KilledWorker, as_completed
+
+    job = partial(_run, flexid.__version__, experiment)
+    futures = client.map(job, pieces, pure=False)
+    for future in as_completed(futures):
+        try:
+            yield future.result()
+        except KilledWorker:
+            raise CampaignError(
+                scheduler,
+                "lost every worker that took one of the pieces: see their logs, for memory above "
+                "all; the same command goes on",
+            ) from None
+        except (CancelledError, OSError):
+            raise CampaignError(
+                scheduler, "was lost: start it and its workers; the same command goes on"
+            ) from None
+        future.release()

@@ -1,0 +1,167 @@
+"""Which values every run of a campaign has: decided by the file alone, before anything runs."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from flexid.errors import SettingError
+from flexid.experiments.variation import Distribution, Variation
+
+SEED = "sampling.seed"
+"""Path of the seed of a run's noise; drawn for every run unless it is varied explicitly."""
+
+_SMALLEST_SHARE = 2.0**-53
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The values of every run.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        Dotted paths of what varies.
+    values : (n_runs, n_inputs) ndarray
+        In SI units.
+    seeds : (n_runs,) ndarray of int or None
+        Seed of each run's noise, where the loop is sampled and its seed not among the inputs.
+    """
+
+    inputs: tuple[str, ...]
+    values: NDArray[np.float64]
+    seeds: NDArray[np.int64] | None
+
+    def of(self, run: int) -> dict[str, float | int]:
+        """Values of one run, by path."""
+        values: dict[str, float | int] = dict(
+            zip(self.inputs, self.values[run].tolist(), strict=True)
+        )
+        return values if self.seeds is None else {**values, SEED: int(self.seeds[run])}
+
+    def table(self, runs: range) -> pl.DataFrame:
+        """Number and values of some consecutive runs, one row each."""
+        part = slice(runs.start, runs.stop)
+        columns = {"run": np.arange(runs.start, runs.stop, dtype=np.int64)}
+        columns |= dict(zip(self.inputs, self.values[part].T, strict=True))
+        if self.seeds is not None:
+            columns[SEED] = self.seeds[part]
+        return pl.DataFrame(columns)
+
+    @property
+    def digest(self) -> str:
+        """Hash of all values: equal plans have equal digests."""
+        content = hashlib.sha256("\n".join(self.inputs).encode())
+        content.update(np.ascontiguousarray(self.values).tobytes())
+        content.update(b"" if self.seeds is None else self.seeds.tobytes())
+        return content.hexdigest()[:16]
+
+
+def make_plan(variation: Variation, sampled: bool) -> Plan:
+    """Plan the runs of a campaign; the same variation always gives the same plan.
+
+    Parameters
+    ----------
+    variation : Variation
+        What varies.
+    sampled : bool
+        Whether the loop is sampled, so that its noise needs a seed.
+
+    Raises
+    ------
+    SettingError
+        If the number of runs does not suit a plan for Sobol indices.
+    """
+    inputs = tuple(variation.inputs)
+    values = _grid(variation) if variation.kind == "grid" else _draws(variation)
+    own_seeds = sampled and SEED not in inputs
+    return Plan(inputs, values, _seeds(variation.seed, len(values)) if own_seeds else None)
+
+
+def _grid(variation: Variation) -> NDArray[np.float64]:
+    """Every combination; the last input changes fastest."""
+    axes = [np.array(values, dtype=float) for values in variation.inputs.values()]
+    mesh = np.meshgrid(*axes, indexing="ij")
+    return np.stack([one.ravel() for one in mesh], axis=1)
+
+
+def _draws(variation: Variation) -> NDArray[np.float64]:
+    runs, count = variation.runs, len(variation.inputs)
+    if variation.kind == "latin-hypercube":
+        shares = qmc.LatinHypercube(count, rng=_generator(variation.seed)).random(runs)
+    elif variation.kind == "sobol":
+        shares = _sobol(runs, count, variation.seed)
+    else:
+        shares = _saltelli(runs, count, variation.seed)
+    # 0 is a possible draw, and the normal distribution's lowest value is minus infinity
+    shares = np.maximum(shares, _SMALLEST_SHARE)
+    columns = [
+        _quantile(what, shares[:, place]) for place, what in enumerate(variation.inputs.values())
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _generator(seed: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed))
+
+
+def _sobol(runs: int, count: int, seed: int) -> NDArray[np.float64]:
+    """First points of the scrambled sequence."""
+    engine = qmc.Sobol(count, rng=_generator(seed))
+    return engine.random_base2(int(np.ceil(np.log2(runs))))[:runs]
+
+
+def saltelli_points(runs: int, inputs: int) -> int:
+    """Points of a plan for Sobol indices, each of which takes as many runs as inputs and 2 more.
+
+    Raises
+    ------
+    SettingError
+        If the runs are not that many times a power of two.
+
+    Examples
+    --------
+    >>> saltelli_points(320, inputs=3)
+    64
+    """
+    points, left = divmod(runs, inputs + 2)
+    if left or points < 2 or points & (points - 1):
+        wanted = max(1, round(np.log2(max(2.0, runs / (inputs + 2)))))
+        raise SettingError(
+            "campaign.runs",
+            f"{runs} is not {inputs + 2} (the inputs and 2) times a power of two, as Sobol "
+            f"indices want: take {2**wanted * (inputs + 2)}",
+        )
+    return points
+
+
+def _saltelli(runs: int, count: int, seed: int) -> NDArray[np.float64]:
+    """Saltelli's radial plan in SALib's order: A, A with one column of B each, B, point by point.
+
+    Saltelli et al. (2010), Computer Physics Communications 181, table 2.
+    """
+    points = saltelli_points(runs, count)
+    base = _sobol(points, 2 * count, seed)
+    shares = np.repeat(base[:, None, :count], count + 2, axis=1)
+    for place in range(count):
+        shares[:, place + 1, place] = base[:, count + place]
+    shares[:, -1] = base[:, count:]
+    return shares.reshape(runs, count)
+
+
+def _quantile(
+    what: tuple[float, ...] | Distribution, shares: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    if isinstance(what, Distribution):
+        return what.quantile(shares)
+    values = np.array(what, dtype=float)
+    return values[np.floor(shares * len(values)).astype(int)]
+
+
+def _seeds(seed: int, runs: int) -> NDArray[np.int64]:
+    """One seed per run, from the campaign's seed and the run's number alone."""
+    children = (np.random.SeedSequence(seed, spawn_key=(run,)) for run in range(runs))
+    return np.array([int(c.generate_state(1, np.uint64)[0] >> 1) for c in children], dtype=np.int64)

@@ -1,0 +1,177 @@
+"""Some runs of a campaign, from their values to their rows; the same on any machine and thread."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from flexid.errors import FlexidError
+from flexid.experiments import Experiment
+from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.ensemble import STATUS as STATUS_NAMES
+from flexid.simulation.ensemble import Ensemble, simulate_ensemble
+
+Array = NDArray[np.float64]
+
+STATUS, ERROR, REACHED, STEPS = "status", "error", "reached", "steps"
+"""Columns that every row has: what became of the run, why, its end in s, steps or samples."""
+
+FINISHED = STATUS_NAMES[0]
+FAILED = "error"
+"""Status of a run that could not be made at all; its text says why."""
+
+_AT_ONCE = 8  # runs between two looks at whether to stop
+_LONGEST_TEXT = 500
+
+
+class Stopped(Exception):  # noqa: N818 - no error: it was asked for
+    """The runs were asked to stop before their end."""
+
+
+def piece_rows(
+    experiment: Experiment,
+    table: pl.DataFrame,
+    keep: Sequence[str],
+    stopped: Callable[[], bool] = lambda: False,
+) -> pl.DataFrame:
+    """Run a piece of a campaign.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    table : DataFrame
+        Number and values of each run, from the plan.
+    keep : sequence of str
+        Which results to keep, out of `flexid.experiments.variation.KEPT`.
+    stopped : callable, optional
+        Asked every few runs whether to stop.
+
+    Returns
+    -------
+    DataFrame
+        The table with status and results, one row per run. A run that fails is a row as well.
+
+    Raises
+    ------
+    Stopped
+        If `stopped` said so.
+    """
+    status = [FAILED] * len(table)
+    errors: list[str | None] = [None] * len(table)
+    names = result_names(experiment.loop.system, keep)
+    results = np.full((len(table), len(names)), np.nan)
+    varied = _varied(experiment, table, errors)
+    for places in _batches(varied):
+        if stopped():
+            raise Stopped
+        for done, ensemble in _ensembles(varied, places, errors):
+            results[done] = _results([varied[place] for place in done], ensemble, keep)
+            for place, number in zip(done, ensemble.status, strict=True):
+                status[place] = STATUS_NAMES[number]
+    columns = [pl.Series(STATUS, status, pl.String), pl.Series(ERROR, errors, pl.String)]
+    columns += [pl.Series(name, values) for name, values in zip(names, results.T, strict=True)]
+    steps = pl.col(STEPS).fill_nan(0.0).cast(pl.Int64)  # none of a run that could not be made
+    return table.with_columns(columns).with_columns(steps)
+
+
+def _varied(
+    experiment: Experiment, table: pl.DataFrame, errors: list[str | None]
+) -> dict[int, Experiment]:
+    """The experiment of each row; without those whose values are not allowed."""
+    varied = {}
+    for place, values in enumerate(table.drop("run").iter_rows(named=True)):
+        try:
+            varied[place] = experiment.with_values(values)
+        except FlexidError as error:
+            errors[place] = _text(error)
+    return varied
+
+
+def _batches(varied: Mapping[int, Experiment]) -> Iterator[list[int]]:
+    """Few runs at a time, all of the same length and tolerance."""
+    alike: dict[Any, list[int]] = {}
+    for place, experiment in varied.items():
+        alike.setdefault(experiment.settings, []).append(place)
+    for places in alike.values():
+        yield from (places[i : i + _AT_ONCE] for i in range(0, len(places), _AT_ONCE))
+
+
+def _ensembles(
+    varied: Mapping[int, Experiment], places: list[int], errors: list[str | None]
+) -> Iterator[tuple[list[int], Ensemble]]:
+    """The runs of a batch together; if that fails, each by itself, to find the one at fault."""
+    try:
+        yield places, _ensemble([varied[place] for place in places])
+    except Exception as error:  # whatever it is, it must not lose the other runs
+        if len(places) == 1:
+            errors[places[0]] = _text(error)
+            return
+        for place in places:
+            yield from _ensembles(varied, [place], errors)
+
+
+def _ensemble(runs: Sequence[Experiment]) -> Ensemble:
+    loops, settings = [run.loop for run in runs], runs[0].settings
+    if runs[0].sampling is not None:
+        from flexid.simulation.ensemble import simulate_sampled_ensemble
+
+        samplings = [run.sampling for run in runs if run.sampling is not None]
+        return simulate_sampled_ensemble(loops, settings.duration, samplings)
+    return simulate_ensemble(
+        loops,
+        settings.duration,
+        settings.sample_time,
+        settings.relative_tolerance,
+        settings.absolute_tolerance,
+        settings.maximum_steps,
+    )
+
+
+def _text(error: Exception) -> str:
+    name = "" if isinstance(error, FlexidError) else f"{type(error).__name__}: "
+    return " ".join(f"{name}{error}".split())[:_LONGEST_TEXT]
+
+
+def result_names(system: ParametricSystem, keep: Sequence[str]) -> list[str]:
+    """Names of the columns with results, in their order."""
+    return [REACHED, STEPS] + [
+        f"{prefix}.{name}" if name else prefix
+        for prefix, names in _blocks(system, keep).items()
+        for name in names
+    ]
+
+
+def _blocks(system: ParametricSystem, keep: Sequence[str]) -> dict[str, Sequence[str]]:
+    """What each kept result is called, and of what there is one value each."""
+    coefficients, alone = system.coefficients, ("",)
+    blocks: dict[str, dict[str, Sequence[str]]] = {
+        "final_errors": {"final_error": coefficients, "relative_error": coefficients},
+        "final_states": {"final_state": system.states},
+        "settling_time": {"settling_time": coefficients},
+        "tracking": {"tracking_rms": alone, "tracking_peak": alone},
+        "excitation": {"excitation": [row.name for row in system.rows]},
+        "peak_input": {"peak_input": system.inputs},
+    }
+    kept = (block for name, block in blocks.items() if name in keep)
+    return {prefix: names for block in kept for prefix, names in block.items()}
+
+
+def _results(runs: Sequence[Experiment], ensemble: Ensemble, keep: Sequence[str]) -> Array:
+    """Results of some runs, one row each, in the order of `result_names`."""
+    truth = np.abs([run.loop.true_coefficients for run in runs])
+    with np.errstate(all="ignore"):  # a coefficient of 0 has no relative error
+        relative = np.abs(ensemble.final_errors) / truth
+    values = {
+        "final_error": ensemble.final_errors,
+        "relative_error": relative,
+        "final_state": ensemble.final_states,
+        "settling_time": ensemble.settling_time,
+        "tracking_rms": ensemble.tracking_rms,
+        "tracking_peak": ensemble.tracking_peak,
+        "excitation": ensemble.excitation,
+        "peak_input": ensemble.peak_input,
+    }
+    kept = [values[prefix] for prefix in _blocks(ensemble.system, keep)]
+    return np.column_stack([ensemble.reached, ensemble.steps.astype(np.float64), *kept])

@@ -1,0 +1,186 @@
+"""A campaign from its experiment to its rows: what is missing is run, here or on a cluster."""
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+import flexid
+from flexid.campaigns.manifest import Manifest
+from flexid.campaigns.piece import Piece, run_piece
+from flexid.campaigns.plan import Plan, make_plan
+from flexid.campaigns.rows import STATUS
+from flexid.campaigns.store import Store, open_store
+from flexid.errors import ExperimentError, SettingError
+from flexid.experiments import Experiment
+from flexid.experiments.variation import Variation
+
+_PIECES = 200
+_MOST_RUNS = 500
+_MOST_SERIES = 10
+
+Progress = Callable[[int, int], None]
+"""Told the number of runs whose rows are kept, and the number of all."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A finished campaign.
+
+    Parameters
+    ----------
+    directory : Path
+    runs : int
+    statuses : dict of str to int
+        How many runs ended how, the most frequent first.
+    """
+
+    directory: Path
+    runs: int
+    statuses: dict[str, int]
+
+
+def run_campaign(
+    experiment: Experiment,
+    out: str | Path,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Campaign:
+    """Run a campaign, or what is missing of it.
+
+    Rows are kept piece by piece, and whatever interrupts the campaign, the same call goes on with
+    it: every row is the same as if nothing had happened, wherever it is run.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With a ``[campaign]`` part.
+    out : str or Path
+        Directory of the rows: new, empty, or of the same campaign.
+    workers : int, optional
+        Threads on this machine; all its cores by default.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers are to run it instead.
+    progress : callable, optional
+        Called after every piece.
+
+    Raises
+    ------
+    ExperimentError
+        If the experiment says nothing of a campaign, or its number of runs does not suit the plan.
+    CampaignError
+        If the directory or the scheduler cannot be used.
+    SettingError
+        If there are no workers.
+    """
+    if workers is not None and workers < 1:
+        raise SettingError("workers", f"{workers!r} must be at least 1")
+    variation = experiment.variation
+    if variation is None:
+        raise ExperimentError(
+            experiment.path, "campaign", "is missing: say there what varies, or use flexid simulate"
+        )
+    plan = _plan(experiment, variation)
+    with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
+        _complete(store, experiment, plan, workers or cores(), scheduler, progress)
+        return Campaign(store.directory, variation.runs, _statuses(store))
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _plan(experiment: Experiment, variation: Variation) -> Plan:
+    try:
+        return make_plan(variation, experiment.sampling is not None)
+    except SettingError as error:
+        raise ExperimentError(experiment.path, error.setting, error.reason) from None
+
+
+def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manifest:
+    return Manifest(
+        flexid.__version__,
+        experiment.digest,
+        plan.digest,
+        variation.kind,
+        variation.runs,
+        plan.inputs,
+        variation.keep,
+        variation.runs_per_piece or _runs_per_piece(variation),
+        Path(experiment.path).read_text(encoding="utf-8"),
+    )
+
+
+def _runs_per_piece(variation: Variation) -> int:
+    """Small enough that little is lost and many workers have work, large enough for few files."""
+    most = _MOST_SERIES if "time_series" in variation.keep else _MOST_RUNS
+    return max(1, min(most, variation.runs // _PIECES))
+
+
+def _complete(
+    store: Store,
+    experiment: Experiment,
+    plan: Plan,
+    workers: int,
+    scheduler: str | None,
+    progress: Progress | None,
+) -> None:
+    manifest = store.manifest
+    missing = store.missing(plan)
+    left = sum(len(manifest.runs_of(piece)) for piece in missing)
+    if progress is not None:
+        progress(manifest.runs - left, manifest.runs)
+    pieces = [Piece(n, plan.table(manifest.runs_of(n)), manifest.keep) for n in missing]
+    if not pieces:
+        return
+    if scheduler is None:
+        finished = run_here(experiment, pieces, workers)
+    else:
+        from flexid.campaigns.cluster import run_on_cluster
+
+        finished = run_on_cluster(experiment, pieces, scheduler)
+    for number, rows, series in finished:
+        store.write(number, rows, series)
+        left -= len(rows)
+        if progress is not None:
+            progress(manifest.runs - left, manifest.runs)
+
+
+def run_here(
+    experiment: Experiment, pieces: list[Piece], workers: int
+) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
+    """Run pieces on threads of this process, and yield each when it is done.
+
+    Compiled code lets other threads run, so that these use all cores.
+    """
+    stop = threading.Event()
+    waiting: set[Future[tuple[int, pl.DataFrame, pl.DataFrame | None]]] = set()
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            for piece in pieces:
+                waiting.add(pool.submit(run_piece, experiment, piece, stop.is_set))
+                if len(waiting) > 2 * workers:  # what is done does not pile up in memory
+                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    yield from (future.result() for future in done)
+            while waiting:
+                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
+        finally:  # an interrupt: every thread ends within a few runs
+            stop.set()
+            for future in waiting:
+                future.cancel()
+
+
+def _statuses(store: Store) -> dict[str, int]:
+    found = (store.path(piece) for piece in store.manifest.pieces)
+    rows = pl.concat([pl.read_parquet(path, columns=[STATUS]) for path in found])
+    counts = rows[STATUS].value_counts().sort(by=["count", STATUS], descending=[True, False])
+    return dict(counts.iter_rows())

@@ -1,0 +1,150 @@
+"""The rows of a campaign on disk: a directory of Parquet files that are complete or not there."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+from filelock import FileLock, Timeout
+
+from flexid.campaigns.atomic import write_atomically
+from flexid.campaigns.manifest import (
+    FILE,
+    Manifest,
+    read_manifest,
+    refuse_another,
+    write_manifest,
+)
+from flexid.campaigns.plan import Plan
+from flexid.errors import CampaignError
+
+_LOCK = ".campaign.lock"
+
+
+@dataclass(frozen=True)
+class Store:
+    """The pieces of one campaign.
+
+    Parameters
+    ----------
+    directory : Path
+    manifest : Manifest
+    """
+
+    directory: Path
+    manifest: Manifest
+
+    def path(self, piece: int) -> Path:
+        """File of a piece's rows."""
+        return self.directory / "runs" / f"part-{piece:06d}.parquet"
+
+    def series_path(self, piece: int) -> Path:
+        """File of a piece's time series, where these are kept."""
+        return self.directory / "series" / f"part-{piece:06d}.parquet"
+
+    def write(self, piece: int, rows: pl.DataFrame, series: pl.DataFrame | None) -> None:
+        """Keep a piece: first its time series, so that rows never wait for theirs."""
+        if series is not None:
+            write_atomically(self.series_path(piece), lambda path: series.write_parquet(path))
+        write_atomically(self.path(piece), lambda path: rows.write_parquet(path))
+
+    def read(self, piece: int) -> pl.DataFrame | None:
+        """Rows of a piece; None if it is missing or damaged."""
+        try:
+            rows = pl.read_parquet(self.path(piece), memory_map=False)
+            complete = rows["run"].to_list() == list(self.manifest.runs_of(piece))
+        except (OSError, pl.exceptions.PolarsError):
+            return None
+        return rows if complete else None
+
+    def missing(self, plan: Plan) -> list[int]:
+        """Numbers of the pieces that have to be run, damaged ones among them."""
+        return [piece for piece in self.manifest.pieces if not self._holds(piece, plan)]
+
+    def _holds(self, piece: int, plan: Plan) -> bool:
+        rows = self.read(piece)
+        if rows is None:
+            return False
+        planned = plan.table(self.manifest.runs_of(piece))
+        if not set(planned.columns) <= set(rows.columns):
+            return False
+        if not rows.select(planned.columns).equals(planned):
+            return False
+        return "time_series" not in self.manifest.keep or _readable(self.series_path(piece))
+
+
+@contextmanager
+def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
+    """Open the directory of a campaign for writing, alone; make it if there is none.
+
+    Parameters
+    ----------
+    directory : Path
+    wanted : Manifest
+        What is to be run; a directory that is there keeps its number of runs per piece.
+
+    Raises
+    ------
+    CampaignError
+        If another process writes there, or the directory holds something else.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(directory / _LOCK)
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise CampaignError(
+            str(directory),
+            "is being written by another flexid campaign: wait for it, or give another directory",
+        ) from None
+    except OSError as error:
+        reason = (error.strerror or "no space").lower()
+        raise CampaignError(
+            str(directory), f"cannot be written ({reason}): give another directory"
+        ) from None
+    try:
+        yield Store(directory, _settled(directory, wanted))
+    finally:
+        lock.release()
+
+
+def _settled(directory: Path, wanted: Manifest) -> Manifest:
+    found = read_manifest(directory)
+    folders = ("runs", "series") if "time_series" in wanted.keep else ("runs",)
+    if found is None:
+        if any(directory.glob("runs/*")):
+            raise CampaignError(
+                str(directory), f"holds runs but no {FILE}: give another directory, or empty it"
+            )
+        found = wanted
+        write_manifest(wanted, directory)
+    else:
+        refuse_another(found, wanted, directory)
+    for folder in folders:
+        (directory / folder).mkdir(exist_ok=True)
+    return found
+
+
+def find_store(directory: Path) -> Store:
+    """Open the directory of a campaign for reading, while it runs or later.
+
+    Raises
+    ------
+    CampaignError
+        If it holds no campaign.
+    """
+    manifest = read_manifest(directory)
+    if manifest is None:
+        raise CampaignError(
+            str(directory), f"holds no campaign (no {FILE}): give the directory of --out"
+        )
+    return Store(directory, manifest)
+
+
+def _readable(path: Path) -> bool:
+    try:
+        pl.read_parquet(path, memory_map=False)
+    except (OSError, pl.exceptions.PolarsError):
+        return False
+    return True

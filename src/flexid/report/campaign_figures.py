@@ -1,0 +1,110 @@
+"""Figures of a campaign: how every result is distributed, and on what it depends most."""
+
+from collections.abc import Callable
+from math import ceil
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
+
+from flexid.campaigns.summary import Result, Summary
+from flexid.report.campaign_table import DETAILS
+from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
+
+Array = NDArray[np.float64]
+
+_COLUMNS = 3
+_BINS = 40
+_MOST_POINTS = 3000
+_LOGARITHMIC_FROM = 30.0  # ratio of the largest value to the smallest
+
+
+def save_campaign_figures(summary: Summary, directory: Path) -> None:
+    """Write distributions.png and dependence.png, where there is something to draw."""
+    shown = [result for result in summary.results if _drawable(result)]
+    if not shown:
+        return
+    with mpl.rc_context(STYLE):
+        save(_panels(shown, _draw_distribution), directory, "distributions")
+        depending = [result for result in shown if _strongest(result) is not None]
+        if depending:
+
+            def draw(ax: Axes, result: Result) -> None:
+                _draw_dependence(ax, result, summary)
+
+            save(_panels(depending, draw), directory, "dependence")
+
+
+def _drawable(result: Result) -> bool:
+    finite = result.values[np.isfinite(result.values)]
+    varies = len(finite) > 1 and bool(np.ptp(finite) > 0.0)
+    return varies and not result.name.startswith(DETAILS)
+
+
+def _panels(results: list[Result], draw: Callable[[Axes, Result], None]) -> Figure:
+    rows = ceil(len(results) / _COLUMNS)
+    figure = new_figure(height=0.4 + 1.75 * rows)
+    axes = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    for ax, result in zip(axes, results, strict=False):
+        draw(ax, result)
+    for ax in axes[len(results) :]:
+        ax.set_axis_off()
+    return figure
+
+
+def _draw_distribution(ax: Axes, result: Result) -> None:
+    values = result.values[np.isfinite(result.values)]
+    logarithmic = _logarithmic(values)
+    if logarithmic:
+        edges = np.geomspace(values.min(), values.max(), _BINS)
+        _log_axis(ax, "x", values)
+    else:
+        edges = np.linspace(values.min(), values.max(), _BINS)
+    ax.hist(values, edges, color=BLUE)
+    for value, style in zip(result.quantiles, (":", "-", ":"), strict=True):
+        ax.axvline(value, color=ORANGE, linestyle=style, linewidth=1.2)
+    ax.set_title(result.name, fontsize=8.5)
+    ax.set_yticks([])
+    ax.grid(visible=False)
+
+
+def _draw_dependence(ax: Axes, result: Result, summary: Summary) -> None:
+    name = _strongest(result)
+    assert name is not None
+    values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
+    there = np.isfinite(values)
+    values, inputs = values[there], inputs[there]
+    size = 14.0 if len(values) < 200 else 4.0
+    ax.scatter(inputs, values, s=size, color=BLUE, alpha=0.6 if size > 5 else 0.35, linewidths=0)
+    if _logarithmic(values):
+        _log_axis(ax, "y", values)
+    if _logarithmic(inputs):
+        _log_axis(ax, "x", inputs)
+    ax.set_title(result.name, fontsize=8.5)
+    ax.set_xlabel(name, fontsize=8, color=GREY)
+
+
+def _strongest(result: Result) -> str | None:
+    """The input that matters most, if one does."""
+    if result.indices:
+        return result.indices[0].input
+    told = [one.input for one in result.correlations if one.significant]
+    return told[0] if told else None
+
+
+def _logarithmic(values: Array) -> bool:
+    return bool(values.min() > 0.0 and values.max() > _LOGARITHMIC_FROM * values.min())
+
+
+def _log_axis(ax: Axes, which: str, values: Array) -> None:
+    """A logarithmic axis over whole decades, so that there are labels."""
+    lowest, highest = np.floor(np.log10(values.min())), np.ceil(np.log10(values.max()))
+    axis = ax.xaxis if which == "x" else ax.yaxis
+    limit = ax.set_xlim if which == "x" else ax.set_ylim
+    (ax.set_xscale if which == "x" else ax.set_yscale)("log")
+    limit(10.0**lowest, 10.0**highest)
+    axis.set_minor_formatter(NullFormatter())
