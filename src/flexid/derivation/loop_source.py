@@ -115,6 +115,7 @@ def loop_function(
     docstring: str,
     arrays: Mapping[str, Sequence[sp.Symbol]],
     results: Mapping[str, sp.Expr],
+    last: str = "",
 ) -> str:
     """A compiled function of time, arrays and the loop's parameters ``_p``.
 
@@ -130,6 +131,8 @@ def loop_function(
         The symbols that each argument holds, in order.
     results : mapping of str to Expr
         Target to expression.
+    last : str, optional
+        The function's last line.
     """
     used = set().union(*(expression.free_symbols for expression in results.values()))
     lines, used = signals.assignments(used)
@@ -143,4 +146,4 @@ def loop_function(
     if symbol("t") in used:
         reads.append("    t = _t")
     body = assignments(list(results), list(results.values()))
-    return function(signature, docstring, "\n".join(reads), lines, body)
+    return function(signature, docstring, "\n".join(reads), lines, body, last)

@@ -1,6 +1,5 @@
 """Continuous closed loops, stiff or not, to a stated tolerance."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from types import ModuleType
 
@@ -9,10 +8,11 @@ from numpy.typing import NDArray
 
 import flexid
 from flexid.control.loop import LoopDeclaration
-from flexid.errors import SettingError, SimulationError
+from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
+from flexid.simulation.sample_grid import SampleGrid, check_positive
 
 Array = NDArray[np.float64]
 
@@ -77,34 +77,7 @@ def simulate(
         largest = float(np.max(np.abs(end.variables)))
         raise SimulationError(_reason(kernel, end.status, largest, maximum_steps), end.reached)
     settings = {"task": task, **asdict(grid), **asdict(tolerance)}
-    return _run(loop, kernel, samples, settings, end)
-
-
-@dataclass(frozen=True)
-class SampleGrid:
-    """The instants 0, sample_time, 2 sample_time … up to the duration, in s.
-
-    Raises
-    ------
-    SettingError
-        If one is not positive.
-    """
-
-    duration: float
-    sample_time: float
-
-    def __post_init__(self) -> None:
-        check_positive(asdict(self))
-
-    @property
-    def count(self) -> int:
-        """Number of samples."""
-        return int(np.floor(self.duration / self.sample_time * (1.0 + 1e-12))) + 1
-
-    @property
-    def end(self) -> float:
-        """Time of the last one in s."""
-        return (self.count - 1) * self.sample_time
+    return _run(loop, kernel, grid, samples, settings, end)
 
 
 @dataclass(frozen=True)
@@ -186,13 +159,6 @@ def integrate_loop(
     return End(status, reached, variables, counts)
 
 
-def check_positive(settings: Mapping[str, float]) -> None:
-    """Raise a `SettingError` for the first that is no positive finite number."""
-    for name, value in settings.items():
-        if not 0.0 < value < np.inf:
-            raise SettingError(name, f"{value!r} must be a positive number")
-
-
 def loop_kernel(declaration: LoopDeclaration, plain_coordinates: bool = False) -> ModuleType:
     """Compiled functions of a closed loop with its stiff integrator."""
 
@@ -217,23 +183,21 @@ def split_outputs(kernel: ModuleType, outputs: Array) -> list[Array]:
 def _run(
     loop: ClosedLoop,
     kernel: ModuleType,
+    grid: SampleGrid,
     samples: Array,
     settings: dict[str, str | int | float],
     end: End,
 ) -> Run:
-    sample_time = float(settings["sample_time"])
-    time = sample_time * np.arange(len(samples), dtype=np.float64)
     outputs = np.empty((len(samples), kernel.N_OUTPUTS))
-    kernel.sampled_outputs(sample_time, samples, loop.parameters, outputs)
+    kernel.sampled_outputs(grid.sample_time, samples, loop.parameters, outputs)
     states, inputs, estimates, errors, tracking, _ = split_outputs(kernel, outputs)
     return Run(
         loop,
-        time,
+        grid.times,
         states,
         inputs,
         estimates,
         errors,
-        np.stack([loop.reference.evaluate(time, order) for order in range(5)], axis=1),
         tracking[:, 0],
         {**settings, "version": flexid.__version__},
         {"accepted_steps": int(end.counts[0]), "rejected_steps": int(end.counts[1])},

@@ -12,16 +12,17 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.errors import SettingError
+from flexid.errors import SettingError, SimulationError
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import (
-    SampleGrid,
     Tolerance,
     integrate_loop,
     loop_kernel,
     split_outputs,
 )
 from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.sample_grid import SampleGrid
+from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel, split_record
 from flexid.simulation.threads import share_out
 
 Array = NDArray[np.float64]
@@ -148,8 +149,67 @@ def simulate_ensemble(
         table.steps[place] = end.counts[0]
 
     share_out(len(loops), workers, job)
-    states, _, _, errors, _, _ = split_outputs(kernel, table.totals[:, kernel.OUTPUTS :])
+    states, _, _, errors, _, _ = split_outputs(kernel, table.totals[:, kernel.N_MEASURES :])
     return _ensemble(kernel, loops[0].system, table, table.reached, states, errors)
+
+
+def simulate_sampled_ensemble(
+    loops: Sequence[ClosedLoop],
+    duration: float,
+    samplings: Sequence[Sampling],
+    workers: int = 1,
+) -> Ensemble:
+    """Simulate many sampled loops, each as `simulate_sampled` does.
+
+    Measures are taken at the samples: means over all of them, peaks and settling times among them.
+    States and tracking error are the true ones, the inputs those that the plant received.
+
+    Parameters
+    ----------
+    loops : sequence of ClosedLoop
+        At least one; all of one declaration.
+    duration : float
+        In s; a run ends at the last sample within it.
+    samplings : sequence of Sampling
+        One per loop.
+    workers : int, optional
+        Threads.
+
+    Returns
+    -------
+    Ensemble
+        A run that `simulate_sampled` refuses is a row with its status.
+
+    Raises
+    ------
+    SettingError
+        If there is no loop, loops differ in more than values, there are not as many samplings, or
+        the duration is not positive.
+    """
+    _check(loops, workers)
+    if len(samplings) != len(loops):
+        raise SettingError("samplings", f"there are {len(samplings)} for {len(loops)} loops")
+    grids = [SampleGrid(duration, sampling.sample_time) for sampling in samplings]
+    kernel = sampled_kernel(loops[0].declaration)
+    table = _Table.of(len(loops), kernel.N_MEASURES)
+    record = np.full((len(loops), kernel.N_RECORD), np.nan)
+
+    def job(place: int) -> None:
+        sampling = samplings[place]
+        totals, row = table.totals[place], record[place : place + 1]
+        try:
+            end = run_sampled(kernel, loops[place], sampling, grids[place], row, totals)
+        except SimulationError:
+            table.status[place] = STATUS.index("step too small")
+            totals[:] = np.nan
+            return
+        table.status[place] = end.status
+        table.reached[place] = (end.samples - 1) * sampling.sample_time
+        table.steps[place] = end.samples
+
+    share_out(len(loops), workers, job)
+    states, _, _, errors, _, _ = split_record(kernel, record)
+    return _ensemble(kernel, loops[0].system, table, table.steps, states, errors)
 
 
 def _check(loops: Sequence[ClosedLoop], workers: int) -> None:
@@ -168,14 +228,14 @@ def _ensemble(
     kernel: ModuleType,
     system: ParametricSystem,
     table: _Table,
-    weights: Array,
+    weights: Array | NDArray[np.int64],
     states: Array,
     errors: Array,
 ) -> Ensemble:
     """Turn totals into measures; weights are what the sums over time are divided by."""
     totals, n = table.totals, kernel.N_COEFFICIENTS
     unsettled = totals[:, kernel.UNSETTLED : kernel.GRAM]
-    gram = totals[:, kernel.GRAM : kernel.OUTPUTS].reshape(-1, n, n)
+    gram = totals[:, kernel.GRAM : kernel.N_MEASURES].reshape(-1, n, n)
     with np.errstate(all="ignore"):  # a run given up at once, or beyond all numbers
         rms = np.sqrt(totals[:, 0] / weights)
         excitation = [_conditions(gram[:, part, part]) for _, part in system.row_slices()]

@@ -1,6 +1,7 @@
 """What a simulated closed loop did."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,6 @@ class Run:
     parameter_errors : (n, n_coefficients) ndarray
         p̃ = p̂ - p. From a continuous run it is not the difference of the two but the integrated
         error itself, so it keeps its digits as it vanishes.
-    reference : (n, 5) ndarray
-        q_d and its first four derivatives.
     tracking_error : (n,) ndarray
         Tracked state minus q_d, accurate also where it is far smaller than either.
     settings : dict
@@ -47,11 +46,15 @@ class Run:
     inputs: Array
     estimates: Array
     parameter_errors: Array
-    reference: Array
     tracking_error: Array
     settings: dict[str, str | int | float]
     statistics: dict[str, int]
     measured: Array | None = None
+
+    @cached_property
+    def reference(self) -> Array:
+        """q_d and its first four derivatives, (n, 5)."""
+        return np.stack([self.loop.reference.evaluate(self.time, d) for d in range(5)], axis=1)
 
     def between(self, start: float, stop: float) -> slice:
         """Samples of a time window, both ends included."""

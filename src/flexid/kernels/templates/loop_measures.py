@@ -3,15 +3,12 @@
 SETTLED = 0.05  # share of a coefficient within which its estimate counts as settled
 
 # What totals holds: the integral of the square and the largest magnitude of the tracking error, the
-# largest magnitude of each input, the last time at which each estimate was not settled, the
-# integrals of the products of each row's regressors (lower triangle), and room for the outputs that
-# these come from.
+# largest magnitude of each input, the last time at which each estimate was not settled, and the
+# integrals of the products of each row's regressors (lower triangle).
 PEAKS = 2
 UNSETTLED = PEAKS + N_INPUTS
 GRAM = UNSETTLED + N_COEFFICIENTS
-OUTPUTS = GRAM + N_COEFFICIENTS * N_COEFFICIENTS
-N_OUTPUTS = N_STATES + N_INPUTS + 3 * N_COEFFICIENTS + 1
-N_TOTALS = OUTPUTS + N_OUTPUTS
+N_MEASURES = GRAM + N_COEFFICIENTS * N_COEFFICIENTS
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,6 +1,9 @@
 # Template: needs loop_measures and outputs(t, z, p, y), whose y holds states, inputs, estimates, their
 # errors, the tracking error and the regressors in turn.
 
+N_OUTPUTS = N_STATES + N_INPUTS + 3 * N_COEFFICIENTS + 1
+N_TOTALS = N_MEASURES + N_OUTPUTS  # what was measured, then the last outputs
+
 
 @njit(cache=True, error_model="numpy")
 def sampled_outputs(sample_time, samples, p, y):
@@ -12,7 +15,7 @@ def sampled_outputs(sample_time, samples, p, y):
 @njit(cache=True, error_model="numpy")
 def observe(t, weight, z, p, totals):
     """Take one state of the loop into the totals; the true coefficients lead its parameters."""
-    y = totals[OUTPUTS:]
+    y = totals[N_MEASURES:]
     outputs(t, z, p, y)
     inputs = y[N_STATES:]
     errors = inputs[N_INPUTS + N_COEFFICIENTS :]

@@ -1,88 +1,99 @@
-# Template: needs right_hand_side, control, advance with its tuples, and the sizes.
+# Template: needs loop_measures, regressors, advance, sense, control, saturate, plant_step with their
+# tuples, and the sizes.
+
+# What a record holds: states, inputs, estimates, their errors, the tracking error and what was
+# measured, in turn.
+ESTIMATES = N_STATES + N_INPUTS
+ERRORS = ESTIMATES + N_COEFFICIENTS
+TRACKING = ERRORS + N_COEFFICIENTS
+MEASURED = TRACKING + 1
+N_RECORD = MEASURED + N_STATES
+
+FINISHED = 0
+NOT_FINITE = 3
+DIVERGED = 4
 
 
 @njit(cache=True, error_model="numpy")
-def measure(x, noise, resolution, seen):
-    """What the sensors show: every state with its noise, positions in whole encoder steps."""
-    for i in range(N_STATES):
-        seen[i] = x[i] + noise[i]
-        if i % 2 == 0 and resolution > 0.0:
-            seen[i] = resolution * np.floor(seen[i] / resolution + 0.5)
+def first_state(estimates):
+    """The observer before the first sample."""
+    empty = np.zeros(STATE_SIZE)
+    for i in range(N_COEFFICIENTS):
+        empty[1 + i] = estimates[i]
+    return as_state(empty)
 
 
 @njit(cache=True, error_model="numpy")
-def saturate(u, limit):
-    """Clip every input to the limit; return whether one was clipped."""
-    clipped = False
-    for i in range(N_INPUTS):
-        if abs(u[i]) > limit:
-            u[i] = copysign(limit, u[i])
-            clipped = True
-    return clipped
-
-
-@njit(cache=True, error_model="numpy")
-def move(x, u, p, c, duration, substeps):
-    """Move the plant on under a constant input, with the classical Runge-Kutta method."""
+def move(x, u, p, duration, substeps):
+    """Move the plant on under a constant input."""
     h = duration / substeps
-    slope = np.empty(N_STATES)
-    total = np.empty(N_STATES)
-    trial = np.empty(N_STATES)
     for _ in range(substeps):
-        for i in range(N_STATES):
-            total[i] = 0.0
-            trial[i] = x[i]
-        for stage in range(4):
-            right_hand_side(trial, u, p, c, slope)
-            weight = 1.0 if stage == 0 or stage == 3 else 2.0
-            ahead = h if stage == 2 else 0.5 * h
-            for i in range(N_STATES):
-                total[i] += weight * slope[i]
-                trial[i] = x[i] + ahead * slope[i]
-        for i in range(N_STATES):
-            x[i] += h / 6.0 * total[i]
+        x = plant_step(x, u, p, h)
+    return x
 
 
 @njit(cache=True, error_model="numpy")
-def bounded(x):
-    """Whether every state is finite and of a size that means something."""
-    for i in range(N_STATES):
-        if not abs(x[i]) < 1e12:
+def bounded(values):
+    """Whether every number is finite and of a size that means something."""
+    for value in values:
+        if not abs(value) < 1e12:
             return False
     return True
 
 
 @njit(cache=True, error_model="numpy")
-def sampled_run(parameters, p, c, noise, resolution, limit, substeps, start_estimates, observer, states, inputs, measured, estimates):
-    """Run the loop; states[0] holds the start. Return samples done and how many were clipped.
+def note(x, u, current, tracking, seen, p, y):
+    """Write one sample into a row of the record."""
+    for i in range(N_STATES):
+        y[i] = x[i]
+        y[MEASURED + i] = seen[i]
+    for i in range(N_INPUTS):
+        y[N_STATES + i] = u[i]
+    for i in range(N_COEFFICIENTS):
+        y[ESTIMATES + i] = current[1 + i]
+        y[ERRORS + i] = current[1 + i] - p[i]
+    y[TRACKING] = tracking
 
-    observer holds the settings of the sampled observer, its sample time first.
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def sampled_run(start, p, constants, noise, deviations, resolution, limit, substeps, estimates, observer, count, record, totals):
+    """Run the loop from a start over so many samples.
+
+    noise        standard normal numbers, a row per sample, or no rows for none
+    deviations   what they are multiplied by: for positions and for velocities
+    observer     settings of the sampled observer, its sample time first
+    record       a row per sample, or a single row for the last one alone
+    totals       zeros to which measures are added, every sample with weight 1; empty if not wanted
+    Returns a status, samples done and how many were clipped.
     """
     h = observer[0]
     settings = as_settings(observer)
-    empty = np.zeros(STATE_SIZE)
-    for i in range(N_COEFFICIENTS):
-        empty[1 + i] = start_estimates[i]
-    current = as_state(empty)
-    x = np.empty(N_STATES)
-    for i in range(N_STATES):
-        x[i] = states[0, i]
-    sample = np.empty((1, SAMPLE_SIZE))
+    parameters = as_parameters(p)
+    current = first_state(estimates)
+    x = as_states(start)
+    r = np.empty(N_COEFFICIENTS)
+    known = np.empty(N_ROWS)
+    logged = record.shape[0] > 1
+    measured = totals.shape[0] > 0
+    position, velocity = deviations[0], deviations[1]
     clipped = 0
-    for n in range(states.shape[0]):
-        for i in range(N_STATES):
-            states[n, i] = x[i]
-        measure(x, noise[n], resolution, measured[n])
-        control(n * h, measured[n], parameters, inputs[n])
-        clipped += saturate(inputs[n], limit)
-        for i in range(N_STATES):
-            sample[0, i] = measured[n, i]
-        for i in range(N_INPUTS):
-            sample[0, N_STATES + i] = inputs[n, i]
-        current, _ = advance(current, as_sample(sample, 0), settings)
-        for i in range(N_COEFFICIENTS):
-            estimates[n, i] = current[1 + i]
-        move(x, inputs[n], p, c, h, substeps)
+    for n in range(count):
+        seen = sense(x, noise, n, position, velocity, resolution)
+        u, reference = control(n * h, seen, parameters)
+        u, cut = saturate(u, limit)
+        clipped += cut
+        current, _ = advance(current, seen + u, settings)
+        y = record[n if logged else 0]
+        note(x, u, current, x[TRACKED] - reference, seen, parameters, y)
+        if measured:
+            regressors(y, y[N_STATES:], constants, r, known)
+            add_measures(n * h, 1.0, y[N_STATES:], y[ERRORS:], y[TRACKING], r, p, totals)
+        x = move(x, u, parameters, h, substeps)
         if not bounded(x):
-            return n + 1, clipped
-    return states.shape[0], clipped
+            return DIVERGED, n + 1, clipped
+    # An estimate that once was not finite stays so.
+    status = FINISHED
+    for i in range(N_COEFFICIENTS):
+        if not abs(current[1 + i]) < np.inf:
+            status = NOT_FINITE
+    return status, count, clipped
