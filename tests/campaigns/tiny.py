@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
+import polars as pl
+
 EXPERIMENT = """
 [plant]
 gravity_torque = 5.0
@@ -58,3 +61,20 @@ def write_experiment(path: Path, campaign: str = CAMPAIGN, experiment: str = EXP
     """Write an experiment file."""
     path.write_text(experiment + campaign)
     return path
+
+
+def rows_of(directory: Path) -> pl.DataFrame:
+    """Return all rows of a finished campaign."""
+    return pl.concat(pl.read_parquet(path) for path in sorted(directory.glob("runs/*.parquet")))
+
+
+def same_bits(one: pl.DataFrame, other: pl.DataFrame) -> bool:
+    """Whether two tables agree to the last bit, NaN included."""
+    return one.schema == other.schema and all(
+        np.array_equal(_bits(one[name]), _bits(other[name])) for name in one.columns
+    )
+
+
+def _bits(column: pl.Series) -> np.ndarray:
+    values = column.to_numpy()
+    return values.view(np.int64) if values.dtype == np.float64 else values

@@ -11,7 +11,7 @@ from flexid.errors import FlexidError
 from flexid.experiments import Experiment
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.ensemble import STATUS as STATUS_NAMES
-from flexid.simulation.ensemble import Ensemble, simulate_ensemble
+from flexid.simulation.ensemble import Ensemble, simulate_ensemble, simulate_sampled_ensemble
 
 Array = NDArray[np.float64]
 
@@ -115,8 +115,6 @@ def _ensembles(
 def _ensemble(runs: Sequence[Experiment]) -> Ensemble:
     loops, settings = [run.loop for run in runs], runs[0].settings
     if runs[0].sampling is not None:
-        from flexid.simulation.ensemble import simulate_sampled_ensemble
-
         samplings = [run.sampling for run in runs if run.sampling is not None]
         return simulate_sampled_ensemble(loops, settings.duration, samplings)
     return simulate_ensemble(

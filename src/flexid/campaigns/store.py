@@ -58,6 +58,12 @@ class Store:
             return None
         return rows if complete else None
 
+    @property
+    def kept(self) -> int:
+        """Number of runs whose files are there, read or not."""
+        there = (piece for piece in self.manifest.pieces if self.path(piece).exists())
+        return sum(len(self.manifest.runs_of(piece)) for piece in there)
+
     def missing(self, plan: Plan) -> list[int]:
         """Numbers of the pieces that have to be run, damaged ones among them."""
         return [piece for piece in self.manifest.pieces if not self._holds(piece, plan)]

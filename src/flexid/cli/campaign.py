@@ -65,24 +65,31 @@ def _run(path: Path, out: Path, workers: int | None, scheduler: str | None) -> N
 
     experiment = read_experiment(path)
     bar = _progress_bar()
-    kept = [0, 0]
     task = bar.add_task("preparing (the first run on a machine compiles for up to a minute)")
 
     def report(done: int, total: int) -> None:
-        kept[:] = done, total
         bar.update(task, description="running", completed=done, total=total)
 
     try:
         with bar:
             campaign = run_campaign(experiment, out, workers, scheduler, report)
     except KeyboardInterrupt:
-        done, total = kept
-        runs = f"{done} of {total} runs are kept in {out}" if total else "nothing was run yet"
-        typer.echo(f"flexid: interrupted: {runs}; the same command goes on", err=True)
+        typer.echo(f"flexid: interrupted: {_kept(out)}; the same command goes on", err=True)
         raise typer.Exit(_INTERRUPTED) from None
     statuses = ", ".join(f"{name} {count}" for name, count in campaign.statuses.items())
     typer.echo(f"{campaign.runs} runs in {out}: {statuses}")
     typer.echo(f"What they tell: flexid campaign --summary {out}")
+
+
+def _kept(out: Path) -> str:
+    from flexid.campaigns.store import find_store
+    from flexid.errors import CampaignError
+
+    try:
+        store = find_store(out)
+    except CampaignError:
+        return "nothing was run yet"
+    return f"{store.kept} of {store.manifest.runs} runs are kept in {out}"
 
 
 def _progress_bar() -> "Progress":

@@ -1,0 +1,166 @@
+"""A campaign's directory: what is kept, redone and refused."""
+
+import json
+from dataclasses import replace
+
+import polars as pl
+import pytest
+from filelock import FileLock
+
+from flexid.campaigns.manifest import Manifest
+from flexid.campaigns.plan import make_plan
+from flexid.campaigns.store import find_store, open_store
+from flexid.errors import CampaignError
+from flexid.experiments.variation import Variation
+
+INPUTS = {"controller.k": tuple(map(float, range(10, 17)))}
+PLAN = make_plan(Variation("grid", 7, 0, INPUTS, (), None), sampled=False)
+MANIFEST = Manifest(
+    flexid="1.0",
+    experiment="0123",
+    plan=PLAN.digest,
+    kind="grid",
+    runs=7,
+    inputs=PLAN.inputs,
+    keep=("tracking",),
+    runs_per_piece=3,
+    text="the file",
+)
+
+
+def rows(runs):
+    """Return rows of some runs, as after a run."""
+    return PLAN.table(runs).with_columns(tracking_rms=pl.col("controller.k") / 3.0)
+
+
+@pytest.fixture
+def full(tmp_path):
+    """A directory with all pieces."""
+    with open_store(tmp_path / "out", MANIFEST) as store:
+        for piece in MANIFEST.pieces:
+            store.write(piece, rows(MANIFEST.runs_of(piece)), None)
+        assert store.missing(PLAN) == []
+    return tmp_path / "out"
+
+
+def missing(directory):
+    """Return the numbers of the pieces that would be run."""
+    with open_store(directory, MANIFEST) as store:
+        return store.missing(PLAN)
+
+
+def test_pieces_hold_all_runs_once():
+    """Assert that the last piece has what is left over."""
+    assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+
+
+def test_a_new_directory_lacks_everything(tmp_path):
+    """Assert that the manifest is there before the first piece."""
+    assert missing(tmp_path / "a" / "b") == [0, 1, 2]
+    assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
+
+
+@pytest.mark.parametrize("size", [0, 3, 200, -1])
+def test_a_cut_piece_is_run_again(full, size):
+    """Assert that a piece cut anywhere counts as missing, and only that one."""
+    path = full / "runs" / "part-000001.parquet"
+    path.write_bytes(path.read_bytes()[:size])
+    assert missing(full) == [1]
+
+
+def test_a_file_that_never_got_its_name_does_no_harm(full):
+    """Assert that what a killed process left under a temporary name is no piece."""
+    piece = full / "runs" / "part-000002.parquet"
+    piece.rename(piece.with_name(".part-000002.parquet.tmp"))
+    assert missing(full) == [2]
+
+
+def test_pieces_in_the_wrong_place_are_run_again(full):
+    """Assert that a piece with other runs, or other values, is not taken for the right one."""
+    piece = full / "runs" / "part-000001.parquet"
+    piece.write_bytes((full / "runs" / "part-000000.parquet").read_bytes())
+    changed = rows(range(6, 7)).with_columns(pl.lit(99.0).alias("controller.k"))
+    changed.write_parquet(full / "runs" / "part-000002.parquet")
+    assert missing(full) == [1, 2]
+
+
+def test_a_directory_keeps_its_piece_size(full):
+    """Assert that a file that asks for other pieces goes on with those that are there."""
+    with open_store(full, replace(MANIFEST, runs_per_piece=2)) as store:
+        assert store.manifest == MANIFEST
+        assert store.missing(PLAN) == []
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "reason"),
+    [
+        ("flexid", "0.9", "holds a campaign of flexid 1.0, and this is 0.9"),
+        ("experiment", "4567", "holds a campaign of another experiment"),
+        ("plan", "4567", "in which something else varies"),
+        ("keep", ("excitation",), "keeps other results (tracking)"),
+    ],
+)
+def test_the_directory_of_something_else_is_refused(full, field, value, reason):
+    """Assert that one sentence says what differs, and nothing is touched."""
+    before = sorted(path.stat().st_mtime_ns for path in full.rglob("*.parquet"))
+    with (
+        pytest.raises(CampaignError) as refused,
+        open_store(full, replace(MANIFEST, **{field: value})),
+    ):
+        pass
+    assert reason in str(refused.value)
+    assert str(refused.value).endswith(": give another directory")
+    assert sorted(path.stat().st_mtime_ns for path in full.rglob("*.parquet")) == before
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "{}", '{"flexid": 3}', "null", '{"runs": -1}', "\x00\xff"]
+)
+def test_a_damaged_manifest_is_refused(full, text):
+    """Assert that whatever stands in it ends in one sentence, for writing and reading."""
+    (full / "campaign.json").write_text(text)
+    for opened in (lambda: missing(full), lambda: find_store(full)):
+        with pytest.raises(CampaignError, match="is damaged or of no campaign"):
+            opened()
+
+
+def test_a_manifest_with_wrong_types_is_refused(full):
+    """Assert that each field's type is checked."""
+    content = json.loads((full / "campaign.json").read_text())
+    for field, value in content.items():
+        wrong = [value] if isinstance(value, str | int) else "text"
+        (full / "campaign.json").write_text(json.dumps(content | {field: wrong}))
+        with pytest.raises(CampaignError, match="is damaged"):
+            find_store(full)
+
+
+def test_runs_without_a_manifest_are_refused(full):
+    """Assert that rows of which nothing is known are neither used nor overwritten."""
+    (full / "campaign.json").unlink()
+    with pytest.raises(CampaignError, match=r"holds runs but no campaign\.json"):
+        missing(full)
+
+
+def test_one_process_at_a_time(full):
+    """Assert that a directory in use is refused, and free afterwards."""
+    with FileLock(full / ".campaign.lock"):
+        with pytest.raises(CampaignError, match="is being written by another flexid campaign"):
+            missing(full)
+        assert find_store(full).read(0) is not None
+    assert missing(full) == []
+
+
+@pytest.mark.parametrize("name", ["file/below", "file"])
+def test_a_directory_that_cannot_be_is_refused(tmp_path, name):
+    """Assert that a path that is or goes through a file is one sentence."""
+    (tmp_path / "file").write_text("")
+    with pytest.raises(CampaignError, match="cannot be written"):
+        missing(tmp_path / name)
+
+
+def test_an_empty_directory_has_no_summary(tmp_path):
+    """Assert that a directory without a campaign, or no directory, is told from a damaged one."""
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path, tmp_path / "nothing", tmp_path / "file"):
+        with pytest.raises(CampaignError, match="no campaign|no directory"):
+            find_store(path)

@@ -1,0 +1,120 @@
+"""Campaigns that are interrupted, resumed and shared between workers end with the same bits."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from tests.campaigns.tiny import EXPERIMENT, rows_of, same_bits, write_experiment
+
+from flexid.campaigns import run_campaign
+from flexid.errors import CampaignError
+from flexid.experiments import read_experiment
+
+KILLED = """
+import os, signal, sys
+from flexid.campaigns import atomic, run_campaign
+from flexid.experiments import read_experiment
+
+replace, count = os.replace, 0
+
+def killing(*names):
+    global count
+    count += str(names[1]).endswith(".parquet")
+    if count == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    replace(*names)
+
+atomic.os.replace = killing
+run_campaign(read_experiment(sys.argv[1]), sys.argv[2])
+"""
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    """The tiny campaign."""
+    return read_experiment(write_experiment(tmp_path_factory.mktemp("file") / "tiny.toml"))
+
+
+@pytest.fixture(scope="module")
+def whole(experiment, tmp_path_factory):
+    """Rows of the campaign run at once, on one thread."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    assert run_campaign(experiment, out, workers=1).statuses == {"finished": 12}
+    return rows_of(out)
+
+
+def test_the_number_of_workers_changes_no_bit(experiment, whole, tmp_path):
+    """Assert that three threads leave the rows of one."""
+    run_campaign(experiment, tmp_path, workers=3)
+    assert same_bits(rows_of(tmp_path), whole)
+
+
+def test_the_piece_size_changes_no_bit(whole, tmp_path):
+    """Assert that pieces of five leave the rows of pieces of three."""
+    path = write_experiment(tmp_path / "tiny.toml")
+    path.write_text(path.read_text().replace("runs_per_piece = 3", "runs_per_piece = 5"))
+    run_campaign(read_experiment(path), tmp_path / "out")
+    assert len(list(tmp_path.glob("out/runs/*.parquet"))) == 3
+    assert same_bits(rows_of(tmp_path / "out"), whole)
+
+
+def test_kill_9_loses_the_piece_at_hand_alone(experiment, whole, tmp_path):
+    """Assert that a campaign killed while it writes its third piece goes on from the second."""
+    out = tmp_path / "out"
+    killed = subprocess.run([sys.executable, "-c", KILLED, experiment.path, str(out)], timeout=300)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(list(out.glob("runs/part-*.parquet"))) == 2
+    kept = []
+    run_campaign(experiment, out, progress=lambda done, _: kept.append(done))
+    assert kept == [6, 9, 12]
+    assert same_bits(rows_of(out), whole)
+
+
+def test_what_is_done_is_not_done_again(experiment, whole, tmp_path):
+    """Assert that only a damaged piece of a finished campaign is written anew."""
+    run_campaign(experiment, tmp_path)
+    pieces = sorted(tmp_path.glob("runs/*.parquet"))
+    before = {path: path.stat().st_ino for path in pieces}
+    pieces[1].write_bytes(pieces[1].read_bytes()[:-9])
+    run_campaign(experiment, tmp_path)
+    assert [path for path in pieces if path.stat().st_ino != before[path]] == [pieces[1]]
+    assert same_bits(rows_of(tmp_path), whole)
+
+
+def test_another_experiment_finds_the_directory_taken(experiment, tmp_path):
+    """Assert that a changed gain in the file is another campaign, a changed title is not."""
+    run_campaign(experiment, tmp_path / "out")
+    text = EXPERIMENT.replace("derivative = 10.0", "derivative = 11.0")
+    path = write_experiment(tmp_path / "other.toml", experiment=text)
+    with pytest.raises(CampaignError, match="another experiment"):
+        run_campaign(read_experiment(path), tmp_path / "out")
+    path = write_experiment(tmp_path / "title.toml", experiment='name = "A title"\n' + EXPERIMENT)
+    run_campaign(read_experiment(path), tmp_path / "out")
+
+
+def test_control_c_keeps_what_is_done(tmp_path):
+    """Assert that an interrupt exits 130 with one sentence that counts the pieces kept."""
+    text = EXPERIMENT.replace("duration = 0.1", "duration = 60.0")
+    campaign = "[campaign]\nkind = 'latin-hypercube'\nruns = 2000\nruns_per_piece = 2\n"
+    campaign += "vary.observer.link = { uniform = [1.0, 2.0] }\n"
+    path, out = write_experiment(tmp_path / "slow.toml", campaign, text), tmp_path / "out"
+    command = [sys.executable, "-c", "from flexid.cli.main import main; main()"]
+    process = subprocess.Popen(
+        [*command, "campaign", str(path), "--out", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while process.poll() is None and not list(out.glob("runs/part-*")):
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=120)
+    done = 2 * len(list(out.glob("runs/part-*")))
+    assert (process.returncode, stdout) == (130, "")
+    assert stderr.splitlines() == [
+        f"flexid: interrupted: {done} of 2000 runs are kept in {out}; the same command goes on"
+    ]
+    assert 0 < done < 2000
