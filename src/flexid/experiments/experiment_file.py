@@ -71,8 +71,10 @@ class _Builder:
         model = validated(tables, self._schema, self._refuse).model_dump()["model"]
         self._system = system or declared_system(model, path.parent, self._refuse)
         self._joint = "file" not in model
+        self._states = self._system.states
+        self._coefficients = self._system.coefficients
         needed = model["known"] if self._joint else self._system.constants
-        self._names = (*self._system.coefficients, *needed)
+        self._names = (*self._coefficients, *needed)
         self._loop = loop
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
@@ -103,7 +105,7 @@ class _Builder:
 
     def _complete(self, content: dict[str, Any]) -> None:
         """Write down what the file leaves to the model: constants, and zeros at the start."""
-        state, states = content["initial_state"], self._system.states
+        state, states = content["initial_state"], self._states
         for name in state:
             if name not in states:
                 raise self._refuse(
@@ -112,8 +114,8 @@ class _Builder:
         content["initial_state"] = {name: state.get(name, 0.0) for name in states}
         if not self._joint:
             content["plant"] = {**self._system.constants, **content["plant"]}
-        if not any(name not in self._system.coefficients for name in content["initial_estimates"]):
-            zeros = dict.fromkeys(self._system.coefficients, 0.0)
+        if all(name in self._coefficients for name in content["initial_estimates"]):
+            zeros = dict.fromkeys(self._coefficients, 0.0)
             content["initial_estimates"] = zeros | content["initial_estimates"]
 
     def _check_length(self, settings: RunSettings) -> None:
@@ -131,10 +133,10 @@ class _Builder:
         if self._joint and "coulomb_velocity" in system.constants:
             constants["coulomb_velocity"] = content["model"]["coulomb_velocity"]
         parts = {
-            "coefficients": {name: values[name] for name in system.coefficients},
+            "coefficients": {name: values[name] for name in self._coefficients},
             "observer_gains": content["observer"],
             "initial_estimates": estimate_values(
-                content["initial_estimates"], system, self._joint, refuse
+                content["initial_estimates"], self._coefficients, self._names, self._joint, refuse
             ),
             "initial_state": tuple(content["initial_state"].values()),
             "reference": declared_reference(content["reference"], refuse),

@@ -74,18 +74,24 @@ def plant_values(
 
 
 def estimate_values(
-    estimates: Table, system: ParametricSystem, joint: bool, refuse: Refuse
+    estimates: Table,
+    unknown: Collection[str],
+    names: Collection[str],
+    joint: bool,
+    refuse: Refuse,
 ) -> dict[str, float]:
-    """p̂ at the start of every coefficient, 0 for those left out; names as for the plant."""
-    values = lumped("initial_estimates", estimates, system.coefficients, joint, refuse)
+    """p̂ at the start of every unknown coefficient, 0 for those left out.
+
+    Written like the plant; among physical parameters, a guess of what is known serves the others.
+    """
+    values = lumped("initial_estimates", estimates, unknown, joint, refuse)
     for name in values:
-        # A guess of the motor's inertia serves the other coefficients where beta1 is known
-        if name not in system.coefficients and name not in system.constants:
+        if name not in names:
             raise refuse(
                 f"initial_estimates.{_source(name, estimates)}",
                 "belongs to a term that the model does not have: remove it",
             )
-    return {name: values.get(name, 0.0) for name in system.coefficients}
+    return {name: values.get(name, 0.0) for name in unknown}
 
 
 def lumped(

@@ -3,20 +3,36 @@
 import math
 from typing import Annotated, Any, Generic, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StringConstraints,
+)
 
 from flexid.experiments.variation import MEASURES, Distribution, Kept, Kind, Plan
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.models.terms import COULOMB_VELOCITY
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w-]+$")]
-LARGEST = 1e30
-"""Beyond it, and below its inverse, powers of a number overflow, and no drive has one."""
 
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Positive = Annotated[float, Field(ge=1 / LARGEST, le=LARGEST)]
-NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
-Negative = Annotated[float, Field(ge=-LARGEST, lt=0)]
+SMALLEST = 1e-30
+LARGEST = 1e30
+"""Beyond these, powers of a number overflow, and no drive has one."""
+
+
+def _of_a_drive(value: float) -> float:
+    if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
+        raise ValueError(f"a magnitude between {SMALLEST:g} and {LARGEST:g} is needed")
+    return value
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_of_a_drive)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False), AfterValidator(_of_a_drive)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), AfterValidator(_of_a_drive)]
+Negative = Annotated[float, Field(lt=0, allow_inf_nan=False), AfterValidator(_of_a_drive)]
 Exponent = Annotated[float, Field(ge=-6, le=6)]
 
 
