@@ -109,7 +109,7 @@ def assess(information: Information, fit: LeastSquaresFit, input_unit: str) -> A
         Unit of the input, which is part of some coefficients' units.
     """
     excitation = {
-        row.name: excitation_of_gram(row.name, row.coefficients, row.gram / len(row.time))
+        row.name: excitation_of_gram(row.name, row.coefficients, row.gram / row.count)
         for row in fit.rows
     }
     values = dict(zip(information.names, map(float, information.values), strict=True))

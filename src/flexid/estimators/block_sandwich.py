@@ -51,16 +51,27 @@ def block_lengths(
         Equations in each block, in the pieces' order; no block crosses from piece to piece.
     """
     total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
+    blocks = []
+    for n, sample_time in zip(lengths, sample_times, strict=True):
+        blocks += divided(n, block_size(total, sample_time, filter_rate, n_coefficients))
+    return blocks
+
+
+def block_size(total: float, sample_time: float, filter_rate: float, n_coefficients: int) -> int:
+    """Equations in a block of a record of a total length in s; the rest as for `block_lengths`."""
     duration = max(block_duration(total), _INDEPENDENCE / filter_rate)
     # A short record gets shorter blocks than wanted rather than no interval at all.
     duration = min(duration, total / (n_coefficients + 3))
-    blocks = []
-    for n, sample_time in zip(lengths, sample_times, strict=True):
-        size = max(1, min(n, round(duration / sample_time)))
-        # What is left over is a block of its own, or belongs to the last one if it is short.
-        count = max(1, (2 * n + size) // (2 * size))
-        blocks += [size] * (count - 1) + [n - (count - 1) * size]
-    return blocks
+    return max(1, round(duration / sample_time))
+
+
+def divided(n: int, size: int) -> list[int]:
+    """Blocks of a size that n equations make.
+
+    What is left over is a block of its own, or belongs to the last one if it is less than half.
+    """
+    count = max(1, (2 * n + size) // (2 * size))
+    return [size] * (count - 1) + [n - (count - 1) * size]
 
 
 def block_influences(

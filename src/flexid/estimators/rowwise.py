@@ -1,5 +1,6 @@
 """Least squares row by row, with a covariance that runs across the rows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,8 +15,8 @@ from flexid.recording.recording import Hold
 
 
 @dataclass(frozen=True, eq=False)
-class RowFit:
-    """Least squares of one row.
+class RowSums:
+    """Least squares of one row, without the data that it was fitted to.
 
     Parameters
     ----------
@@ -31,10 +32,8 @@ class RowFit:
         Sums of squares of the residual and of the left-hand side.
     undetermined : tuple of str
         Coefficients that the data leave free: their variance is infinite.
-    regressors : array, shape (k, n_equations)
-        R, all pieces in turn.
-    time, left_hand_side, fitted : array, shape (n_equations,)
-        What was fitted, less what is known or fixed; its fit; and when.
+    count : int
+        Equations that were fitted.
     """
 
     name: str
@@ -44,6 +43,21 @@ class RowFit:
     residual_sum: float
     total_sum: float
     undetermined: tuple[str, ...]
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class RowFit(RowSums):
+    """Least squares of one row; as `RowSums`, and what was fitted.
+
+    Parameters
+    ----------
+    regressors : array, shape (k, n_equations)
+        R, all pieces in turn.
+    time, left_hand_side, fitted : array, shape (n_equations,)
+        What was fitted, less what is known or fixed; its fit; and when.
+    """
+
     regressors: FloatArray
     time: FloatArray
     left_hand_side: FloatArray
@@ -107,14 +121,30 @@ class RowwiseFit:
             )
             for row in self.rows
         ]
-        influences = np.concatenate([influences for influences, _ in found])
-        freedom = np.concatenate([freedom for _, freedom in found])
-        covariance = influences @ influences.T
-        undetermined = {c for row in self.rows for c in row.undetermined}
-        free = (freedom == 0.0) | np.array([name in undetermined for name in self.names])
-        covariance[free, :] = covariance[:, free] = 0.0
-        covariance[free, free] = np.inf
-        return covariance, tuple(freedom.tolist())
+        return covariance_of_rows(self.rows, found)
+
+
+def covariance_of_rows(
+    rows: Sequence[RowSums], found: Sequence[tuple[FloatArray, FloatArray]]
+) -> tuple[FloatArray, tuple[float, ...]]:
+    """Covariance of all rows together, and the degrees of freedom of each variance.
+
+    Parameters
+    ----------
+    rows : sequence of RowSums
+        What was sought in each row.
+    found : sequence of tuple of array
+        Influences and degrees of freedom of each row, as of `block_influences`.
+    """
+    influences = np.concatenate([influences for influences, _ in found])
+    freedom = np.concatenate([freedom for _, freedom in found])
+    covariance = influences @ influences.T
+    names = [name for row in rows for name in row.coefficients]
+    undetermined = {c for row in rows for c in row.undetermined}
+    free = (freedom == 0.0) | np.array([name in undetermined for name in names])
+    covariance[free, :] = covariance[:, free] = 0.0
+    covariance[free, free] = np.inf
+    return covariance, tuple(freedom.tolist())
 
 
 def fit_rows(
@@ -176,6 +206,7 @@ def _fit_row(
         float(np.sum((left_hand_side - fitted) ** 2)),
         float(np.sum(left_hand_side**2)),
         tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
+        len(time),
         regressors,
         time,
         left_hand_side,

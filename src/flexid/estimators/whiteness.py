@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from flexid.estimators.samples import FloatArray
 
@@ -44,4 +44,4 @@ def whiteness(segments: Sequence[FloatArray], n_fitted: int) -> float:
         correlation = products / power * count / pairs
         correlation = np.where(correlation == 0.0, 0.0, correlation + bias)
         statistic += float(pairs * np.sum(correlation**2))
-    return float(chi2.sf(statistic, longest * n_outputs))
+    return float(chdtrc(longest * n_outputs, statistic))

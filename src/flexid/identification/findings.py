@@ -7,7 +7,7 @@ import numpy as np
 
 from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.estimators.prediction_error import PredictionErrorFit
-from flexid.estimators.rowwise import RowFit
+from flexid.estimators.rowwise import RowSums
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.candidate import Candidate, Fitted
 from flexid.identification.estimates import estimator_shifts, filter_shifts, row_evidence
@@ -77,7 +77,7 @@ def findings(
     # What ended at a bound is fixed there for least squares too, so that the unknowns agree.
     same = replace(candidate, fixed={**candidate.fixed, **reported.at_bound}, bounds={})
     start = same.least_squares(pieces.whole, pieces.groups).fit
-    excitation = {row.name: _excitation(row, ()) for row in start.rows if row.coefficients}
+    excitation = {row.name: row_excitation(row, ()) for row in start.rows if row.coefficients}
     excess = residual_excess(start, reported.unknowns, candidate.samples(pieces.whole))
     if candidate.segment_duration == 0:
         others = [
@@ -99,20 +99,20 @@ def findings(
         start,
         shifts,
         of_rows,
-        {row.name: _excitation(row, known) for row in start.rows if row.coefficients},
+        {row.name: row_excitation(row, known) for row in start.rows if row.coefficients},
         fit_percent,
         deflection_doubt,
     )
     return Findings(start, excitation, excess, evidence)
 
 
-def _excitation(row: RowFit, known: Collection[str]) -> Excitation:
+def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
     """Excitation of a row beside what is known of it."""
     sought = [place for place, name in enumerate(row.coefficients) if name not in known]
     if not sought:
         return Excitation(row.name, (), np.ones(1), 0.0, (), np.empty(0), 0.0, ())
     names = [row.coefficients[place] for place in sought]
-    return excitation_of_gram(row.name, names, row.gram[np.ix_(sought, sought)] / len(row.time))
+    return excitation_of_gram(row.name, names, row.gram[np.ix_(sought, sought)] / row.count)
 
 
 def _of(name: str, shifts: Mapping[str, float]) -> float:

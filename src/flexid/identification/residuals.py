@@ -57,7 +57,7 @@ def residual_excess(
             if coordinate == place:
                 response = response + second
             variance += float(sigma**2 * np.sum(response**2))
-        residual = row.residual_sum / max(1, len(row.time))
+        residual = row.residual_sum / max(1, row.count)
         excess[row.name] = float(np.sqrt(residual / max(variance, np.finfo(float).tiny)))
     return excess
 

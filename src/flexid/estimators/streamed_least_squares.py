@@ -1,0 +1,333 @@
+"""Least squares on filtered positions in one pass over a record of any length.
+
+The record comes in stretches that overlap: each brings the samples before it that the filter still
+remembers, so that its equations are those of the whole record and stretches may be worked on in any
+order. Of each block of equations only the products are kept,
+
+    M_b = Σ [r; e] [r; e]ᵀ,        e = y - rᵀ p₀,
+
+with the regressors r, the left-hand side y and values p₀ near the answer, from the beginning of the
+record. Their sum gives the coefficients; centred on p₀ it loses no digits to cancellation. One by
+one they give the blocks' scores at whatever the coefficients turn out to be, and so the same
+covariance as of a record in memory (`flexid.estimators.block_sandwich`). When there are
+`MOST_BLOCKS` of them, neighbours are joined, and from then on blocks are twice as long: memory is
+bounded, and longer blocks are no less independent.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from flexid.estimators.block_sandwich import divided, summed_influences
+from flexid.estimators.row_signals import row_signals, sought_signals, wanted_signals
+from flexid.estimators.rowwise import RowSums, covariance_of_rows
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.state_variable_filter import memory, project_out_past
+from flexid.estimators.unknowns import Unknowns
+from flexid.recording.recording import Hold
+
+MOST_BLOCKS = 32_768
+"""Blocks whose products are kept: nine hours in blocks of a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreamedFit:
+    """Least squares of a record that is not in memory.
+
+    Parameters
+    ----------
+    names : tuple of str
+        What is sought, row by row.
+    values : array, shape (n,)
+        Their values, in the system's units.
+    rows : tuple of RowSums
+        The rows' own results.
+    covariance : array, shape (n, n)
+        As of `flexid.estimators.rowwise.RowwiseFit`.
+    degrees_of_freedom : tuple of float
+        Of each variance, for Student's t; 0 where there is none.
+    hold : {"linear", "zero"}
+        Hold of the inputs.
+    filter_rate : float
+        λ in 1/s.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    rows: tuple[RowSums, ...]
+    covariance: FloatArray
+    degrees_of_freedom: tuple[float, ...]
+    hold: Hold
+    filter_rate: float
+
+    @property
+    def standard_deviations(self) -> FloatArray:
+        """Standard deviation of each value, shape (n,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def information(self) -> FloatArray:
+        """Gram matrix of all rows, shape (n, n): the sum of squares' quadratic form."""
+        return np.asarray(block_diag(*(row.gram for row in self.rows)))
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Products of the equations of a stretch, block by block.
+
+    Parameters
+    ----------
+    rows : tuple of array, shape (n_blocks, k + 1, k + 1)
+        M_b of each row.
+    lengths : tuple of int
+        Equations in each block.
+    """
+
+    rows: tuple[FloatArray, ...]
+    lengths: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StreamedProblem:
+    """What is sought in a stream, and how.
+
+    Parameters
+    ----------
+    unknowns : Unknowns
+        What is sought; of one group of pieces.
+    reference : array, shape (n,)
+        p₀, values near the answer; the answer does not depend on them but for rounding.
+    filter_rate : float
+        λ in 1/s.
+    hold : {"linear", "zero"}
+        Hold of the inputs.
+    block : int
+        Equations in a block.
+    """
+
+    unknowns: Unknowns
+    reference: FloatArray
+    filter_rate: float
+    hold: Hold
+    block: int
+
+    def warm_up(self, sample_time: float) -> int:
+        """Samples before the first equation of a stretch that its samples have to begin."""
+        return memory(self.filter_rate, sample_time)
+
+    def products(self, samples: Samples, skipped: int, count: int, begins: bool) -> Products:
+        """Products of some equations of a stretch; may be called from several threads.
+
+        Parameters
+        ----------
+        samples : Samples
+            The stretch. Equation i belongs to the samples i to i + 2.
+        skipped : int
+            Equations before the first one that counts: at least those of `warm_up`, or none at the
+            beginning of a piece.
+        count : int
+            Equations that count: whole blocks, but at the end of a piece.
+        begins : bool
+            Whether a piece begins here, so that what the filter remembers from before is unknown.
+        """
+        system = self.unknowns.system
+        pole = float(np.exp(-self.filter_rate * samples.sample_time))
+        signals = row_signals(samples, system, self.hold, pole, self._wanted)
+        if begins:
+            project_out_past(signals[:, : self.warm_up(samples.sample_time)], pole)
+        signals = signals[:, skipped : skipped + count]
+        regressors, left_hand_sides = sought_signals(signals, self.unknowns, [0], [count])
+        left_hand_sides -= self._explained(regressors)
+        lengths = divided(count, self.block)
+        rows = []
+        first = 0
+        for place, row in enumerate(system.rows):
+            stop = first + len(self.unknowns.names_of(row))
+            both = np.concatenate((regressors[first:stop], left_hand_sides[place : place + 1]))
+            rows.append(_block_products(both, self.block, lengths))
+            first = stop
+        return Products(tuple(rows), tuple(lengths))
+
+    @cached_property
+    def _wanted(self) -> NDArray[np.int64]:
+        return wanted_signals(self.unknowns, [0])
+
+    def _explained(self, regressors: FloatArray) -> FloatArray:
+        """What the reference explains of each row's left-hand side."""
+        explained = np.zeros((len(self.unknowns.system.rows), regressors.shape[1]))
+        first = 0
+        for place, row in enumerate(self.unknowns.system.rows):
+            part = slice(first, first + len(self.unknowns.names_of(row)))
+            explained[place] = self.reference[part] @ regressors[part]
+            first = part.stop
+        return explained
+
+
+class StreamedSums:
+    """Products of all blocks of a stream, in order; memory is bounded.
+
+    Parameters
+    ----------
+    problem : StreamedProblem
+        What is sought.
+    most_blocks : int, optional
+        Blocks that are kept, an even number.
+    """
+
+    def __init__(self, problem: StreamedProblem, most_blocks: int = MOST_BLOCKS) -> None:
+        self.problem = problem
+        self.count = 0
+        """Equations added."""
+        sizes = [len(problem.unknowns.names_of(row)) + 1 for row in problem.unknowns.system.rows]
+        self._most = most_blocks
+        self._kept = [np.empty((most_blocks, size, size)) for size in sizes]
+        self._filled = 0  # of the kept
+        self._joined = 1  # blocks in each of these
+        self._open = [np.zeros((size, size)) for size in sizes]  # the next one, not yet complete
+        self._in_open = 0
+
+    def add(self, products: Products) -> None:
+        """Add the blocks of the next stretch."""
+        self.count += sum(products.lengths)
+        for block in range(len(products.lengths)):
+            for total, row in zip(self._open, products.rows, strict=True):
+                total += row[block]
+            self._in_open += 1
+            if self._in_open == self._joined:
+                self._close()
+
+    def _close(self) -> None:
+        for kept, total in zip(self._kept, self._open, strict=True):
+            kept[self._filled] = total
+            total[:] = 0.0
+        self._filled += 1
+        self._in_open = 0
+        if self._filled == self._most:
+            half = self._most // 2
+            for kept in self._kept:
+                kept[:half] = kept[::2] + kept[1::2]
+            self._filled = half
+            self._joined *= 2
+
+    def fit(
+        self, unknowns: Unknowns | None = None, without: Sequence[Products] = ()
+    ) -> StreamedFit:
+        """Least squares of all that was added.
+
+        Parameters
+        ----------
+        unknowns : Unknowns, optional
+            The problem's, or with more coefficients fixed.
+        without : sequence of Products
+            Blocks to be left out of the values; the covariance stays that of all blocks.
+        """
+        unknowns = unknowns or self.problem.unknowns
+        left_out = sum(sum(products.lengths) for products in without)
+        values, rows, found = [], [], []
+        first = 0
+        for place, row in enumerate(unknowns.system.rows):
+            blocks = self._blocks(place)
+            total = blocks.sum(axis=0)
+            for products in without:
+                total -= products.rows[place].sum(axis=0)
+            names = self.problem.unknowns.names_of(row)
+            reference = self.problem.reference[first : first + len(names)]
+            sought = np.array([i for i, c in enumerate(names) if c not in unknowns.fixed], np.int64)
+            step = np.array([unknowns.fixed.get(c, 0.0) for c in names]) - reference
+            sums, step[sought] = _solved(
+                row.name, names, reference, sought, step, total, self.count - left_out
+            )
+            scores = (blocks @ np.append(-step, 1.0))[:, sought]
+            normal = blocks[:, sought[:, None], sought]
+            found.append(summed_influences(normal, scores, sums.inverse))
+            values.append(reference[sought] + step[sought])
+            rows.append(sums)
+            first += len(names)
+        covariance, freedom = covariance_of_rows(rows, found)
+        return StreamedFit(
+            unknowns.names,
+            np.concatenate(values),
+            tuple(rows),
+            covariance,
+            freedom,
+            self.problem.hold,
+            self.problem.filter_rate,
+        )
+
+    def _blocks(self, place: int) -> FloatArray:
+        """Products of a row, block by block, the last one as far as it got."""
+        kept = self._kept[place][: self._filled]
+        return np.concatenate((kept, self._open[place][None])) if self._in_open else kept
+
+
+def _solved(
+    name: str,
+    names: tuple[str, ...],
+    reference: FloatArray,
+    sought: NDArray[np.int64],
+    step: FloatArray,
+    total: FloatArray,
+    count: int,
+) -> tuple[RowSums, FloatArray]:
+    """Least squares of a row from the sum of its products.
+
+    Parameters
+    ----------
+    name, names, reference
+        The row, what its products are for, and p₀ of these.
+    sought : array of int
+        Places of what is sought among them.
+    step : array, shape (k,)
+        From p₀ to the values of what is fixed, and to zero for what is sought.
+    total : array, shape (k + 1, k + 1)
+        Products of all blocks.
+    count : int
+        Equations in them.
+
+    Returns
+    -------
+    sums : RowSums
+    step : array
+        From p₀ to the values of what is sought.
+    """
+    fixed = step.copy()
+    fixed[sought] = 0.0
+    gram = total[sought[:, None], sought]
+    scale = np.sqrt(np.diag(gram))
+    inverse, free = scaled_inverse(gram, np.where(scale > 0.0, scale, 1.0))
+    from_fixed = np.append(-fixed, 1.0)
+    right = (total @ from_fixed)[sought]
+    # Along directions that the data leave open the answer is the one of least norm.
+    found = inverse @ (right + gram @ reference[sought]) - reference[sought]
+    found += inverse @ (right - gram @ found)
+    whole = fixed.copy()
+    whole[sought] = found
+    from_zero, from_found = np.append(-step, 1.0), np.append(-whole, 1.0)
+    coefficients = tuple(names[i] for i in sought)
+    sums = RowSums(
+        name,
+        coefficients,
+        gram,
+        inverse,
+        float(from_found @ total @ from_found),
+        float(from_zero @ total @ from_zero),
+        tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
+        count,
+    )
+    return sums, found
+
+
+def _block_products(both: FloatArray, size: int, lengths: Sequence[int]) -> FloatArray:
+    """Products of a row's equations, shape (n_blocks, k + 1, k + 1), from (k + 1, n_equations)."""
+    whole = len(lengths) - 1
+    products = np.empty((len(lengths), len(both), len(both)))
+    blocks = both[:, : whole * size].reshape(len(both), whole, size).transpose(1, 0, 2)
+    np.matmul(blocks, blocks.transpose(0, 2, 1), out=products[:whole])
+    rest = both[:, whole * size :]
+    products[whole] = rest @ rest.T
+    return products
