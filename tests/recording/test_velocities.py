@@ -6,8 +6,9 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
-from flexid.recording import Recording, position_noise, with_velocities
+from flexid.recording import Recording, position_noise, velocities, with_velocities
 from flexid.recording.recording import FloatArray
 from flexid.recording.velocities import velocity
 
@@ -135,3 +136,21 @@ def test_measured_velocities_are_kept() -> None:
     assert complete.motor_velocity is derivative
     assert complete.link_velocity is not None
     np.testing.assert_allclose(complete.link_velocity, derivative, atol=1e-8)
+
+
+@pytest.mark.parametrize("half", [3, 20, 100])
+def test_differentiates_as_savitzky_and_golay(half: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that with a given window the derivative is that of SciPy's filter, ends included."""
+    monkeypatch.setattr(velocities, "best_half_window", lambda _: half)
+    position = np.random.default_rng(half).standard_normal(400).cumsum()
+    window, order = 2 * half + 1, velocities.DEGREE
+    expected = np.asarray(savgol_filter(position, window, order, deriv=1, delta=0.01))
+    np.testing.assert_allclose(velocity(position, 0.01), expected, rtol=1e-7, atol=1e-7)
+
+
+def test_wide_windows_keep_their_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that a window of thousands of samples still differentiates a polynomial exactly."""
+    monkeypatch.setattr(velocities, "best_half_window", lambda _: 2000)
+    time = np.linspace(-1.0, 1.0, 4501)
+    derivative = velocity(time**5 - time, float(time[1] - time[0]))
+    np.testing.assert_allclose(derivative, 5 * time**4 - 1, atol=1e-9)

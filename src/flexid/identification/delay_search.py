@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear, root_scalar
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from flexid.estimators.block_sandwich import block_lengths
 from flexid.estimators.samples import FloatArray
@@ -188,7 +188,7 @@ class DelaySearch:
     def _describe(self, linear: _Linear) -> DelayEstimate:
         delay, limit = linear.delay, self._layout.limit
         inflation, degrees_of_freedom = self._inflation(linear)
-        quantile = float(student_t.ppf(0.5 + _CONFIDENCE / 2, degrees_of_freedom))
+        quantile = float(stdtrit(degrees_of_freedom, 0.5 + _CONFIDENCE / 2))
         best = linear.misfit(delay, self._least, self._most)
         ceiling = best + inflation * quantile**2
         simple = self._linear(delay, linear.sizes, self._simple).best(self._least, self._simple)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit
@@ -67,12 +66,12 @@ def _responses(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Impulse responses of the filter alone, with the first and with the second difference."""
     pole = np.exp(-filter_rate * sample_time)
-    impulse = np.zeros(int(min(_MEMORY / (filter_rate * sample_time), most_samples)) + 10)
-    impulse[2] = 1.0
-    smooth = lfilter([(1 - pole) ** 2], [1.0, -2 * pole, pole**2], impulse)
-    first = lfilter([1.0, 0.0, -1.0], [2 * sample_time], smooth)
-    second = lfilter([1.0, -2.0, 1.0], [sample_time**2], smooth)
-    return np.asarray(smooth), np.asarray(first), np.asarray(second)
+    count = int(min(_MEMORY / (filter_rate * sample_time), most_samples)) + 10
+    smooth = np.zeros(count)
+    smooth[2:] = (1 - pole) ** 2 * np.arange(1, count - 1) * pole ** np.arange(count - 2)
+    before, twice = (np.concatenate((np.zeros(n), smooth[:-n])) for n in (1, 2))
+    first = (smooth - twice) / (2 * sample_time)
+    return smooth, first, (smooth - 2.0 * before + twice) / sample_time**2
 
 
 def _linearised(

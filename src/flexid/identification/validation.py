@@ -1,22 +1,22 @@
 """Free runs: how well the model alone repeats a stretch that was kept out of the fit."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from flexid.errors import SimulationError
 from flexid.identification.joint import Joint
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import FreeRun, Validation
 from flexid.recording.recording import Hold, Recording
-from flexid.simulation.free_run import free_run
+from flexid.simulation.free_run import FreeRunner
 
 _WARM_UP = 0.5  # s of data before the held-out stretch from which its first state is taken
 _FEWEST_SAMPLES = 20
 _STEP = 1e-4  # rad and rad/s, for the Jacobian
+_MOST_STEPS = 20
+_CONVERGED = 1e-9  # relative fall of the sum of squares by a step that ends the search
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
 _CHOICE_STARTS = (0.0, 0.2, 0.4, 0.6)  # of a stretch, from which runs start where a choice is made
 
@@ -96,30 +96,40 @@ def _runs(
 def _run(joint: Joint, piece: Recording, start: int, values: FloatArray, hold: Hold) -> FloatArray:
     """Channels of a free run from a sample on; its first state is that of the data before."""
     coefficients = dict(zip(joint.system.coefficients, map(float, values), strict=True))
+    samples = joint.samples(piece)
     length = max(_FEWEST_SAMPLES, round(_WARM_UP / piece.sample_time))
     first = max(0, start - length)
-    positions = joint.samples(piece).positions[first:start]
-
-    def run(state: FloatArray, begin: int, end: int) -> FloatArray:
-        inputs = piece.input[begin:end]
-        return free_run(joint.system, coefficients, state, inputs, piece.sample_time, hold)
+    positions, inputs = samples.positions[first:start], samples.inputs
+    guess = _initial_guess(positions, piece.sample_time)
+    runner = FreeRunner.near(
+        joint.system, coefficients, guess, inputs[first], piece.sample_time, hold
+    )
 
     def misfit(state: FloatArray) -> FloatArray:
-        return (run(state, first, start)[:, ::2] - positions).ravel()
+        return (runner.run(state, inputs[first:start])[:, ::2] - positions).ravel()
 
-    guess = _initial_guess(positions, piece.sample_time)
-    # Over the warm-up the motion is all but linear in its first state: one Jacobian is enough.
-    base = misfit(guess)
-    slopes = [(misfit(guess + step) - base) / _STEP for step in _STEP * np.eye(len(guess))]
-    jacobian = np.column_stack(slopes)
-    found = least_squares(misfit, guess, jac=_always(jacobian), method="lm")
-    state = run(found.x, first, start + 1)[-1]
-    return joint.channels_of(run(state, start, len(piece))[:, ::2])
+    state = runner.run(_least(misfit, guess), inputs[first : start + 1])[-1]
+    return joint.channels_of(runner.run(state, inputs[start:])[:, ::2])
 
 
-def _always(jacobian: FloatArray) -> Any:
-    """A function of the state that SciPy takes for the Jacobian; its stubs know of none."""
-    return lambda _: jacobian
+def _least(misfit: Callable[[FloatArray], FloatArray], guess: FloatArray) -> FloatArray:
+    """State of the least sum of squares of a misfit that is nearly linear in it.
+
+    Over the warm-up the motion is, so one Jacobian is enough.
+    """
+    state, left = guess, misfit(guess)
+    slopes = [(misfit(guess + step) - left) / _STEP for step in _STEP * np.eye(len(guess))]
+    inverse = np.linalg.pinv(np.column_stack(slopes))
+    for _ in range(_MOST_STEPS):
+        trial = state - inverse @ left
+        rest = misfit(trial)
+        if not rest @ rest < left @ left:
+            break
+        done = rest @ rest > (1.0 - _CONVERGED) * (left @ left)
+        state, left = trial, rest
+        if done:
+            break
+    return state
 
 
 def _initial_guess(positions: FloatArray, sample_time: float) -> FloatArray:

@@ -51,6 +51,8 @@ def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     UnitError
         If the unit is unknown or measures another quantity.
     """
+    if text in si_units:  # as nearly always; Pint takes a third of a second to be ready
+        return 1.0, text
     factor, root = _root_unit(text, si_units)
     for si_unit in si_units:
         si_factor, si_root = _root_unit(si_unit, si_units)

@@ -1,6 +1,7 @@
 """Free run: the model alone, from an initial state, under a recorded input."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
@@ -49,20 +50,73 @@ def free_run(
         If the motion grows beyond all bounds, or the model is far too fast for the sample time.
     """
     u = np.ascontiguousarray(inputs, dtype=float).reshape(len(np.asarray(inputs)), -1)
-    p = np.array([coefficients[name] for name in system.coefficients])
-    c = np.array(list(system.constants.values()), dtype=float)
-    out = np.empty((len(u), len(system.states)))
     x0 = np.asarray(initial_state, dtype=float)
-    held = int(hold == "zero")
-    kernel = free_run_kernel(system)
-    substeps = runge_kutta_substeps(kernel, x0, u[0], p, c, sample_time)
-    written = kernel.free_run(x0, u, p, c, sample_time, held, substeps, out)
-    if written < len(u):
-        raise SimulationError(
-            "the free run of the model diverges: its coefficients make it unstable",
-            written * sample_time,
+    return FreeRunner.near(system, coefficients, x0, u[0], sample_time, hold).run(x0, u)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeRunner:
+    """Free runs of one model from several states that lie close to each other.
+
+    Parameters
+    ----------
+    kernel : module
+        Of the model.
+    coefficients, constants : ndarray
+        Of the model, in its order.
+    sample_time : float
+        In s.
+    held : bool
+        Whether the input is constant until the next sample.
+    substeps : int
+        Of the integrator per sample.
+    """
+
+    kernel: ModuleType
+    coefficients: NDArray[np.float64]
+    constants: NDArray[np.float64]
+    sample_time: float
+    held: bool
+    substeps: int
+
+    @classmethod
+    def near(
+        cls,
+        system: ParametricSystem,
+        coefficients: Mapping[str, float],
+        state: NDArray[np.float64],
+        first_input: NDArray[np.float64],
+        sample_time: float,
+        hold: Hold,
+    ) -> "FreeRunner":
+        """Prepare for runs from about a state; parameters and errors are those of `free_run`."""
+        kernel = free_run_kernel(system)
+        p = np.array([coefficients[name] for name in system.coefficients])
+        c = np.array(list(system.constants.values()), dtype=float)
+        substeps = runge_kutta_substeps(kernel, state, first_input, p, c, sample_time)
+        return cls(kernel, p, c, sample_time, hold == "zero", substeps)
+
+    def run(
+        self, initial_state: NDArray[np.float64], inputs: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """States, shape (n, n_states), at the samples of the inputs, shape (n, n_inputs)."""
+        out = np.empty((len(inputs), len(initial_state)))
+        written = self.kernel.free_run(
+            initial_state,
+            inputs,
+            self.coefficients,
+            self.constants,
+            self.sample_time,
+            int(self.held),
+            self.substeps,
+            out,
         )
-    return out
+        if written < len(inputs):
+            raise SimulationError(
+                "the free run of the model diverges: its coefficients make it unstable",
+                written * self.sample_time,
+            )
+        return out
 
 
 def free_run_kernel(system: ParametricSystem) -> ModuleType:
