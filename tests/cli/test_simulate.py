@@ -1,0 +1,135 @@
+"""``flexid simulate`` as a user meets it."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import flexid as package
+from flexid.experiments import read_experiment
+from flexid.recording.read import read_log
+
+FOLDER = Path(__file__).parents[2] / "experiments"
+TABLE1 = FOLDER / "huang2003.toml"
+SAMPLED = FOLDER / "sampled_joint.toml"
+SHORT = ("--set", "run.duration=1")
+
+
+def test_run_is_written_whole(flexid: Callable, tmp_path: Path):
+    """Assert that series, summary and figures appear, and that the summary tells the series."""
+    out = tmp_path / "run"
+    outcome = flexid("simulate", TABLE1, "--out", out, "--csv", *SHORT, "--set", "controller.k=40")
+    assert outcome.status == 0, outcome.stderr
+    assert {file.name for file in out.iterdir()} == {
+        "run.parquet", "run.csv", "log.parquet", "log.csv", "run.json", "motion.png",
+        "estimates.png",
+    }  # fmt: skip
+    series = pl.read_parquet(out / "run.parquet")
+    assert series.equals(pl.read_csv(out / "run.csv"))
+    summary = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    experiment = read_experiment(TABLE1).with_values({"run.duration": 1.0, "controller.k": 40.0})
+    run = experiment.run()
+    assert np.array_equal(series["theta2_error [1/s^2]"], run.parameter_errors[:, 1])
+    assert np.array_equal(series["link_position [rad]"], run.states[:, 0])
+    assert summary["coefficients"]["theta2"]["final"] == series["theta2_estimate [1/s^2]"][-1]
+    assert summary["statistics"] == run.statistics
+    assert summary["provenance"]["experiment_digest"] == experiment.digest
+    assert summary["provenance"]["flexid_version"] == package.__version__
+    assert summary["provenance"]["tables"]["controller"]["k"] == 40.0
+
+
+def test_sampled_log_can_be_read_as_a_recording(flexid: Callable, tmp_path: Path):
+    """Assert that both tables of a sampled run are logs to identify from, without a column map."""
+    assert flexid("simulate", SAMPLED, "--out", tmp_path, *SHORT).status == 0
+    log = read_log(tmp_path / "log.parquet")
+    assert not log.warnings
+    whole = read_log(tmp_path / "run.parquet")
+    run = read_experiment(SAMPLED).with_values({"run.duration": 1.0}).run()
+    assert run.measured is not None
+    for piece in (log.pieces[0], whole.pieces[0]):
+        assert np.array_equal(piece.motor_position, run.measured[:, 2])
+        assert np.array_equal(piece.input, run.inputs[:, 0])
+        assert piece.input_unit == "N m"
+    truth = pl.read_parquet(tmp_path / "run.parquet")["true_motor_position [rad]"]
+    assert np.array_equal(truth, run.states[:, 2])
+
+
+def test_output_prints_within_100_columns(flexid: Callable):
+    """Assert that the answer names every coefficient, and is no wider than promised."""
+    outcome = flexid("simulate", SAMPLED, *SHORT)
+    assert outcome.status == 0
+    lines = outcome.stdout.splitlines()
+    assert max(map(len, lines)) <= 100
+    for name in ("theta1", "theta2", "alpha1", "alpha2", "Tracking error", "Excitation, motor row"):
+        assert sum(line.strip().startswith(name) for line in lines) == 1
+
+
+def test_json_is_the_summary(flexid: Callable, tmp_path: Path):
+    """Assert that --json prints what run.json holds."""
+    outcome = flexid("simulate", SAMPLED, *SHORT, "--json", "--out", tmp_path)
+    assert outcome.stdout == (tmp_path / "run.json").read_text(encoding="utf-8")
+    assert json.loads(outcome.stdout)["provenance"]["mode"] == "sampled"
+
+
+def test_divergence_says_what_and_when(flexid: Callable, tmp_path: Path):
+    """Assert that a loop that cannot be integrated exits 1 with a time and leaves no files."""
+    out = tmp_path / "run"
+    steps = ("--set", "run.maximum_steps=100")
+    outcome = flexid("simulate", TABLE1, "--out", out, *steps)
+    assert outcome.status == 1
+    assert outcome.stdout == ""
+    assert "simulation stopped at t = " in outcome.stderr
+    assert "100 steps did not suffice" in outcome.stderr
+    assert not out.exists()
+
+
+def test_unstable_sampled_loop_exits_1(flexid: Callable, tmp_path: Path):
+    """Assert that a sampled loop that runs away is told as such."""
+    text = SAMPLED.read_text(encoding="utf-8").replace("input_limit = 60.0 # N m\n", "")
+    path = tmp_path / "unstable.toml"
+    path.write_text(text.replace("derivative = 10.0", "derivative = 1e5"), encoding="utf-8")
+    outcome = flexid("simulate", path)
+    assert outcome.status == 1
+    assert "the sampled loop diverges" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("nowhere.toml",), "nowhere.toml: no such file"),
+        ((TABLE1, "--set", "controller.kk=3"), "write controller.k"),
+        ((TABLE1, "--set", "controller.k"), "path=number"),
+        ((TABLE1, "--set", "controller.k=__import__('os')"), "path=number"),
+        ((TABLE1, "--set", "controller.k=nan"), "finite number"),
+        ((TABLE1, "--set", "controller.k=1", "--set", "controller.k=2"), "twice"),
+        ((TABLE1, "--out", TABLE1), "--out"),
+    ],
+)
+def test_bad_input_is_one_sentence(flexid: Callable, arguments: tuple, complaint: str):
+    """Assert that bad input exits 2 with one line and no traceback."""
+    outcome = flexid("simulate", *arguments)
+    assert outcome.status == 2
+    assert complaint in outcome.stderr
+    assert len(outcome.stderr.strip().splitlines()) == 1
+
+
+def test_model_of_ones_own_has_its_own_names(flexid: Callable, tmp_path: Path, examples: Path):
+    """Assert that a model file is simulated under its own names, without units it did not state."""
+    (tmp_path / "pendulum.toml").write_bytes((examples / "models/pendulum.toml").read_bytes())
+    path = tmp_path / "experiment.toml"
+    path.write_text(
+        '[model]\nfile = "pendulum.toml"\n[plant]\ngravity = 9.0\nviscous = 0.1\ndrag = 0.0\n'
+        '[controller]\nlaw = "expressions"\ntracked = "q"\ninputs = { u = "stiffness*(qd - q)" }\n'
+        "parameters = { stiffness = 2.0 }\n"
+        '[reference]\nkind = "constant"\nvalue = 0.3\n[observer]\narm = 5.0\n'
+        "[run]\nduration = 0.5\n[sampling]\n",
+        encoding="utf-8",
+    )
+    outcome = flexid("simulate", path, "--out", tmp_path / "run")
+    assert outcome.status == 0, outcome.stderr
+    columns = pl.read_parquet(tmp_path / "run" / "run.parquet").columns
+    assert {"time", "arm_position", "true_arm_position", "viscous_estimate"} <= set(columns)
+    assert not any("[" in name for name in columns)

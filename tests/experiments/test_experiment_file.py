@@ -1,0 +1,254 @@
+"""Experiment files: what they mean, and what is refused how."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from flexid.errors import ExperimentError, FlexidError
+from flexid.experiments import read_experiment
+from flexid.simulation.closed_loop import simulate
+from flexid.simulation.sampled import Sampling
+from flexid.studies.huang2003.table1 import PHYSICAL, TRUE, table1_loop
+
+FOLDER = Path(__file__).parents[2] / "experiments"
+TEXT = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
+SAMPLED = (FOLDER / "sampled_joint.toml").read_text(encoding="utf-8")
+CAMPAIGN = (FOLDER / "huang2003_campaign.toml").read_text(encoding="utf-8")
+
+PENDULUM = """
+[model]
+file = "pendulum.toml"
+[plant]
+gravity = 20.0
+viscous = 0.4
+drag = 0.1
+[controller]
+law = "expressions"
+tracked = "q"
+inputs = { u = "stiffness*(qd - q) - 0.5*v" }
+parameters = { stiffness = 2.0 }
+[reference]
+kind = "constant"
+value = 0.3
+[observer]
+arm = 5.0
+[run]
+duration = 2.0
+"""
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    """Write an experiment file."""
+    path = folder / "experiment.toml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+@pytest.fixture
+def pendulum(tmp_path: Path, examples: Path) -> Path:
+    """Return an experiment with a model and a law of its own."""
+    model = (examples / "models" / "pendulum.toml").read_text(encoding="utf-8")
+    (tmp_path / "pendulum.toml").write_text(model, encoding="utf-8")
+    return write(tmp_path, PENDULUM)
+
+
+def test_table_1_is_the_studies_loop():
+    """Assert that the shipped file gives the loop of Table I, and its run bit for bit."""
+    experiment = read_experiment(FOLDER / "huang2003.toml")
+    loop = table1_loop((1, 2, 3))
+    assert experiment.loop.parameters.tolist() == loop.parameters.tolist()
+    assert experiment.loop.start_estimates.tolist() == loop.start_estimates.tolist()
+    assert experiment.loop.initial_state == loop.initial_state
+    assert (experiment.mode, experiment.duration, experiment.sample_time) == (
+        "continuous",
+        30.0,
+        1e-3,
+    )
+    short = experiment.with_values({"run.duration": 1.0})
+    mine, theirs = short.run(), simulate(loop, 1.0, 1e-3, 1e-6)
+    assert np.array_equal(mine.states, theirs.states)
+    assert np.array_equal(mine.parameter_errors, theirs.parameter_errors)
+
+
+def test_campaign_starts_from_table_1():
+    """Assert that the shipped campaign varies the loop of Table I and nothing else."""
+    campaign = read_experiment(FOLDER / "huang2003_campaign.toml")
+    assert campaign.loop.parameters.tolist() == table1_loop((1, 2, 3)).parameters.tolist()
+    assert campaign.digest == read_experiment(FOLDER / "huang2003.toml").digest
+
+
+def test_coefficients_and_physical_parameters_mean_the_same(tmp_path: Path):
+    """Assert that a plant in lumped coefficients is the plant in physical parameters."""
+    text = TEXT
+    for name in PHYSICAL:
+        start = text.index(f"\n{name} = ")
+        text = text[:start] + text[text.index("\n", start + 1) :]
+    lumped = "".join(f"{name} = {value!r}\n" for name, value in TRUE.items())
+    loop = read_experiment(write(tmp_path, text.replace("[plant]", f"[plant]\n{lumped}"))).loop
+    assert loop.parameters.tolist() == table1_loop((1, 2, 3)).parameters.tolist()
+
+
+def test_physical_guesses_start_the_observer(tmp_path: Path):
+    """Assert that initial estimates may be physical parameters."""
+    start = TEXT.index("theta1 = 2.5")
+    end = TEXT.index("[run]")
+    guess = "".join(f"{name} = {value / 2}\n" for name, value in PHYSICAL.items())
+    loop = read_experiment(write(tmp_path, TEXT[:start] + guess + TEXT[end:])).loop
+    # Half a stiffness over half an inertia is the whole coefficient
+    assert loop.start_estimates == pytest.approx(loop.true_coefficients)
+
+
+def test_model_file_lies_beside_the_experiment(pendulum: Path):
+    """Assert that a model's path counts from the experiment, and its constants keep their value."""
+    experiment = read_experiment(pendulum)
+    assert experiment.loop.system.constants == {"inertia": 0.05}
+    assert experiment.values["plant.inertia"] == 0.05
+    run = experiment.run()
+    assert abs(run.tracking_error[-1]) < abs(run.tracking_error[0])
+
+
+def test_sampling_makes_a_sampled_loop():
+    """Assert that the table ``sampling`` says what the sensors are like."""
+    experiment = read_experiment(FOLDER / "sampled_joint.toml")
+    step = 2 * np.pi / 65536
+    assert experiment.mode == "sampled"
+    assert experiment.sampling == Sampling(1e-3, 60.0, step, 2e-5, 1e-3, 1)
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        (
+            'law = "pd-gravity"\nproportional = 5.0\nderivative = 1.0\n[controller.nominal]\n'
+            "gravity_torque = 4.0\njoint_stiffness = 90.0",
+            {"proportional": 5.0, "nominal_gravity_torque": 4.0},
+        ),
+        (
+            'law = "computed-torque"\npoles = [-1, -2, -3, -4]\n[controller.nominal]\n'
+            "gravity_torque = 4.0\nlink_inertia = 1.0\njoint_stiffness = 90.0\n"
+            "motor_inertia = 0.2\nmotor_viscous_friction = 0.1",
+            {"stiffness0": 24.0, "nominal_beta1": 5.0, "nominal_theta1": 4.0},
+        ),
+    ],
+)
+def test_every_law_can_be_named(law: str, parameters: dict[str, float], tmp_path: Path):
+    """Assert that the other laws take their values from the file."""
+    start, end = TEXT.index('law = "robust"'), TEXT.index("[reference]")
+    text = f"{TEXT[:start]}{law}\n{TEXT[end:]}"
+    controller = read_experiment(write(tmp_path, text)).loop.controller
+    for name, value in parameters.items():
+        assert controller.parameters[name] == pytest.approx(value)
+
+
+FAULTS = {
+    "empty": ("", "controller", "add the table"),
+    "unknown key": (TEXT.replace("k = 50", "kk = 50"), "controller.kk", "remove it"),
+    "missing key": (TEXT.replace("k = 50.0", ""), "controller.k", "add it"),
+    "law": (TEXT.replace('"robust"', '"robustest"'), "controller.law", "robust, pd-gravity"),
+    "law is no text": (TEXT.replace('"robust"', "[]"), "controller.law", "correct it"),
+    "reference": (TEXT.replace('"sine"', '"triangle"'), "reference.kind", "sine, multisine"),
+    "text for a number": (TEXT.replace("k = 50.0", 'k = "50"'), "controller.k", "valid number"),
+    "truth for a number": (TEXT.replace("k = 50.0", "k = true"), "controller.k", "valid number"),
+    "not a number": (TEXT.replace("k = 50.0", "k = nan"), "controller.k", "finite"),
+    "without end": (TEXT.replace("= 100.0", "= inf"), "plant.joint_stiffness", "finite"),
+    "too large": (TEXT.replace("k = 50.0", "k = 1e300"), "controller.k", "magnitude"),
+    "negative": (TEXT.replace("k = 50.0", "k = -50.0"), "controller.k", "greater than 0"),
+    "no duration": (TEXT.replace("= 30.0 #", "= -30.0 #"), "run.duration", "greater than 0"),
+    "endless": (TEXT.replace("= 30.0 #", "= 1e9 #"), "run.duration", "samples"),
+    "too short": (TEXT.replace("= 30.0 #", "= 1e-4 #"), "run.duration", "sample time"),
+    "no inertia": (TEXT.replace("= 1.0 # kg", "= 0.0 # kg"), "plant.link_inertia", "positive"),
+    "term": (TEXT.replace('"gravity"', '"gravitation"'), "model.terms.1", "take one of"),
+    "term of fits": (TEXT.replace('"gravity"', '"motor_stiction"'), "model.terms.1", "take one of"),
+    "term without value": (TEXT.replace('"gravity"', '"link_viscous"'), "plant.gravity", "terms"),
+    "value of no term": (
+        TEXT.replace("[plant]", "[plant]\njoint_damping = 1.0"),
+        "plant.joint_damping",
+        "model.terms",
+    ),
+    "value missing": (TEXT.replace("gravity_torque = 5.0", ""), "plant", "'theta1'"),
+    "mixture": (TEXT.replace("[plant]", "[plant]\ntheta1 = 5.0"), "plant.theta1", "either"),
+    "estimate of what is known": (
+        TEXT.replace("theta1 = 2.5", "beta1 = 2.5"),
+        "initial_estimates.beta1",
+        "theta1",
+    ),
+    "row": (TEXT.replace("link = 1.0", "lonk = 1.0"), "observer", "link, motor"),
+    "state": (TEXT + "[initial_state]\nx7 = 1.0", "initial_state.x7", "x1, x2"),
+    "nominal": (TEXT.replace("= 75.0", "= 0.0"), "controller.nominal.joint_stiffness", "zero"),
+    "tolerance of a sampled loop": (TEXT + "[sampling]", "run.sample_time", "remove it"),
+    "noise": (
+        SAMPLED.replace("velocity_noise = 1e-3", "velocity_noise = -1"),
+        "sampling.velocity_noise",
+        "greater than or equal to 0",
+    ),
+    "no model": (
+        TEXT.replace('known = ["beta1"]', "").replace(
+            'terms = ["gravity", "motor_viscous"]', 'file = "none.toml"'
+        ),
+        "model.file",
+        "none.toml",
+    ),
+    "no TOML": ("[plant", "", "no TOML"),
+    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "", "no text"),
+    "huge": (b"#" * 10_000_000, "", "larger than"),
+    "deep": ("name = " + "[" * 5000, "", "no TOML"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_names_file_key_and_remedy(fault: str, tmp_path: Path):
+    """Assert that a faulty file is refused in one sentence with file, key and remedy."""
+    text, key, remedy = FAULTS[fault]
+    assert text not in (TEXT, SAMPLED)
+    path = write(tmp_path, text)
+    with pytest.raises(ExperimentError) as caught:
+        read_experiment(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert caught.value.key.startswith(key)
+    assert remedy in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    "text", ["__import__('os').system('true')", "v.__class__", "9**9**9**9", "open('x')"]
+)
+def test_hostile_law_is_refused(text: str, pendulum: Path):
+    """Assert that a law is read over the whitelist and never evaluated."""
+    pendulum.write_text(PENDULUM.replace("stiffness*(qd - q)", text), encoding="utf-8")
+    with pytest.raises(ExperimentError, match="controller") as caught:
+        read_experiment(pendulum)
+    assert "\n" not in str(caught.value)
+
+
+def test_law_that_does_not_fit_the_model(pendulum: Path):
+    """Assert that a joint's law for a pendulum is refused by its key."""
+    law = TEXT[TEXT.index("[controller]") : TEXT.index("[reference]")]
+    start, end = PENDULUM.index("[controller]"), PENDULUM.index("[reference]")
+    pendulum.write_text(PENDULUM[:start] + law + PENDULUM[end:], encoding="utf-8")
+    with pytest.raises(ExperimentError) as caught:
+        read_experiment(pendulum)
+    assert caught.value.key == "controller"
+
+
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=50
+)
+@given(st.binary(max_size=40), st.integers(0, len(CAMPAIGN)), st.integers(0, 12))
+def test_any_damage_is_one_sentence(tmp_path: Path, junk: bytes, at: int, removed: int):
+    """Assert that bytes spliced into a file make an experiment or a one-line error."""
+    raw = CAMPAIGN.encode()
+    path = write(tmp_path, raw[:at] + junk + raw[at + removed :])
+    assert len(complaint(path).splitlines()) <= 1
+
+
+def complaint(path: Path) -> str:
+    """Return what is said against a file; nothing if it is an experiment."""
+    try:
+        read_experiment(path)
+    except FlexidError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,167 @@
+"""Experiments with other numbers: what follows from them, and what is not made anew."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexid.control.robust import robust_law
+from flexid.errors import ExperimentError
+from flexid.experiments import Experiment, read_experiment
+from flexid.simulation.closed_loop import loop_kernel
+from flexid.studies.huang2003.table1 import PHYSICAL, table1_loop
+
+FOLDER = Path(__file__).parents[2] / "experiments"
+
+
+@pytest.fixture(scope="module")
+def table1() -> Experiment:
+    """Return Table I as an experiment."""
+    return read_experiment(FOLDER / "huang2003.toml")
+
+
+@pytest.fixture(scope="module")
+def sampled() -> Experiment:
+    """Return the sampled joint."""
+    return read_experiment(FOLDER / "sampled_joint.toml")
+
+
+def test_k_changes_every_gain_of_the_law(table1: Experiment):
+    """Assert that another k gives the law of that k, with the gains that follow from it."""
+    changed = table1.with_values({"controller.k": 20.0})
+    assert changed.loop.controller.parameters == robust_law(20.0).parameters
+    assert changed.loop.parameters.tolist() == table1_loop((1, 2, 3), 20.0).parameters.tolist()
+
+
+def test_inertia_changes_what_is_known(table1: Experiment):
+    """Assert that a physical parameter moves every coefficient it is part of, known ones too."""
+    loop = table1.with_values({"plant.motor_inertia": 0.25}).loop
+    assert loop.coefficients["alpha1"] == PHYSICAL["joint_stiffness"] / 0.25
+    assert loop.system.constants["beta1"] == 4.0
+    assert loop.coefficients["theta2"] == table1.loop.coefficients["theta2"]
+
+
+def test_values_are_those_of_a_file_that_says_so(tmp_path: Path):
+    """Assert that setting numbers equals writing them into the file."""
+    text = (FOLDER / "sampled_joint.toml").read_text(encoding="utf-8")
+    written = tmp_path / "written.toml"
+    written.write_text(
+        text.replace("[0.6, 0.3, 0.1]", "[0.6, 0.4, 0.1]")
+        .replace("seed = 1", "seed = 9")
+        .replace("[run]", "[initial_state]\nx1 = 0.2\n[run]"),
+        encoding="utf-8",
+    )
+    values = {"reference.amplitudes.2": 0.4, "sampling.seed": 9.0, "initial_state.x1": 0.2}
+    changed = read_experiment(FOLDER / "sampled_joint.toml").with_values(values)
+    expected = read_experiment(written)
+    assert changed.digest == expected.digest
+    assert changed.sampling == expected.sampling
+    assert changed.loop.initial_state == (0.2, 0.0, 0.0, 0.0)
+    assert changed.loop.parameters.tolist() == expected.loop.parameters.tolist()
+
+
+def test_other_values_need_no_other_kernel(table1: Experiment):
+    """Assert that k, plant, observer, start and reference varied share one compiled loop."""
+    values = {
+        "controller.k": 15.0,
+        "controller.nominal.link_inertia": 0.9,
+        "plant.joint_stiffness": 80.0,
+        "plant.motor_inertia": 0.35,
+        "observer.link": 3.0,
+        "initial_estimates.theta1": 1.0,
+        "initial_state.x1": 0.1,
+        "reference.amplitude": 2.0,
+    }
+    changed = table1.with_values(values)
+    assert changed.loop.declaration is table1.loop.declaration
+    assert changed.loop.declaration.digests == table1_loop((1, 2, 3)).declaration.digests
+    assert loop_kernel(changed.loop.declaration) is loop_kernel(table1.loop.declaration)
+    for path, value in values.items():
+        assert changed.values[path] == value
+
+
+def test_original_stays(table1: Experiment):
+    """Assert that an experiment with other values leaves the first one as it was."""
+    before = table1.values | {}, table1.loop.parameters.tolist()
+    table1.with_values({"controller.exponents.3": 2.0, "plant.link_inertia": 2.0})
+    read_again = read_experiment(FOLDER / "huang2003.toml")
+    assert (table1.values, table1.loop.parameters.tolist()) == before
+    assert (read_again.values, read_again.loop.parameters.tolist()) == before
+
+
+def test_path_without_number_is_refused(table1: Experiment):
+    """Assert that an unknown path is refused with file, path and what it may have meant."""
+    with pytest.raises(
+        ExperimentError, match=r"huang2003\.toml: .*plant\.alpha1.*plant\."
+    ) as caught:
+        table1.with_values({"plant.alpha1": 3.0})
+    assert caught.value.key == "plant.alpha1"
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("controller.k", -1.0),
+        ("controller.k", float("nan")),
+        ("sampling.seed", 1.5),
+        ("sampling.position_noise", -1e-9),
+        ("plant.link_inertia", 0.0),
+        ("run.duration", 0.0),
+    ],
+)
+def test_value_out_of_range_is_refused(path: str, value: float, table1, sampled):
+    """Assert that a value is checked as strictly as in the file."""
+    experiment = sampled if path.startswith("sampling") else table1
+    with pytest.raises(ExperimentError) as caught:
+        experiment.with_values({path: value})
+    assert caught.value.key == path
+
+
+@pytest.mark.parametrize(
+    "path", ["plant.gravity_torque", "run.relative_tolerance", "observer.link"]
+)
+def test_digest_covers_what_decides(path: str, table1: Experiment):
+    """Assert that every decisive value changes the digest, and that it is reproducible."""
+    changed = table1.with_values({path: table1.values[path] / 2})
+    assert changed.digest != table1.digest
+    assert read_experiment(FOLDER / "huang2003.toml").digest == table1.digest
+
+
+def test_digest_ignores_the_title(tmp_path: Path, table1: Experiment):
+    """Assert that name and place of the file do not count."""
+    text = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
+    path = tmp_path / "copy.toml"
+    path.write_text(text.replace('name = "Huang (2003), Table I"', ""), encoding="utf-8")
+    assert read_experiment(path).digest == table1.digest
+
+
+def test_experiment_travels_to_other_processes(tmp_path: Path, examples: Path):
+    """Assert that a pickled experiment can be varied where its model file is not."""
+    model = tmp_path / "pendulum.toml"
+    model.write_bytes((examples / "models" / "pendulum.toml").read_bytes())
+    path = tmp_path / "experiment.toml"
+    path.write_text(
+        '[model]\nfile = "pendulum.toml"\n[plant]\ngravity = 9.0\nviscous = 0.1\ndrag = 0.0\n'
+        '[controller]\nlaw = "expressions"\ntracked = "q"\ninputs = { u = "stiffness*(qd - q)" }\n'
+        "parameters = { stiffness = 2.0 }\n"
+        '[reference]\nkind = "constant"\nvalue = 0.3\n[observer]\narm = 5.0\n'
+        "[run]\nduration = 2.0\n",
+        encoding="utf-8",
+    )
+    sent = pickle.dumps(read_experiment(path))
+    model.unlink()
+    arrived = pickle.loads(sent).with_values({"controller.parameters.stiffness": 3.0})
+    assert arrived.loop.controller.parameters == {"stiffness": 3.0}
+
+
+def test_sampled_run_follows_its_seed(sampled: Experiment):
+    """Assert that a run is repeated bit for bit by its seed, and differs by another."""
+    short = sampled.with_values({"run.duration": 0.2})
+    first, again = short.run(), short.run()
+    other = short.with_values({"sampling.seed": 2}).run()
+    assert first.measured is not None
+    assert again.measured is not None
+    assert other.measured is not None
+    assert np.array_equal(first.measured, again.measured)
+    assert not np.array_equal(first.measured, other.measured)
