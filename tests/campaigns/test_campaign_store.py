@@ -162,5 +162,5 @@ def test_an_empty_directory_has_no_summary(tmp_path):
     """Assert that a directory without a campaign, or no directory, is told from a damaged one."""
     (tmp_path / "file").write_text("")
     for path in (tmp_path, tmp_path / "nothing", tmp_path / "file"):
-        with pytest.raises(CampaignError, match="no campaign|no directory"):
+        with pytest.raises(CampaignError, match=r"no campaign|no directory"):
             find_store(path)

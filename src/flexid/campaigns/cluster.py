@@ -99,7 +99,7 @@ def _results(
 
     job = partial(_run, flexid.__version__, experiment)
     futures = client.map(job, pieces, pure=False)
-    for future in as_completed(futures):
+    for future in as_completed(futures, loop=client.loop):
         try:
             yield future.result()
         except KilledWorker:

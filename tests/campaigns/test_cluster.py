@@ -1,0 +1,144 @@
+"""A campaign on a real Dask cluster: a scheduler and two workers, of which one is killed."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from tests.campaigns.tiny import EXPERIMENT, rows_of, same_bits, write_experiment
+
+from flexid.campaigns import cluster, run_campaign
+from flexid.errors import CampaignError
+from flexid.experiments import read_experiment
+
+pytest.importorskip("distributed", reason="the package distributed is not installed")
+
+CAMPAIGN = """
+[campaign]
+kind = "latin-hypercube"
+runs = 60
+runs_per_piece = 2
+vary.controller.proportional = { uniform = [10.0, 50.0] }
+"""
+
+OTHER_VERSION = "import flexid; flexid.__version__ = '0.0'; from dask.__main__ import main; main()"
+
+
+def start(*arguments, code="from dask.__main__ import main; main()"):
+    """Start a process of the cluster."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        # A connection to the killed worker is tried for 30 s by default
+        env=os.environ | {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "3s"},
+    )
+
+
+def start_worker(address, name, code="from dask.__main__ import main; main()"):
+    """Start a worker with one thread that nobody restarts."""
+    options = ("--no-nanny", "--nthreads", 1, "--no-dashboard", "--name", name)
+    return start("worker", address, *options, code=code)
+
+
+def wait_for_workers(address, count):
+    """Wait until so many workers are there."""
+    from distributed import Client
+
+    with Client(address, timeout=60, set_as_default=False) as client:
+        if count:
+            client.wait_for_workers(count, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """Address of a scheduler on the loopback."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    process = start("scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
+    address = f"tcp://127.0.0.1:{port}"
+    try:
+        wait_for_workers(address, 0)
+        yield address
+    finally:
+        process.kill()
+        process.wait(60)
+
+
+@pytest.fixture
+def experiment(tmp_path):
+    """A campaign that takes a second or two."""
+    text = EXPERIMENT.replace("duration = 0.1", "duration = 30.0")
+    return read_experiment(write_experiment(tmp_path / "tiny.toml", CAMPAIGN, text))
+
+
+def test_a_killed_worker_changes_no_bit(scheduler, experiment, tmp_path):
+    """Assert that two workers, one of them killed on the way, leave the rows of this machine."""
+    workers = [start_worker(scheduler, name) for name in ("one", "two")]
+    try:
+        wait_for_workers(scheduler, 2)
+        kept = []
+
+        def killing(done, _):
+            kept.append(done)
+            if len(kept) == 2:
+                workers[0].send_signal(signal.SIGKILL)
+
+        campaign = run_campaign(
+            experiment, tmp_path / "cluster", scheduler=scheduler, progress=killing
+        )
+        assert workers[0].wait(60) == -signal.SIGKILL
+        assert workers[1].poll() is None
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.wait(60)
+    assert campaign.statuses == {"finished": 60}
+    assert kept == list(range(0, 61, 2))
+    run_campaign(experiment, tmp_path / "here")
+    assert same_bits(rows_of(tmp_path / "cluster"), rows_of(tmp_path / "here"))
+
+
+def test_a_scheduler_without_workers_is_one_sentence(scheduler, experiment, tmp_path):
+    """Assert that it says how to start one."""
+    deadline = time.monotonic() + 60
+    while True:  # the workers of another test may take a moment to be gone
+        with pytest.raises(CampaignError) as refused:
+            run_campaign(experiment, tmp_path / "out", scheduler=scheduler)
+        if "has no workers" in str(refused.value) or time.monotonic() > deadline:
+            break
+    assert str(refused.value) == (
+        f"{scheduler} has no workers: start them with `dask worker {scheduler}`"
+    )
+
+
+def test_workers_of_another_version_are_refused(scheduler, experiment, tmp_path):
+    """Assert that the sentence names the worker and both versions."""
+    worker = start_worker(scheduler, "other", code=OTHER_VERSION)
+    try:
+        wait_for_workers(scheduler, 1)
+        with pytest.raises(CampaignError, match=r"is a worker with flexid 0\.0: install flexid"):
+            run_campaign(experiment, tmp_path / "out", scheduler=scheduler)
+    finally:
+        worker.kill()
+        worker.wait(60)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "tcp://127.0.0.1", "http://x", "", "::"])
+def test_a_scheduler_that_is_not_there_is_one_sentence(experiment, tmp_path, monkeypatch, address):
+    """Assert that no address ends in a traceback."""
+    monkeypatch.setattr(cluster, "_TIMEOUT", 1.0)
+    with pytest.raises(CampaignError, match="cannot be reached"):
+        run_campaign(experiment, tmp_path / "out", scheduler=address)
+
+
+def test_a_missing_package_is_one_sentence(experiment, tmp_path, monkeypatch):
+    """Assert that it says what to install."""
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(CampaignError, match=r"pip install 'flexid\[dask\]'"):
+        run_campaign(experiment, tmp_path / "out", scheduler="tcp://127.0.0.1:8786")
+    assert os.listdir(tmp_path / "out" / "runs") == []
