@@ -63,12 +63,12 @@ def later(values: FloatArray, samples: float) -> FloatArray:
         the last sample, and over `SETTLING` samples at the beginning if the shift is no whole
         number, entries are not to be used; `spoilt` counts them.
     """
-    from scipy.signal import lfilter, lfilter_zi
-
     whole = round(samples)
     fraction = samples - whole
     if fraction == 0.0:
         return _rolled(values, whole)
+    from scipy.signal import lfilter, lfilter_zi  # takes half a second, and few logs need it
+
     denominator = all_pass(fraction)
     numerator = denominator[::-1]
     # From the channel's first value on, not from zero, so that little is left to settle.
