@@ -31,9 +31,11 @@ def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Ren
         f"Tracking error: {measures.tracking_rms:.4g}{angle} root mean square, "
         f"{measures.tracking_peak:.4g}{angle} at most"
     )
-    torque = " N m" if is_joint(run) else ""
-    peaks = ", ".join(f"{name} {peak:.4g}{torque}" for name, peak in measures.peak_inputs.items())
-    yield Text(f"Largest input at a sample: {peaks}")
+    if is_joint(run):
+        yield Text(f"Motor torque: {max(measures.peak_inputs.values()):.4g} N m at most")
+    else:
+        peaks = ", ".join(f"{name} {peak:.4g}" for name, peak in measures.peak_inputs.items())
+        yield Text(f"Inputs: {peaks} at most")
     for row, excitation in measures.excitation.items():
         yield Text(f"Excitation, {row} row: condition number {excitation.condition_number:.3g}")
 
@@ -47,7 +49,7 @@ def _estimates(experiment: Experiment, run: Run, measures: Measures) -> Table:
         pad_edge=False,
     )
     table.add_column("coefficient", no_wrap=True)
-    for heading in ("true", "initial", "final", "error", f"within {SETTLED:.0%}"):
+    for heading in ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     for place, (name, error) in enumerate(measures.final_errors.items()):
@@ -57,7 +59,7 @@ def _estimates(experiment: Experiment, run: Run, measures: Measures) -> Table:
             f"{true:.6g}",
             f"{experiment.loop.initial_estimates.get(name, 0.0):.6g}",
             f"{run.estimates[-1, place]:.6g}",
-            f"{error / true:+.2%}" if true else f"{error:+.3g}",
+            f"{100 * error / true:+.2f} %" if true else f"{error:+.3g}",
             _settled(measures.settling_times[name]),
             coefficient_unit(run, name),
         )
