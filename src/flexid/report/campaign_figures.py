@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from flexid.campaigns.summary import Result, Summary
@@ -29,14 +29,16 @@ def save_campaign_figures(summary: Summary, directory: Path) -> None:
     if not shown:
         return
     with mpl.rc_context(STYLE):
-        save(_panels(shown, _draw_distribution), directory, "distributions")
+        title = f"{summary.finished} finished runs, SI units; lines: 5, 50 and 95 % of them"
+        save(_panels(title, shown, _draw_distribution), directory, "distributions")
         depending = [result for result in shown if _strongest(result) is not None]
         if depending:
 
             def draw(ax: Axes, result: Result) -> None:
                 _draw_dependence(ax, result, summary)
 
-            save(_panels(depending, draw), directory, "dependence")
+            title = "Each result against the input that matters most for it"
+            save(_panels(title, depending, draw), directory, "dependence")
 
 
 def _drawable(result: Result) -> bool:
@@ -45,9 +47,10 @@ def _drawable(result: Result) -> bool:
     return varies and not result.name.startswith(DETAILS)
 
 
-def _panels(results: list[Result], draw: Callable[[Axes, Result], None]) -> Figure:
+def _panels(title: str, results: list[Result], draw: Callable[[Axes, Result], None]) -> Figure:
     rows = ceil(len(results) / _COLUMNS)
-    figure = new_figure(height=0.4 + 1.75 * rows)
+    figure = new_figure(height=0.6 + 1.75 * rows)
+    figure.suptitle(title, fontsize=9)
     axes = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
     for ax, result in zip(axes, results, strict=False):
         draw(ax, result)
@@ -64,6 +67,7 @@ def _draw_distribution(ax: Axes, result: Result) -> None:
         _log_axis(ax, "x", values)
     else:
         edges = np.linspace(values.min(), values.max(), _BINS)
+        ax.xaxis.set_major_locator(MaxNLocator(3))  # labels may be long
     ax.hist(values, edges, color=BLUE)
     for value, style in zip(result.quantiles, (":", "-", ":"), strict=True):
         ax.axvline(value, color=ORANGE, linestyle=style, linewidth=1.2)

@@ -1,15 +1,15 @@
 """The printed summary of a campaign, at most 100 columns wide."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.report.identification_table import WIDTH
+from flexid.report.terminal import print_parts
 
 DETAILS = ("final_error.", "final_state.")
 """Prefixes of results that are quantified, but of which no more is said."""
@@ -19,16 +19,17 @@ _SHOWN = 4  # inputs named for a result
 
 def print_campaign(summary: Summary) -> None:
     """Print statuses, quantiles and what matters on standard output."""
-    console = Console()
-    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-    Console(width=width).print(Group(*_parts(summary)))
+    print_parts(_parts(summary))
 
 
 def _parts(summary: Summary) -> Iterator[RenderableType]:
     yield from (Text(line) for line in status_lines(summary))
     yield Text()
     yield _quantiles(summary)
-    yield _importance(summary)
+    yield _importance(summary, "What matters most: rank correlation", correlation_text)
+    if summary.manifest.kind == "sobol-indices":
+        title = "Share of the variance (Sobol indices), interactions included (and alone)"
+        yield _importance(summary, title, index_text)
     missing = [result for result in summary.results if result.missing]
     if missing:
         yield Text(
@@ -72,18 +73,13 @@ def _quantiles(summary: Summary) -> Table:
     return table
 
 
-def _importance(summary: Summary) -> Table:
-    indices = summary.manifest.kind == "sobol-indices"
-    table = _table(
-        "What matters most: share of the variance, interactions included (and alone)"
-        if indices
-        else "What matters most: rank correlation"
-    )
+def _importance(summary: Summary, title: str, text: Callable[[Result], str]) -> Table:
+    table = _table(title)
     table.add_column("result", no_wrap=True)
     table.add_column("inputs")
     for result in summary.results:
         if not result.name.startswith(DETAILS):
-            table.add_row(result.name, (index_text if indices else correlation_text)(result))
+            table.add_row(result.name, text(result))
     return table
 
 
