@@ -9,7 +9,7 @@ from rich.console import Console
 from flexid.identification.alignment import Alignment, Delay
 from flexid.identification.result import Choices, SegmentEvidence, TermEvidence
 from flexid.report.explanation_table import explanation
-from flexid.report.identification_table import WIDTH
+from flexid.report.terminal import WIDTH
 
 LONG = (
     "the input acts 3.02 ms late (2.87 to 3.17 ms): without that the misfit is 12.3 times as large"

@@ -7,7 +7,6 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri
 
 Kept = Literal[
     "final_errors",
@@ -67,6 +66,8 @@ class Distribution:
         if self.kind == "log_uniform":
             return first * (second / first) ** shares
         if self.kind == "normal":
+            from scipy.special import ndtri  # late, since no single run needs it
+
             return first + second * ndtri(shares)
         return np.floor(first + shares * (second - first + 1.0))
 

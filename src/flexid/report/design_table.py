@@ -3,22 +3,20 @@
 from collections.abc import Callable, Iterator
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.design.drive import DOUBT
 from flexid.design.result import Design, Prediction
-from flexid.report.identification_table import WIDTH
+from flexid.report.terminal import print_parts
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
 
 
 def print_design(result: Design) -> None:
     """Print predictions, limits and the tones on standard output."""
-    console = Console()
-    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-    Console(width=width).print(Group(*_parts(result)))
+    print_parts(_parts(result))
 
 
 def _parts(result: Design) -> Iterator[RenderableType]:

@@ -1,5 +1,7 @@
 """Result objects as plain documents for JSON, and files that appear whole or not at all."""
 
+from __future__ import annotations
+
 import json
 import math
 import os
@@ -9,11 +11,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexid.analysis.excitation import Excitation
 from flexid.errors import SettingError
-from flexid.identification.result import Choices, Identification
+
+if TYPE_CHECKING:  # most documents are not an identification's
+    from flexid.identification.result import Choices, Identification
 
 
 def identification_document(result: Identification) -> dict[str, Any]:

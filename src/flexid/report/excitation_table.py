@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import isfinite, pi
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -12,15 +12,13 @@ from flexid.design.advice import Addition, Advice
 from flexid.design.assessment import Assessment
 from flexid.design.excitation_report import ExcitationReport
 from flexid.identification.verdict import DETERMINED_DEVIATION
-from flexid.report.identification_table import WIDTH
 from flexid.report.style import STATUS_COLOURS
+from flexid.report.terminal import print_parts
 
 
 def print_excitation(report: ExcitationReport) -> None:
     """Print coefficients, rows and advice on standard output."""
-    console = Console()
-    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-    Console(width=width).print(Group(*_parts(report)))
+    print_parts(_parts(report))
 
 
 def _parts(report: ExcitationReport) -> Iterator[RenderableType]:

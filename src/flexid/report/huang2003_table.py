@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.report.identification_table import WIDTH
+from flexid.report.terminal import print_parts
 from flexid.studies.huang2003.evidence import Claim, Verdict
 from flexid.studies.huang2003.readings import Reading
 from flexid.studies.huang2003.reproduction import Reproduction
@@ -29,9 +29,7 @@ _SHORT: dict[Verdict, str] = {
 
 def print_reproduction(result: Reproduction) -> None:
     """Print readings, parameter errors, the cases of Theorem 1 and the claims."""
-    console = Console()
-    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-    Console(width=width).print(Group(*_parts(result)))
+    print_parts(_parts(result))
 
 
 def _parts(result: Reproduction) -> Iterator[RenderableType]:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import floor, isfinite, isnan, log10
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -15,9 +15,7 @@ from flexid.identification.result import (
     Status,
 )
 from flexid.report.explanation_table import explanation
-
-WIDTH = 100
-"""Columns that the answer fits in; also its width where there is no terminal to ask."""
+from flexid.report.terminal import print_parts
 
 _COLOURS: dict[Status, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 
@@ -32,10 +30,7 @@ def print_identification(result: Identification, *, explain: bool = False) -> No
     explain : bool, optional
         Print the evidence for the choices as well.
     """
-    console = Console()
-    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-    parts = [*_parts(result), *(explanation(result) if explain else ())]
-    Console(width=width).print(Group(*parts))
+    print_parts([*_parts(result), *(explanation(result) if explain else ())])
 
 
 def _parts(result: Identification) -> Iterator[RenderableType]:

@@ -4,22 +4,20 @@ from collections.abc import Iterator
 from math import isfinite
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.experiments.experiment import Experiment
 from flexid.experiments.measures import SETTLED, Measures
 from flexid.experiments.run_columns import coefficient_unit, is_joint
-from flexid.report.identification_table import WIDTH
+from flexid.report.terminal import print_parts
 from flexid.simulation.run import Run
 
 
 def print_run(experiment: Experiment, run: Run, measures: Measures) -> None:
     """Print estimates, tracking, inputs and excitation on standard output."""
-    console = Console()
-    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-    Console(width=width).print(Group(*_parts(experiment, run, measures)))
+    print_parts(_parts(experiment, run, measures))
 
 
 def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[RenderableType]:

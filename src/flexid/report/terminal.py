@@ -1,0 +1,15 @@
+"""How answers are printed: at most 100 columns wide."""
+
+from collections.abc import Iterable
+
+from rich.console import Console, Group, RenderableType
+
+WIDTH = 100
+"""Columns that an answer fits in; also its width where there is no terminal to ask."""
+
+
+def print_parts(parts: Iterable[RenderableType]) -> None:
+    """Print tables and texts on standard output, one after the other."""
+    console = Console()
+    width = min(console.width, WIDTH) if console.is_terminal else WIDTH
+    Console(width=width).print(Group(*parts))
