@@ -8,6 +8,20 @@ import pytest
 
 FULL = Path("/dev/full")
 
+# What takes a quarter of a second or more to import, and a log in SI units with kernels at hand
+# does not need.
+HEAVY = ("sympy", "matplotlib", "pint", "scipy.signal", "scipy.stats")
+
+IDENTIFY = f"""
+import sys
+from flexid.cli.main import main
+try:
+    main()
+except SystemExit as end:
+    assert end.code == 0, end.code
+print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)
+"""
+
 
 @pytest.mark.skipif(not FULL.exists(), reason="no device that is always full")
 def test_full_disk_is_one_sentence():
@@ -24,3 +38,11 @@ def test_full_disk_is_one_sentence():
         "flexid: the output or the cache cannot be written (No space left on device): "
         "make room, or write elsewhere"
     ]
+
+
+def test_identification_starts_light(examples: Path):
+    """Assert that a second identification imports none of the packages that are slow to start."""
+    command = [sys.executable, "-c", IDENTIFY, "identify", str(examples / "flexible_joint.csv")]
+    subprocess.run(command, capture_output=True, check=True)  # may have kernels to make
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
