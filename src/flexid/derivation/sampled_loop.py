@@ -36,8 +36,8 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
         (
             sampled_observer_functions(system, purpose) + _sizes(declaration),
             right_hand_side_function(symbolic),
-            _array_function("as_states", "Plain states", states),
-            _array_function("as_parameters", "Parameters", len(declaration.parameter_names)),
+            _row_function("as_states", "Values of all states", states),
+            _row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
             _sense_function(states),
             loop_function(
                 declaration,
@@ -70,26 +70,26 @@ def _sizes(declaration: LoopDeclaration) -> str:
     return f"\nROW_STARTS = {starts}\nTRACKED = {tracked}\n"
 
 
-def _array_function(name: str, what: str, size: int) -> str:
-    entries = [f"_array[{i}]" for i in range(size)]
-    return function(f"{name}(_array)", f"{what} as a tuple.", f"    return {_tuple(entries)}")
+def _row_function(name: str, what: str, size: int) -> str:
+    entries = [f"_array[_n, {i}]" for i in range(size)]
+    return function(
+        f"{name}(_array, _n)", f"{what} in row _n as a tuple.", f"    return {_tuple(entries)}"
+    )
 
 
 def _sense_function(states: int) -> str:
     """Every state with its noise, positions in whole encoder steps."""
-    true, seen = _names("_x", states), _names("_s", states)
+    true, seen, draws = (_names(stem, states) for stem in ("_x", "_s", "_d"))
     deviations = ["_position", "_velocity"] * (states // 2)
     noisy = [
-        f"        {s} = {x} + {deviation} * _noise[_n, {i}]"
-        for i, (s, x, deviation) in enumerate(zip(seen, true, deviations, strict=True))
+        f"    {s} = {x} + {deviation} * {d}"
+        for s, x, d, deviation in zip(seen, true, draws, deviations, strict=True)
     ]
     whole = [f"        {s} = _step * np.floor({s} / _step + 0.5)" for s in seen[::2]]
     return function(
-        "sense(_state, _noise, _n, _position, _velocity, _step)",
-        "What the sensors show at sample _n; there is no noise if it has no rows.",
-        f"    {_tuple(true)} = _state",
-        f"    {_tuple(seen)} = _state",
-        "    if _noise.shape[0] > 0:",
+        "sense(_state, _draws, _position, _velocity, _step)",
+        "What the sensors show, given standard normal numbers.",
+        f"    {_tuple(true)} = _state\n    {_tuple(draws)} = _draws",
         "\n".join(noisy),
         "    if _step > 0.0:",
         "\n".join(whole),

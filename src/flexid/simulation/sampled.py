@@ -70,8 +70,9 @@ class Sampling:
 
         Drawing them takes about a third of the time of a run.
         """
-        noisy = self.position_noise > 0.0 or self.velocity_noise > 0.0
-        return np.random.default_rng(self.seed).standard_normal((count if noisy else 0, states))
+        if self.position_noise == self.velocity_noise == 0.0:
+            return np.empty((0, states))
+        return np.random.default_rng(self.seed).standard_normal((count, states))
 
 
 def simulate_sampled(
@@ -168,12 +169,11 @@ def run_sampled(
     SimulationError
         If the model is too stiff for samples so far apart.
     """
-    start = np.array(loop.initial_state)
     status, samples, limited = kernel.sampled_run(
-        start,
-        loop.parameters,
+        np.array([loop.initial_state]),
+        loop.parameters[np.newaxis],
         _constants(loop),
-        sampling.noise(grid.count, len(start)),
+        sampling.noise(grid.count, kernel.N_STATES),
         np.array([sampling.position_noise, sampling.velocity_noise]),
         sampling.position_resolution,
         sampling.input_limit,
@@ -235,22 +235,23 @@ def _run_called(
     """The compiled run step by step, with a Python call where the compiled law would be."""
     h = sampling.sample_time
     x = tuple(loop.initial_state)
-    noise = sampling.noise(grid.count, len(x))
+    drawn = sampling.noise(grid.count, len(x))
+    noise = drawn if len(drawn) else np.zeros((grid.count, len(x)))
     deviations = (sampling.position_noise, sampling.velocity_noise)
     settings = kernel.as_settings(_observer_settings(loop, h))
-    parameters = kernel.as_parameters(loop.parameters)
+    parameters = kernel.as_parameters(loop.parameters[np.newaxis], 0)
     substeps = _substeps(kernel, loop, h)
     current = kernel.first_state(loop.start_estimates)
     reference = np.stack([loop.reference.evaluate(grid.times, d) for d in range(5)], axis=1)
     limited = 0
-    for n, row in enumerate(record):
-        seen = kernel.sense(x, noise, n, *deviations, sampling.position_resolution)
+    for n in range(grid.count):
+        seen = kernel.sense(x, tuple(noise[n]), *deviations, sampling.position_resolution)
         demanded = np.ravel(law(n * h, np.array(seen), reference[n].copy()))
         u, clipped = kernel.saturate(tuple(map(float, demanded)), sampling.input_limit)
         limited += clipped
         current, _ = kernel.advance(current, (*seen, *u), settings)
         tracking = x[kernel.TRACKED] - reference[n, 0]
-        kernel.note(x, u, current, tracking, seen, parameters, row)
+        kernel.note(x, u, current, tracking, seen, parameters, record, n)
         x = kernel.move(x, u, parameters, h, substeps)
         if not kernel.bounded(x):
             return SampledEnd(kernel.DIVERGED, n + 1, limited)

@@ -39,7 +39,8 @@ def runge_kutta_substeps(
         If the model is too stiff for samples so far apart.
     """
     # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
-    fastest = max(_fastest_rate(kernel, at, u, p, c) for at in (np.zeros_like(x), x))
+    points = [np.zeros_like(x), x] if np.any(x) else [x]
+    fastest = max(_fastest_rate(kernel, at, u, p, c) for at in points)
     substeps = max(1.0, np.ceil(_STEPS_PER_TIME_CONSTANT * fastest * sample_time))
     if substeps > _MOST_SUBSTEPS:
         raise SimulationError(

@@ -23,7 +23,7 @@ def first_state(estimates):
     return as_state(empty)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def move(x, u, p, duration, substeps):
     """Move the plant on under a constant input."""
     h = duration / substeps
@@ -42,23 +42,24 @@ def bounded(values):
 
 
 @njit(cache=True, error_model="numpy")
-def note(x, u, current, tracking, seen, p, y):
-    """Write one sample into a row of the record."""
+def note(x, u, current, tracking, seen, p, record, n):
+    """Write one sample into row n of the record."""
     for i in range(N_STATES):
-        y[i] = x[i]
-        y[MEASURED + i] = seen[i]
+        record[n, i] = x[i]
+        record[n, MEASURED + i] = seen[i]
     for i in range(N_INPUTS):
-        y[N_STATES + i] = u[i]
+        record[n, N_STATES + i] = u[i]
     for i in range(N_COEFFICIENTS):
-        y[ESTIMATES + i] = current[1 + i]
-        y[ERRORS + i] = current[1 + i] - p[i]
-    y[TRACKING] = tracking
+        record[n, ESTIMATES + i] = current[1 + i]
+        record[n, ERRORS + i] = current[1 + i] - p[i]
+    record[n, TRACKING] = tracking
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def sampled_run(start, p, constants, noise, deviations, resolution, limit, substeps, estimates, observer, count, record, totals):
-    """Run the loop from a start over so many samples.
+    """Run the loop over so many samples.
 
+    start, p     plain states at the start and parameters of the loop, one row each
     noise        standard normal numbers, a row per sample, or no rows for none
     deviations   what they are multiplied by: for positions and for velocities
     observer     settings of the sampled observer, its sample time first
@@ -67,10 +68,12 @@ def sampled_run(start, p, constants, noise, deviations, resolution, limit, subst
     Returns a status, samples done and how many were clipped.
     """
     h = observer[0]
-    settings = as_settings(observer)
-    parameters = as_parameters(p)
+    settings = (h, 1.0) + as_settings(observer)[2:]  # held inputs, known when this is compiled
+    parameters = as_parameters(p, 0)
     current = first_state(estimates)
-    x = as_states(start)
+    x = as_states(start, 0)
+    draws = as_states(np.zeros((1, N_STATES)), 0)
+    noisy = noise.shape[0] > 0
     r = np.empty(N_COEFFICIENTS)
     known = np.empty(N_ROWS)
     logged = record.shape[0] > 1
@@ -78,16 +81,19 @@ def sampled_run(start, p, constants, noise, deviations, resolution, limit, subst
     position, velocity = deviations[0], deviations[1]
     clipped = 0
     for n in range(count):
-        seen = sense(x, noise, n, position, velocity, resolution)
+        if noisy:
+            draws = as_states(noise, n)
+        seen = sense(x, draws, position, velocity, resolution)
         u, reference = control(n * h, seen, parameters)
         u, cut = saturate(u, limit)
         clipped += cut
         current, _ = advance(current, seen + u, settings)
-        y = record[n if logged else 0]
-        note(x, u, current, x[TRACKED] - reference, seen, parameters, y)
-        if measured:
+        row = n if logged else 0
+        note(x, u, current, x[TRACKED] - reference, seen, parameters, record, row)
+        if measured:  # a view of an array in every sample would cost a tenth of the time
+            y = record[row]
             regressors(y, y[N_STATES:], constants, r, known)
-            add_measures(n * h, 1.0, y[N_STATES:], y[ERRORS:], y[TRACKING], r, p, totals)
+            add_measures(n * h, 1.0, y[N_STATES:], y[ERRORS:], y[TRACKING], r, p[0], totals)
         x = move(x, u, parameters, h, substeps)
         if not bounded(x):
             return DIVERGED, n + 1, clipped
