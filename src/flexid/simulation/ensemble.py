@@ -262,6 +262,7 @@ def _conditions(gram: Array) -> Array:
     conditions = np.full(len(gram), np.nan)
     finite = np.all(np.isfinite(normalised), axis=(1, 2))
     eigenvalues = np.linalg.eigvalsh(normalised[finite])  # reads the lower triangle alone
-    smallest = np.maximum(eigenvalues[:, 0], 0.0)  # rounding may have made it negative
-    conditions[finite] = eigenvalues[:, -1] / smallest
+    smallest = eigenvalues[:, 0]  # which rounding may have made negative
+    ratio = eigenvalues[:, -1] / smallest
+    conditions[finite] = np.where(smallest > 0.0, ratio, np.inf)
     return conditions

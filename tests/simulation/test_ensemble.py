@@ -1,0 +1,222 @@
+"""Ensembles against single runs, and their measures against finely sampled ones."""
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from table_1 import table_1
+
+from flexid.analysis.excitation import excitation
+from flexid.control.pd_gravity import pd_gravity
+from flexid.control.references import sinusoid
+from flexid.errors import SettingError
+from flexid.simulation.closed_loop import simulate
+from flexid.simulation.ensemble import (
+    STATUS,
+    Ensemble,
+    simulate_ensemble,
+    simulate_sampled_ensemble,
+)
+from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.run import Run
+from flexid.simulation.sampled import Sampling, simulate_sampled
+
+LOOP = table_1(controller=pd_gravity())
+NOISY = Sampling(
+    input_limit=100.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7
+)
+
+
+def varied(loop: ClosedLoop, count: int) -> list[ClosedLoop]:
+    """Return loops with other plants and other starts."""
+    return [
+        replace(
+            loop,
+            coefficients={p: v * (1.0 + 0.05 * place) for p, v in loop.coefficients.items()},
+            initial_state=(0.02 * place, 0.0, 0.0, 0.0),
+        )
+        for place in range(count)
+    ]
+
+
+def columns(ensemble: Ensemble) -> dict[str, np.ndarray]:
+    """Return the arrays of an ensemble by name."""
+    return {f.name: getattr(ensemble, f.name) for f in fields(ensemble) if f.name != "system"}
+
+
+def assert_same(left: Ensemble, right: Ensemble) -> None:
+    """Fail unless both hold the same bits."""
+    for name, values in columns(left).items():
+        np.testing.assert_array_equal(values, columns(right)[name], err_msg=name)
+
+
+def condition_numbers(run: Run) -> list[float]:
+    """Return the excitation of both rows from a run's samples."""
+    x1, _, x3, x4 = run.states.T
+    link, motor = (-np.sin(x1), x3 - x1), (x1 - x3, -x4)
+    return [excitation("", ("", ""), np.stack(r, axis=1)).condition_number for r in (link, motor)]
+
+
+def test_ends_are_those_of_simulate() -> None:
+    """Assert that the end of every run is bit for bit that of the single run."""
+    loops = varied(LOOP, 3)
+    ensemble = simulate_ensemble(loops, 4.0)
+    for place, loop in enumerate(loops):
+        run = simulate(loop, 4.0, 4.0)
+        assert np.array_equal(ensemble.final_states[place], run.states[-1])
+        assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
+        assert ensemble.steps[place] == run.statistics["accepted_steps"]
+        assert ensemble.reached[place] == 4.0
+
+
+def test_sampled_ends_are_those_of_simulate_sampled() -> None:
+    """Assert the same of sampled runs, with noise and without, each with its own sampling."""
+    loops = varied(LOOP, 3)
+    samplings = [NOISY, replace(NOISY, seed=8, sample_time=2e-3), Sampling()]
+    ensemble = simulate_sampled_ensemble(loops, 3.0, samplings)
+    for place, (loop, sampling) in enumerate(zip(loops, samplings, strict=True)):
+        run = simulate_sampled(loop, 3.0, sampling)
+        assert np.array_equal(ensemble.final_states[place], run.states[-1])
+        assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
+        assert ensemble.steps[place] == len(run.time)
+        assert ensemble.reached[place] == run.time[-1]
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_workers_change_nothing(workers: int) -> None:
+    """Assert that results are bit for bit the same whatever the number of threads."""
+    loops = varied(LOOP, 7)
+    samplings = [replace(NOISY, seed=seed) for seed in range(7)]
+    assert_same(simulate_ensemble(loops, 2.0, workers=workers), simulate_ensemble(loops, 2.0))
+    assert_same(
+        simulate_sampled_ensemble(loops, 2.0, samplings, workers),
+        simulate_sampled_ensemble(loops, 2.0, samplings),
+    )
+
+
+def test_company_changes_nothing() -> None:
+    """Assert that a run comes out the same alone as beside one that fails."""
+    loops = varied(LOOP, 3)
+    together = simulate_ensemble([loops[0], diverging(), *loops[1:]], 2.0)
+    alone = [simulate_ensemble([loop], 2.0) for loop in loops]
+    for name, values in columns(together).items():
+        single = np.concatenate([columns(one)[name] for one in alone])
+        np.testing.assert_array_equal(np.delete(values, 1, axis=0), single, err_msg=name)
+
+
+def diverging() -> ClosedLoop:
+    """Return a loop whose law pushes the motor away."""
+    law = LOOP.controller.with_parameters(proportional=-5000.0, derivative=-500.0)
+    return replace(LOOP, controller=law)
+
+
+def test_measures_are_those_of_a_fine_run() -> None:
+    """Assert that every measure agrees with the same measure of a finely sampled single run."""
+    loops = varied(LOOP, 2)
+    ensemble = simulate_ensemble(loops, 6.0, relative_tolerance=1e-9)
+    for place, loop in enumerate(loops):
+        run = simulate(loop, 6.0, 1e-4, 1e-9)
+        error = run.tracking_error
+        assert ensemble.tracking_rms[place] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-4)
+        assert ensemble.tracking_peak[place] == pytest.approx(np.max(np.abs(error)), rel=1e-4)
+        assert ensemble.peak_input[place] == pytest.approx(
+            np.max(np.abs(run.inputs), axis=0), rel=1e-4
+        )
+        assert ensemble.excitation[place] == pytest.approx(condition_numbers(run), rel=1e-3)
+        np.testing.assert_allclose(ensemble.settling_time[place], settling_times(run), atol=0.02)
+
+
+def settling_times(run: Run) -> list[float]:
+    """Return the last time each estimate was 5 % of its truth away; NaN if it was at the end."""
+    outside = np.abs(run.parameter_errors) > 0.05 * np.abs(run.loop.true_coefficients)
+    last = [np.flatnonzero(column)[-1] if column.any() else 0 for column in outside.T]
+    return [np.nan if n == len(run.time) - 1 else run.time[n] for n in last]
+
+
+def test_sampled_measures_are_those_of_the_samples() -> None:
+    """Assert that the measures of a sampled run are those of its own samples."""
+    ensemble = simulate_sampled_ensemble([LOOP], 20.0, [NOISY])
+    run = simulate_sampled(LOOP, 20.0, NOISY)
+    error = run.tracking_error
+    assert ensemble.tracking_rms[0] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
+    assert ensemble.tracking_peak[0] == np.max(np.abs(error))
+    assert ensemble.peak_input[0] == np.max(np.abs(run.inputs), axis=0)
+    assert ensemble.excitation[0] == pytest.approx(condition_numbers(run), rel=1e-9)
+    np.testing.assert_allclose(ensemble.settling_time[0], settling_times(run), rtol=1e-12)
+    assert np.isfinite(ensemble.settling_time[0]).any()
+
+
+def test_a_fast_transient_is_weighted_by_its_time() -> None:
+    """Assert that a spike far shorter than any sample counts for as long as it lasts.
+
+    The robust law starts with an input of 2e9 that lasts some microseconds. A mean over steps,
+    which crowd there, would make the tracking error of the first instant that of the run.
+    """
+    loop = table_1()
+    ensemble = simulate_ensemble([loop], 5.0)
+    run = simulate(loop, 5.0, 1e-4)
+    assert ensemble.tracking_rms[0] == pytest.approx(
+        np.sqrt(np.mean(run.tracking_error**2)), rel=1e-3
+    )
+    assert ensemble.peak_input[0] == pytest.approx(np.max(np.abs(run.inputs)), rel=1e-6)
+
+
+def test_an_unexcited_row_has_no_condition() -> None:
+    """Assert that a joint at rest is infinitely badly excited."""
+    resting = replace(LOOP, reference=sinusoid(0.0, 5.0))
+    assert np.all(np.isinf(simulate_ensemble([resting], 1.0).excitation))
+
+
+def test_divergence_is_a_status() -> None:
+    """Assert that runs that fail are rows that say why, when and with what measures so far."""
+    ensemble = simulate_ensemble([LOOP, diverging()], 30.0)
+    assert [STATUS[status] for status in ensemble.status] == ["finished", "diverged"]
+    assert 0.0 < ensemble.reached[1] < 30.0
+    assert ensemble.tracking_peak[1] > 1e3
+
+
+def test_too_many_steps_is_a_status() -> None:
+    """Assert that a run that needs more steps than allowed says so."""
+    ensemble = simulate_ensemble([LOOP], 30.0, maximum_steps=50)
+    assert STATUS[ensemble.status[0]] == "too many steps"
+    assert ensemble.steps[0] <= 50
+
+
+def test_no_value_is_a_status() -> None:
+    """Assert that a run without finite numbers says so."""
+    loop = replace(LOOP, initial_state=(np.nan, 0.0, 0.0, 0.0))
+    ensemble = simulate_ensemble([loop], 1.0)
+    assert STATUS[ensemble.status[0]] == "not finite"
+    assert np.isnan(ensemble.excitation).all()
+
+
+def test_sampled_divergence_is_a_status() -> None:
+    """Assert that a sampled loop that diverges is a row, and one too stiff to sample as well."""
+    stiff = replace(LOOP, coefficients={**LOOP.coefficients, "alpha2": 1e7})
+    ensemble = simulate_sampled_ensemble([LOOP, diverging(), stiff], 5.0, [Sampling()] * 3)
+    assert [STATUS[status] for status in ensemble.status] == [
+        "finished",
+        "diverged",
+        "step too small",
+    ]
+    assert np.isnan(ensemble.final_states[2]).all()
+    assert np.isnan(ensemble.tracking_rms[2])
+
+
+@pytest.mark.parametrize(
+    ("call", "setting"),
+    [
+        (lambda: simulate_ensemble([], 1.0), "loops"),
+        (lambda: simulate_ensemble([LOOP, table_1()], 1.0), "loops"),
+        (lambda: simulate_ensemble([LOOP], 1.0, workers=0), "workers"),
+        (lambda: simulate_ensemble([LOOP], -1.0), "duration"),
+        (lambda: simulate_sampled_ensemble([LOOP], 1.0, []), "samplings"),
+        (lambda: simulate_sampled_ensemble([LOOP], 0.0, [Sampling()]), "duration"),
+    ],
+)
+def test_settings_that_mean_nothing(call: Callable[[], object], setting: str) -> None:
+    """Assert that a setting without a meaning is named."""
+    with pytest.raises(SettingError) as caught:
+        call()
+    assert caught.value.setting == setting
