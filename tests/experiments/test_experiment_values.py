@@ -165,3 +165,18 @@ def test_sampled_run_follows_its_seed(sampled: Experiment):
     assert other.measured is not None
     assert np.array_equal(first.measured, again.measured)
     assert not np.array_equal(first.measured, other.measured)
+
+
+def test_acceleration_has_a_remedy(tmp_path: Path):
+    """Assert that a term which no continuous observer can have is refused by file and remedy."""
+    text = (FOLDER / "huang2003.toml").read_text(encoding="utf-8")
+    path = tmp_path / "damped.toml"
+    path.write_text(
+        text.replace('"motor_viscous"]', '"motor_viscous", "joint_damping"]').replace(
+            "[plant]", "[plant]\njoint_damping = 0.2"
+        ),
+        encoding="utf-8",
+    )
+    with pytest.raises(ExperimentError, match=r"theta_damping.*\[sampling\]") as caught:
+        read_experiment(path).run()
+    assert str(caught.value).startswith(str(path))

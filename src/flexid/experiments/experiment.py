@@ -9,7 +9,7 @@ from functools import cached_property
 from numbers import Integral
 from typing import Any, Literal
 
-from flexid.errors import ExperimentError
+from flexid.errors import AccelerationError, ExperimentError
 from flexid.experiments.variation import Variation
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
@@ -148,19 +148,27 @@ class Experiment:
         ------
         SimulationError
             If the loop diverges or cannot meet its tolerance.
-        AccelerationError
+        ExperimentError
             If the observer of a continuous loop needs an acceleration.
         """
         if self.sampling is not None:
             return simulate_sampled(self.loop, self.duration, self.sampling)
-        return simulate(
-            self.loop,
-            self.duration,
-            self.sample_time,
-            self.relative_tolerance,
-            self.absolute_tolerance,
-            self.maximum_steps,
-        )
+        try:
+            return simulate(
+                self.loop,
+                self.duration,
+                self.sample_time,
+                self.relative_tolerance,
+                self.absolute_tolerance,
+                self.maximum_steps,
+            )
+        except AccelerationError as error:
+            raise ExperimentError(
+                self.path,
+                "model",
+                f"has a coefficient {error.coefficient!r} whose observer needs an acceleration in "
+                f"continuous time: drop its term, or sample the loop with a table [sampling]",
+            ) from None
 
 
 def suggestion(path: str, known: Mapping[str, float]) -> str:
