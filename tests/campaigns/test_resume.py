@@ -52,6 +52,14 @@ def test_the_number_of_workers_changes_no_bit(experiment, whole, tmp_path):
     assert same_bits(rows_of(tmp_path), whole)
 
 
+def test_threads_of_a_new_process_load_the_kernel_once(experiment, whole, tmp_path):
+    """Assert that four threads that start together, with nothing loaded, leave the same rows."""
+    code = "from flexid.cli.main import main; main()"
+    command = [sys.executable, "-c", code, "campaign", experiment.path, "--out", str(tmp_path)]
+    subprocess.run([*command, "--workers", "4"], check=True, timeout=300)
+    assert same_bits(rows_of(tmp_path), whole)
+
+
 def test_the_piece_size_changes_no_bit(whole, tmp_path):
     """Assert that pieces of five leave the rows of pieces of three."""
     path = write_experiment(tmp_path / "tiny.toml")

@@ -2,12 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 
 import polars as pl
 
 from flexid.campaigns.rows import piece_rows
 from flexid.campaigns.series import piece_series
 from flexid.experiments import Experiment
+from flexid.simulation.closed_loop import loop_kernel
+from flexid.simulation.sampled import sampled_kernel
+
+_loading = Lock()
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,17 @@ def run_piece(
     ------
     Stopped
         If `stopped` said so.
+    AccelerationError
+        If no run of this experiment is possible.
     """
+    _load_kernel(experiment)
     rows = piece_rows(experiment, piece.table, piece.keep, stopped)
     wanted = "time_series" in piece.keep
     return piece.number, rows, piece_series(experiment, rows, stopped) if wanted else None
+
+
+def _load_kernel(experiment: Experiment) -> None:
+    """Load the compiled functions, one thread at a time: another would find half a module."""
+    load = loop_kernel if experiment.sampling is None else sampled_kernel
+    with _loading:
+        load(experiment.loop.declaration)
