@@ -83,6 +83,11 @@ def check_velocities(pieces: Sequence[Samples], usable: Sequence[int], unknowns:
                 )
 
 
+def needs_velocities(unknowns: Unknowns) -> bool:
+    """Whether a term that is on in the first piece is nonlinear in a velocity."""
+    return any(c not in unknowns.absent(0) for c in _kernel(unknowns.system).VELOCITY_NEEDED)
+
+
 def wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int64]:
     """Places of the signals that least squares needs: left-hand sides, and regressors that are on.
 

@@ -133,10 +133,11 @@ class Candidate:
         self, groups: Sequence[int], fit_with: Callable[[Unknowns], AnyFit]
     ) -> Fitted[AnyFit]:
         unknowns = self.unknowns(groups)
-        fit, at_bound = bounded_fit(fit_with, unknowns, self._active_bounds())
+        fit, at_bound = bounded_fit(fit_with, unknowns, self.active_bounds())
         return Fitted(fit, unknowns.fixing(at_bound), at_bound)
 
-    def _active_bounds(self) -> Bounds:
+    def active_bounds(self) -> Bounds:
+        """Bounds of the coefficients whose terms are on."""
         off = {c for t, names in self.joint.terms.items() if t not in self.terms for c in names}
         return {c: bound for c, bound in self.bounds.items() if c not in off}
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexid.analysis.excitation import Excitation
 from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.streamed_least_squares import StreamedFit
 from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.identification.intervals import Fitted, interval, propagated
 from flexid.identification.joint import Joint
@@ -62,7 +63,7 @@ def coefficient_estimates(
 
 def row_evidence(
     fit: Fitted,
-    start: LeastSquaresFit,
+    start: LeastSquaresFit | StreamedFit,
     shifts: Mapping[str, float],
     residual_excess: Mapping[str, float],
     excitation: Mapping[str, Excitation],
@@ -75,7 +76,7 @@ def row_evidence(
     ----------
     fit : Fitted
         Values and covariance that are reported.
-    start : LeastSquaresFit
+    start : LeastSquaresFit or StreamedFit
         Of the same unknowns; its rows say what each coefficient does to the motion.
     shifts : mapping of str to float
         How far each coefficient moves, beyond noise, with what should not move it.

@@ -80,13 +80,7 @@ def findings(
     excitation = {row.name: row_excitation(row, ()) for row in start.rows if row.coefficients}
     excess = residual_excess(start, reported.unknowns, candidate.samples(pieces.whole))
     if candidate.segment_duration == 0:
-        others = [
-            replace(same, filter_rate=factor * same.filter_rate)
-            .least_squares(pieces.whole, pieces.groups)
-            .fit
-            for factor in _RATE_FACTORS
-        ]
-        shifts = filter_shifts(start, others)
+        shifts = rate_shifts(same, pieces, start)
     else:
         between = estimator_shifts(reported.fit, start)
         shifts = {c: max(between[c], _of(c, segment_shifts)) for c in between}
@@ -104,6 +98,20 @@ def findings(
         deflection_doubt,
     )
     return Findings(start, excitation, excess, evidence)
+
+
+def rate_shifts(candidate: Candidate, pieces: Pieces, fit: LeastSquaresFit) -> dict[str, float]:
+    """How far a candidate's least squares of some pieces moves with the filter rate.
+
+    Beyond noise, as of `filter_shifts`.
+    """
+    others = [
+        replace(candidate, filter_rate=factor * candidate.filter_rate)
+        .least_squares(pieces.whole, pieces.groups)
+        .fit
+        for factor in _RATE_FACTORS
+    ]
+    return filter_shifts(fit, others)
 
 
 def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:

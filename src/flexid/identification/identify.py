@@ -96,7 +96,7 @@ def identify(
     candidate = _as_fitted(candidate, reported)
     widened = with_friction_shape(candidate, reported, pieces.whole, pieces.groups)
     given = {**fixed, **reported.at_bound}
-    fit, contradictions, known = _informed(joint, widened, given, settings, input_unit)
+    fit, contradictions, known = with_prior_knowledge(joint, widened, given, settings, input_unit)
     found = findings(
         candidate,
         pieces,
@@ -108,7 +108,11 @@ def identify(
         alignment.deflection_doubt,
     )
     estimates = coefficient_estimates(
-        fit, found.evidence, candidate.joint.units, _fixed(reported, fixed), input_unit
+        fit,
+        found.evidence,
+        candidate.joint.units,
+        without_estimate(reported.at_bound, fixed),
+        input_unit,
     )
     progress("the rigid joint as a rival")
     compliance = (
@@ -223,7 +227,7 @@ def _stream(candidate: Candidate, pieces: Pieces) -> ObserverTrace:
     return stream(candidate.samples(pieces.whole), unknowns, candidate.hold)
 
 
-def _informed(
+def with_prior_knowledge(
     joint: Joint,
     fit: intervals.Fitted,
     given: Mapping[str, float],
@@ -249,10 +253,12 @@ def _informed(
     return both, both.warnings, frozenset(c for names in known if len(names) == 1 for c in names)
 
 
-def _fixed(reported: AnyFitted, given: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+def without_estimate(
+    at_bound: Mapping[str, float], given: Mapping[str, float]
+) -> dict[str, tuple[float, str]]:
     """What was not estimated, and why."""
     fixed = {name: (value, "given") for name, value in given.items()}
-    return fixed | {name: (value, "at its bound") for name, value in reported.at_bound.items()}
+    return fixed | {name: (value, "at its bound") for name, value in at_bound.items()}
 
 
 def _choices(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.streamed_least_squares import StreamedFit
 from flexid.estimators.unknowns import Unknowns
 from flexid.recording.velocities import position_noise
 from flexid.simulation.free_run import free_run_kernel
@@ -25,14 +26,14 @@ _MEMORY = 40.0  # time constants of the filter after which its response has vani
 
 
 def residual_excess(
-    fit: LeastSquaresFit, unknowns: Unknowns, pieces: Sequence[Samples]
+    fit: LeastSquaresFit | StreamedFit, unknowns: Unknowns, pieces: Sequence[Samples]
 ) -> dict[str, float]:
     """Residual of each row over the residual that noise of the positions would leave.
 
     Parameters
     ----------
-    fit : LeastSquaresFit
-        Of these pieces.
+    fit : LeastSquaresFit or StreamedFit
+        Of these pieces, or of a record that begins with them.
     unknowns : Unknowns
         What it sought.
     pieces : sequence of Samples

@@ -104,6 +104,20 @@ def read_channels(
     return channels, tuple(warnings)
 
 
+def channel_columns(table: Table, map_path: Path | None) -> list[str]:
+    """Headers of the columns that `read_channels` reads, in the file's order."""
+    entries = {} if map_path is None else read_map(map_path)
+    found = _canonical_columns(table)
+    used = set()
+    for name in _wanted(table, set(found) | set(entries), []):
+        if name in entries and map_path is not None:
+            terms = entries[name].terms
+            used |= {_find(table, term.column, name, map_path.name) for term in terms}
+        else:
+            used.add(found[name])
+    return [header for header in table.names if header in used]
+
+
 def split_header(header: str) -> tuple[str, str | None]:
     """Split a header such as ``link_position [deg]`` into its name and its unit.
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from flexid.recording import checks
 from flexid.recording.columns import INPUTS, VELOCITIES, Channel, read_channels
 from flexid.recording.recording import Log, Recording
-from flexid.recording.sampling import Grid, check_increasing, even_grid, to_grid
-from flexid.recording.table import read_table
+from flexid.recording.sampling import check_increasing, even_grid, to_grid
+from flexid.recording.table import Table, read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,7 +39,11 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     RecordingError
         If the log cannot be used; the message names the place and the remedy.
     """
-    table = read_table(path)
+    return log_of_table(read_table(path), columns)
+
+
+def log_of_table(table: Table, columns: Path | None = None) -> Log:
+    """As `read_log`, from a file's columns."""
     channels, warnings = read_channels(table, columns)
     clock = channels.pop("time")
     checks.check_magnitude(table.file, "time", clock)
@@ -50,7 +54,12 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     warnings += _unwrap(table.file, channels, clock.values)
     _add_link_position(table.file, channels)
     warnings += _check_together(table.file, channels, clock.values)
-    pieces = [_piece(table.file, channels, clock.values, grid, part) for part in grid.pieces]
+    pieces = [
+        recording_of(
+            table.file, channels, clock.values, grid.sample_time, part, resample=grid.resample
+        )
+        for part in grid.pieces
+    ]
     for name in VELOCITIES:
         if name in channels:
             positions = [getattr(piece, name.replace("velocity", "position")) for piece in pieces]
@@ -105,20 +114,42 @@ def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -
     return warnings
 
 
-def _piece(
-    file: str, channels: dict[str, Channel], time: FloatArray, grid: Grid, part: slice
+def recording_of(
+    file: str,
+    channels: dict[str, Channel],
+    time: FloatArray,
+    sample_time: float,
+    part: slice,
+    *,
+    resample: bool = False,
 ) -> Recording:
-    """Build the recording of one piece."""
+    """Build the recording of one piece.
+
+    Parameters
+    ----------
+    file : str
+        Its name.
+    channels : dict of str to Channel
+        By canonical name.
+    time : FloatArray, shape (n,)
+        In s.
+    sample_time : float
+        In s.
+    part : slice
+        Samples of the piece.
+    resample : bool, optional
+        Whether to interpolate to even times.
+    """
     drive_name = next(name for name in INPUTS if name in channels)
 
     def sampled(name: str) -> FloatArray:
         values = channels[name].values[part]
-        if not grid.resample:
+        if not resample:
             return values
-        return to_grid(time[part], values, grid.sample_time, held=name == drive_name)
+        return to_grid(time[part], values, sample_time, held=name == drive_name)
 
     return Recording(
-        sample_time=grid.sample_time,
+        sample_time=sample_time,
         start_time=float(time[part.start]),
         link_position=sampled("link_position") if "link_position" in channels else None,
         motor_position=sampled("motor_position"),

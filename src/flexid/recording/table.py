@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from flexid.recording.recording import FloatArray
 
 LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
-MOST_ROWS = 20_000_000
+LARGE_REMEDY = "identify it as Parquet with --stream, or cut the log into shorter files"
+MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each
 PARQUET_MAGIC = b"PAR1"
+PARQUET_SUFFIXES = (".parquet", ".pq")
 SEPARATORS = ",;\t|"
 
 
@@ -122,11 +124,74 @@ def read_table(path: Path) -> Table:
     RecordingError
         If the file is missing, too large, empty, or not what its name says.
     """
-    raw = read_bytes(path, LARGEST_FILE, "cut the log into shorter files, or thin it out")
-    is_parquet = path.suffix.lower() in (".parquet", ".pq")
+    raw = read_bytes(path, LARGEST_FILE, LARGE_REMEDY)
+    is_parquet = path.suffix.lower() in PARQUET_SUFFIXES
     digest = hashlib.sha256(raw).hexdigest()
     frame_reader = _read_parquet if is_parquet else _read_csv
     return frame_reader(path.name, raw, digest)
+
+
+def scan_parquet(path: Path) -> tuple[polars.LazyFrame, int]:
+    """Open a Parquet file of any size.
+
+    Returns
+    -------
+    frame : polars.LazyFrame
+        Its columns, not yet read.
+    rows : int
+        How many there are.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, or it is no Parquet file, or an incomplete or an empty one.
+    """
+    import polars as pl
+
+    file = path.name or str(path)
+    try:
+        _check_file(path, file)
+        if path.suffix.lower() not in PARQUET_SUFFIXES:
+            raise RecordingError(
+                file, "", "only a Parquet file can be streamed: write the log as .parquet"
+            )
+        with path.open("rb") as opened:
+            whole = opened.read(4) == PARQUET_MAGIC and opened.seek(-4, io.SEEK_END) > 0
+            whole = whole and opened.read(4) == PARQUET_MAGIC
+        if not whole:
+            raise _broken_parquet(file)
+        frame = pl.scan_parquet(path)
+        rows = int(frame.select(pl.len()).collect().item())
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        raise _broken_parquet(file) from error
+    except (OSError, ValueError) as error:
+        raise _not_opened(file, error) from error
+    if rows == 0:
+        raise RecordingError(file, "", "the file holds no samples: export the log again")
+    return frame, rows
+
+
+def _check_file(path: Path, file: str) -> None:
+    """Raise unless a path leads to an ordinary file."""
+    if path.is_dir():
+        raise RecordingError(file, "", "this is a folder: name the file in it")
+    if not path.exists():
+        raise RecordingError(file, "", "there is no such file: check the path and the spelling")
+    if not path.is_file():
+        raise RecordingError(file, "", "this is no ordinary file: copy the data into one")
+
+
+def _not_opened(file: str, error: OSError | ValueError) -> RecordingError:
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    return RecordingError(
+        file, "", f"the file cannot be opened ({reason}): check the path and its permissions"
+    )
+
+
+def _broken_parquet(file: str) -> RecordingError:
+    return RecordingError(
+        file, "", "this is no readable Parquet file: export it again, or name it .csv if it is text"
+    )
 
 
 def read_bytes(path: Path, limit: int, too_large_remedy: str) -> bytes:
@@ -139,12 +204,7 @@ def read_bytes(path: Path, limit: int, too_large_remedy: str) -> bytes:
     """
     file = path.name or str(path)
     try:
-        if path.is_dir():
-            raise RecordingError(file, "", "this is a folder: name the file in it")
-        if not path.exists():
-            raise RecordingError(file, "", "there is no such file: check the path and the spelling")
-        if not path.is_file():
-            raise RecordingError(file, "", "this is no ordinary file: copy the data into one")
+        _check_file(path, file)
         size = path.stat().st_size
         if size > limit:
             raise RecordingError(
@@ -155,10 +215,7 @@ def read_bytes(path: Path, limit: int, too_large_remedy: str) -> bytes:
             )
         raw = path.read_bytes()
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise RecordingError(
-            file, "", f"the file cannot be opened ({reason}): check the path and its permissions"
-        ) from error
+        raise _not_opened(file, error) from error
     if not raw.strip():
         raise RecordingError(file, "", "the file is empty: export the log again")
     return raw
@@ -284,9 +341,7 @@ def _unreadable_row(
 def _read_parquet(file: str, raw: bytes, digest: str) -> Table:
     import polars as pl
 
-    broken = RecordingError(
-        file, "", "this is no readable Parquet file: export it again, or name it .csv if it is text"
-    )
+    broken = _broken_parquet(file)
     if not (raw.startswith(PARQUET_MAGIC) and raw.endswith(PARQUET_MAGIC)):
         raise broken
     try:
@@ -295,8 +350,8 @@ def _read_parquet(file: str, raw: bytes, digest: str) -> Table:
             raise RecordingError(
                 file,
                 "",
-                f"the file has {count} rows, more than the {MOST_ROWS} that are read: cut the log "
-                f"into shorter files",
+                f"the file has {count} rows, more than the {MOST_ROWS} that are read at once: "
+                f"identify it with --stream, or cut the log into shorter files",
             )
         frame = pl.read_parquet(io.BytesIO(raw))
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:

@@ -69,12 +69,14 @@ def encoder_step(position: FloatArray) -> float:
     return step if is_grid and repeats else 0.0
 
 
-def with_velocities(recording: Recording) -> Recording:
+def with_velocities(recording: Recording, half_windows: tuple[int, int] | None = None) -> Recording:
     """Return the recording with velocities: measured ones kept, missing ones derived.
 
     Parameters
     ----------
     recording : Recording
+    half_windows : tuple of int, optional
+        Half the width of the window for link and motor, if not `best_half_window`.
 
     Returns
     -------
@@ -87,16 +89,21 @@ def with_velocities(recording: Recording) -> Recording:
         recording.link_velocity,
         recording.motor_velocity,
     )
+    link_half, motor_half = half_windows or (None, None)
     if link is None and position is not None:
-        link = velocity(position, dt)
+        link = velocity(position, dt, link_half)
+    if motor is None:
+        motor = velocity(recording.motor_position, dt, motor_half)
     return replace(
         recording,
         link_velocity=link,
-        motor_velocity=velocity(recording.motor_position, dt) if motor is None else motor,
+        motor_velocity=motor,
     )
 
 
-def velocity(position: FloatArray, sample_time: float) -> FloatArray:
+def velocity(
+    position: FloatArray, sample_time: float, half_window: int | None = None
+) -> FloatArray:
     """Return the derivative of a noisy position, without phase shift.
 
     Polynomials are fitted to a window centred on each sample (Savitzky and Golay, Analytical
@@ -112,13 +119,15 @@ def velocity(position: FloatArray, sample_time: float) -> FloatArray:
         At least three samples.
     sample_time : float
         In s.
+    half_window : int, optional
+        Half the width of the window in samples, if not `best_half_window`.
 
     Returns
     -------
     FloatArray, shape (n,)
         In the unit of `position` per second.
     """
-    half = best_half_window(position)
+    half = best_half_window(position) if half_window is None else half_window
     degree = min(DEGREE, 2 * half)
     derivative = np.empty(len(position))
     inner = slice(half, len(position) - half)

@@ -1,0 +1,59 @@
+"""A long log of the paper's joint, written piece by piece: no more than a piece is in memory.
+
+    python -m benchmarks.long_log FILE ROWS
+
+writes the Parquet file. The drive is a sum of sines that never repeats, the positions have white
+noise, and everything follows from the seed and the number of the piece.
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.free_run import free_run
+
+SAMPLE_TIME = 1e-3  # s
+POSITION_NOISE = 1e-4  # rad
+SEED = 0
+
+TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+"""Coefficients of Huang (2003), Table I."""
+
+_PIECE = 1_000_000  # rows that are in memory
+_RATES = np.array([1.0, 4.3166, 7.4162, 11.3, 17.9])  # rad/s, without a common period
+_SIZES = np.array([1.5, 3.0, 4.0, 5.0, 6.0])  # N m; the link swings, and never turns over
+
+
+def write_long_log(path: Path, rows: int) -> None:
+    """Write a log of so many rows."""
+    system = flexible_joint()
+    state = np.zeros(4)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        names = []
+        for number, first in enumerate(range(0, rows, _PIECE)):
+            count = min(_PIECE, rows - first)
+            # One sample more than is written: where the next piece begins.
+            time = SAMPLE_TIME * np.arange(first, first + count + 1)
+            torque = np.sin(np.outer(time, _RATES)) @ _SIZES
+            states = free_run(system, TRUTH, state, torque, SAMPLE_TIME, "linear")
+            state = states[-1].copy()
+            generator = np.random.default_rng((SEED, number))
+            noisy = states[:-1, ::2] + POSITION_NOISE * generator.standard_normal((count, 2))
+            names.append(Path(folder) / f"{number:05d}.parquet")
+            pl.DataFrame(
+                {
+                    "time [s]": time[:-1],
+                    "link_position [rad]": noisy[:, 0],
+                    "motor_position [rad]": noisy[:, 1],
+                    "motor_torque [N m]": torque[:-1],
+                }
+            ).write_parquet(names[-1])
+        pl.scan_parquet(names).sink_parquet(path)
+
+
+if __name__ == "__main__":
+    write_long_log(Path(sys.argv[1]), int(float(sys.argv[2])))

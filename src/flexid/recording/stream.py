@@ -1,0 +1,249 @@
+"""A Parquet file as a stream of checked recordings, for logs that no memory holds.
+
+What needs the whole log in `flexid.recording.read.read_log` is looked at in its beginning, the
+head; what a single sample can do wrong is looked at in every chunk.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexid.errors import RecordingError
+from flexid.recording import checks
+from flexid.recording.columns import channel_columns, read_channels
+from flexid.recording.read import ENCODERS, log_of_table, recording_of
+from flexid.recording.sampling import EVEN, GAP, MOST_GAPS
+from flexid.recording.stream_checks import SHOWN, Still, Wraps, listed
+from flexid.recording.table import Table, scan_parquet
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from flexid.recording.columns import Channel
+    from flexid.recording.recording import FloatArray, Log, Recording
+
+CHUNK = 262_144
+"""Rows that are read at once."""
+
+_DRIFT = 1e-6  # relative change of the sample time from the head to the whole that is worth a word
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Consecutive samples of a stream.
+
+    Parameters
+    ----------
+    recording : Recording
+        One sample or more, in SI units.
+    begins : bool
+        Whether a piece begins here: at the beginning, or after a gap.
+    row : int
+        Rows of the file before it.
+    """
+
+    recording: Recording
+    begins: bool
+    row: int
+
+
+class LogStream:
+    """A log that is read chunk by chunk, once.
+
+    Parameters
+    ----------
+    path : Path
+        A Parquet file with the columns that `flexid.recording.read.read_log` expects.
+    columns : Path or None
+        A TOML column map.
+    head_rows : int
+        Rows at the beginning that are read and checked at once.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be streamed, or its head cannot be used.
+    """
+
+    def __init__(self, path: Path, columns: Path | None, head_rows: int) -> None:
+        self.file = path.name
+        self.warnings: list[str] = []
+        """What was found in the stream, once it is over."""
+        self._path = path
+        self._map = columns
+        self._scan, self.rows = scan_parquet(path)
+        table = self._table(self._scan.head(head_rows), 0)
+        self._columns = channel_columns(table, columns)
+        self.head: Log = log_of_table(table, columns)
+        self.sample_time = self.head.pieces[0].sample_time
+        self.sha256 = ""
+        """Digest of the file's bytes, once the stream is over."""
+
+    def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
+        """Read, check and convert.
+
+        Parameters
+        ----------
+        size : int, optional
+            Rows that are read at once.
+
+        Raises
+        ------
+        RecordingError
+            With the first row that cannot be used.
+        """
+        state = _State(self.file, self.sample_time, self.head)
+        scan = self._scan.select(self._columns)
+        with ThreadPoolExecutor(1) as digests:
+            digest = digests.submit(_sha256, self._path)
+            for row in range(0, self.rows, size):
+                table = self._table(scan.slice(row, size), row)
+                yield from state.chunks(table, read_channels(table, self._map)[0])
+            self.warnings += state.finished(self.rows)
+            self.sha256 = digest.result()
+
+    def _table(self, scan: pl.LazyFrame, row: int) -> Table:
+        import polars as pl
+
+        try:
+            frame = scan.collect()
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
+            raise RecordingError(
+                self.file,
+                f"row {row + 1} or after",
+                "the file cannot be read on from there: export or copy it again",
+            ) from error
+        if frame.height == 0:
+            raise RecordingError(
+                self.file, f"row {row + 1}", "the file ends early: export or copy it again"
+            )
+        return Table(self.file, "", row + 1, "row", frame, "")
+
+
+@dataclass
+class _State:
+    """What is carried from chunk to chunk."""
+
+    file: str
+    sample_time: float
+    head: Log
+    last_time: float = np.nan
+    steps: int = 0
+    elapsed: float = 0.0
+    gaps: list[str] = field(default_factory=list)
+    n_gaps: int = 0
+    wraps: dict[str, Wraps] = field(default_factory=dict)
+    still: dict[str, Still] = field(default_factory=dict)
+
+    def chunks(self, table: Table, channels: dict[str, Channel]) -> Iterator[Chunk]:
+        """Turn a table into chunks, cut at the gaps."""
+        row = table.first_row - 1
+        clock = channels.pop("time")
+        checks.check_magnitude(self.file, "time", clock)
+        for name, channel in channels.items():
+            checks.check_magnitude(self.file, name, channel)
+        begins = self._begins(table, clock.column, clock.values)
+        for name in ENCODERS:
+            if name in channels:
+                fresh = Wraps(self.file, name, channels[name].column)
+                wraps = self.wraps.setdefault(name, fresh)
+                channels[name] = wraps.undone(channels[name], clock.values)
+        if "deflection" in channels:
+            motor, deflection = channels["motor_position"], channels["deflection"]
+            values = motor.values + deflection.values
+            channels["link_position"] = replace(deflection, values=values)
+        self._watch(channels, clock.values)
+        cuts = np.unique(np.concatenate(([0], np.flatnonzero(begins), [len(begins)])))
+        for first, stop in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+            part = slice(first, stop)
+            recording = recording_of(self.file, channels, clock.values, self.sample_time, part)
+            yield Chunk(recording, bool(begins[first]), row + first)
+
+    def finished(self, rows: int) -> list[str]:
+        """Warnings about the whole."""
+        if self.n_gaps > MOST_GAPS * rows:
+            raise RecordingError(
+                self.file,
+                "",
+                f"samples are missing in {self.n_gaps} places: record at a fixed rate",
+            )
+        warnings = [warning for wraps in self.wraps.values() for warning in wraps.warnings()]
+        warnings += [warning for still in self.still.values() for warning in still.warnings()]
+        if self.n_gaps:
+            times = listed(self.gaps, self.n_gaps)
+            warnings.append(
+                f"{self.file}: samples are missing from {times}, so the log was cut there into "
+                f"pieces: record without gaps"
+            )
+        if self.steps:
+            change = self.elapsed / self.steps / self.sample_time - 1.0
+            if abs(change) > _DRIFT:
+                warnings.append(
+                    f"{self.file}: the sample time of the whole log differs by {change:.1e} from "
+                    f"that of its beginning, which was used: check the clock"
+                )
+        return warnings
+
+    def _begins(self, table: Table, column: str, time: FloatArray) -> NDArray[np.bool_]:
+        """Whether a piece begins at each sample; raise unless time runs evenly in between."""
+        steps = np.diff(time, prepend=self.last_time)
+        if np.isnan(self.last_time):
+            steps[0] = np.inf
+        backwards = ~(steps > 0.0)
+        if backwards.any():
+            index = int(np.argmax(backwards))
+            before, now = f"{time[index] - steps[index]:.9g}", f"{time[index]:.9g}"
+            raise RecordingError(
+                self.file,
+                table.place(index, column),
+                f"time runs backwards or repeats (from {before} s to {now} s): sort the rows, or "
+                f"cut the file there into two logs",
+            )
+        begins = steps > GAP * self.sample_time
+        off = np.abs(steps / self.sample_time - 1.0) > 2.0 * EVEN
+        uneven = off & ~begins
+        if uneven.any():
+            index = int(np.argmax(uneven))
+            raise RecordingError(
+                self.file,
+                table.place(index, column),
+                f"the time step is {1e3 * steps[index]:.6g} ms where the sample time is "
+                f"{1e3 * self.sample_time:.6g} ms, and a stream is not interpolated: resample the "
+                f"log to even times, or identify a shorter part of it without --stream",
+            )
+        self.elapsed += float(np.sum(steps[~begins]))
+        self.steps += int(np.sum(~begins))
+        for index in np.flatnonzero(begins).tolist():
+            if np.isfinite(steps[index]):
+                self.n_gaps += 1
+                if len(self.gaps) < SHOWN:
+                    start = time[index] - steps[index]
+                    self.gaps.append(f"{start:.6g} s to {time[index]:.6g} s")
+        self.last_time = float(time[-1])
+        return begins
+
+    def _watch(self, channels: dict[str, Channel], time: FloatArray) -> None:
+        """Look for encoders that stand still while the other side moves."""
+        if "link_position" not in channels:
+            return
+        sensors = ("deflection" if "deflection" in channels else "link_position", "motor_position")
+        others = ("motor_position", "link_position")
+        for name, other in zip(sensors, others, strict=True):
+            if name not in self.still:
+                moves = max(float(np.ptp(getattr(p, other))) for p in self.head.pieces)
+                self.still[name] = Still(self.file, name, channels[name].column, 0.1 * moves)
+            self.still[name].look(channels[name].values, channels[other].values, time)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
