@@ -4,9 +4,21 @@ One root, `FlexidError`; each subclass carries its data as fields, and its text 
 that names the place and the remedy, fit to be shown to a user as it stands.
 """
 
+from typing import Any
+
 
 class FlexidError(Exception):
-    """Root of all exceptions that flexid raises on purpose."""
+    """Root of all exceptions that flexid raises on purpose; they travel between processes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An exception is otherwise made anew from its text alone, where these want their fields.
+        return _again, (type(self), self.args, self.__dict__)
+
+
+def _again(kind: type[FlexidError], texts: tuple[str, ...], fields: dict[str, Any]) -> FlexidError:
+    error = kind.__new__(kind, *texts)
+    error.__dict__.update(fields)
+    return error
 
 
 class ExpressionError(FlexidError):
