@@ -2,12 +2,18 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexid.cli.assignments import parse_bounds, parse_known, parse_names, parse_number
 from flexid.cli.options import AsJson, Columns, Known, Logs
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from flexid.identification.result import Identification
+    from flexid.identification.settings import Settings
 
 
 def identify(
@@ -44,6 +50,14 @@ def identify(
     validation_share: Annotated[
         float, typer.Option(help="Share of each log, at its end, kept out for the free run.")
     ] = 1 / 3,
+    stream: Annotated[
+        bool,
+        typer.Option(
+            "--stream",
+            help="Take one Parquet log of any length in one pass, in bounded memory, by least "
+            "squares with choices made on its beginning.",
+        ),
+    ] = False,
     explain: Annotated[
         bool, typer.Option("--explain", help="Show the evidence for every choice.")
     ] = False,
@@ -61,9 +75,7 @@ def identify(
     """
     from rich.console import Console
 
-    from flexid.identification.identify import identify as run
     from flexid.identification.settings import Settings
-    from flexid.recording.read import read_log
     from flexid.report.documents import identification_document, output_directory, to_json
     from flexid.report.identification_table import print_identification
 
@@ -84,22 +96,20 @@ def identify(
         validation_share=validation_share,
     )
     errors = Console(stderr=True)
-    with (
-        nullcontext() if out is None else output_directory(out) as directory,
-        errors.status("reading (the first run on a machine compiles for up to a minute)") as status,
-    ):
-        result = run(
-            [read_log(log, columns) for log in logs],
-            settings,
-            lambda step: status.update(f"identifying: {step}"),
-        )
+    with nullcontext() if out is None else output_directory(out) as directory:
+        if stream:
+            from flexid.cli.streaming import identify_with_bar
+
+            result = identify_with_bar(logs, columns, settings, errors)
+        else:
+            result = _identify_in_memory(logs, columns, settings, errors)
         document = to_json(identification_document(result))
         if directory is not None:
             from flexid.report.identification_figures import save_identification_figures
 
-            status.update("drawing")
-            (directory / "estimate.json").write_text(document, encoding="utf-8")
-            save_identification_figures(result, directory)
+            with errors.status("drawing"):
+                (directory / "estimate.json").write_text(document, encoding="utf-8")
+                save_identification_figures(result, directory)
     for warning in result.warnings:
         errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     if as_json:
@@ -108,3 +118,19 @@ def identify(
         print_identification(result, explain=explain)
     if not result.supported:
         raise typer.Exit(1)
+
+
+def _identify_in_memory(
+    logs: list[Path], columns: Path | None, settings: "Settings", errors: "Console"
+) -> "Identification":
+    from flexid.identification.identify import identify as run
+    from flexid.recording.read import read_log
+
+    with errors.status(
+        "reading (the first run on a machine compiles for up to a minute)"
+    ) as status:
+        return run(
+            [read_log(log, columns) for log in logs],
+            settings,
+            lambda step: status.update(f"identifying: {step}"),
+        )
