@@ -71,9 +71,11 @@ def piece_rows(
             for place, number in zip(done, ensemble.status, strict=True):
                 status[place] = STATUS_NAMES[number]
     columns = [pl.Series(STATUS, status, pl.String), pl.Series(ERROR, errors, pl.String)]
-    columns += [pl.Series(name, values) for name, values in zip(names, results.T, strict=True)]
-    steps = pl.col(STEPS).fill_nan(0.0).cast(pl.Int64)  # none of a run that could not be made
-    return table.with_columns(columns).with_columns(steps)
+    for name, values in zip(names, results.T, strict=True):
+        if name == STEPS:  # none of a run that could not be made
+            values = np.nan_to_num(values).astype(np.int64)
+        columns.append(pl.Series(name, values))
+    return table.hstack(columns)
 
 
 def _varied(
@@ -81,7 +83,8 @@ def _varied(
 ) -> dict[int, Experiment]:
     """The experiment of each row; without those whose values are not allowed."""
     varied = {}
-    for place, values in enumerate(table.drop("run").iter_rows(named=True)):
+    for place, values in enumerate(table.iter_rows(named=True)):
+        del values["run"]
         try:
             varied[place] = experiment.with_values(values)
         except FlexidError as error:
