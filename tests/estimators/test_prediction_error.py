@@ -18,6 +18,7 @@ from scipy.stats import t
 from segment_bound import cramer_rao_bound, segment_derivatives
 
 from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators import threads
 from flexid.estimators.gauss_newton import Point, segmented_motion
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
@@ -245,3 +246,17 @@ def test_a_start_that_is_none(start):
     """Assert that missing, unknown and infinite starting values are refused."""
     with pytest.raises(SettingError, match="start"):
         prediction_error([joint_samples(0)], JOINT, start)
+
+
+def test_threads_change_no_digit(monkeypatch: pytest.MonkeyPatch):
+    """Assert that one, two and five threads give the same bits."""
+    samples = joint_samples(0)
+    start = filtered_least_squares([samples], JOINT)
+    fits = []
+    for count in (1, 2, 5):
+        monkeypatch.setattr(threads, "cores", lambda count=count: count)
+        fits.append(prediction_error([samples], JOINT, start))
+    for other in fits[1:]:
+        np.testing.assert_array_equal(other.values, fits[0].values)
+        np.testing.assert_array_equal(other.covariance, fits[0].covariance)
+        np.testing.assert_array_equal(other.residuals, fits[0].residuals)

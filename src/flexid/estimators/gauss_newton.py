@@ -15,6 +15,7 @@ from flexid.estimators.block_sandwich import block_duration
 from flexid.estimators.cluster_covariance import Clusters
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, first_states
+from flexid.estimators.threads import in_threads
 from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
@@ -148,29 +149,40 @@ class SegmentedMotion:
         wanted = np.flatnonzero(np.any(columns != FIXED, axis=0))
         size = kernel.N_STATES + len(wanted)
         count = int(self.first_blocks[-1])
-        normal = np.empty((count, size, size))
-        gradient = np.empty((count, size))
+        normal = np.zeros((count, size, size))
+        gradient = np.zeros((count, size))
         residuals = np.zeros_like(segments.outputs)
-        cost, done = kernel.segment_equations(
-            segments.starts,
-            segments.lengths,
-            self.first_blocks,
-            segments.sample_times,
-            point.initial_states,
-            segments.measured,
-            segments.outputs,
-            self.weights,
-            segments.inputs,
-            self._coefficients(point.values),
-            self.constants,
-            wanted,
-            self.held,
-            self.substeps,
-            normal,
-            gradient,
-            residuals,
-        )
-        if done < len(segments) or not np.all(np.abs(normal) < _LARGEST):
+        costs = np.zeros(len(segments))
+        coefficients = self._coefficients(point.values)
+
+        def run(first: int, stop: int) -> None:
+            kernel.segment_equations(
+                first,
+                stop,
+                segments.starts,
+                segments.lengths,
+                self.first_blocks,
+                segments.sample_times,
+                point.initial_states,
+                segments.measured,
+                segments.outputs,
+                self.weights,
+                segments.inputs,
+                coefficients,
+                self.constants,
+                wanted,
+                self.held,
+                self.substeps,
+                normal,
+                gradient,
+                residuals,
+                costs,
+            )
+
+        in_threads(run, segments.lengths)
+        # Segment by segment in their order, so that no digit depends on the threads.
+        cost = float(np.sum(costs))
+        if not np.all(np.abs(normal) < _LARGEST):
             cost = np.inf
         columns = np.repeat(columns[:, wanted], np.diff(self.first_blocks), axis=0)
         normal, gradient = _gathered(

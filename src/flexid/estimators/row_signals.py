@@ -47,10 +47,24 @@ def row_signals(
         Accelerations averaged over the two intervals around every inner sample, weighted by a
         triangle; filtered. Zero where they are not wanted.
     """
+    signals = np.zeros((len(system.coefficients) + len(system.rows), len(piece) - 2))
+    fill_row_signals(signals, 0, piece, system, hold, pole, wanted)
+    return signals
+
+
+def fill_row_signals(
+    signals: FloatArray,
+    first: int,
+    piece: Samples,
+    system: ParametricSystem,
+    hold: Hold,
+    pole: float = 0.0,
+    wanted: NDArray[np.int64] | None = None,
+) -> None:
+    """As `row_signals`, into the columns from `first` on of an array for several pieces."""
     kernel = _kernel(system)
     positions = np.ascontiguousarray(piece.positions, dtype=np.float64)
     velocities = np.zeros_like(positions) if piece.velocities is None else piece.velocities
-    signals = np.zeros((kernel.N_SIGNALS, len(piece) - 2))
     if wanted is None:
         wanted = np.arange(kernel.N_SIGNALS, dtype=np.int64)
     kernel.filter_piece(
@@ -63,8 +77,8 @@ def row_signals(
         hold == "zero",
         wanted,
         signals,
+        first,
     )
-    return signals
 
 
 def check_velocities(pieces: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns) -> None:

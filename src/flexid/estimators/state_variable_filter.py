@@ -16,7 +16,7 @@ from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_lengths
 from flexid.estimators.row_signals import (
     check_velocities,
-    row_signals,
+    fill_row_signals,
     sought_signals,
     wanted_signals,
 )
@@ -112,13 +112,17 @@ def filtered_signals(
         Regressors of all coefficients, then left-hand sides of all rows; a piece of n samples
         gives n - 2 equations.
     """
-    filtered = [np.empty((len(system.coefficients) + len(system.rows), 0))]
-    for piece in pieces:
+    equations = [len(piece) - 2 for piece in pieces]
+    # Memory that nothing is written to takes no room: signals that are not wanted cost nothing.
+    signals = np.zeros((len(system.coefficients) + len(system.rows), sum(equations)))
+    first = 0
+    for piece, count in zip(pieces, equations, strict=True):
         pole = float(np.exp(-filter_rate * piece.sample_time))
-        signals = row_signals(piece, system, hold, pole, wanted)
-        project_out_past(signals[:, : memory(filter_rate, piece.sample_time)], pole)
-        filtered.append(signals)
-    return np.concatenate(filtered, axis=1)
+        fill_row_signals(signals, first, piece, system, hold, pole, wanted)
+        past = min(count, memory(filter_rate, piece.sample_time))
+        project_out_past(signals[:, first : first + past], pole)
+        first += count
+    return signals
 
 
 def memory(filter_rate: float, sample_time: float) -> int:

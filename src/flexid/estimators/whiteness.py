@@ -37,9 +37,13 @@ def whiteness(segments: Sequence[FloatArray], n_fitted: int) -> float:
     power = sum(np.sum(part**2, axis=0) for part in segments)
     power = np.where(power > 0.0, power, 1.0)
     bias = n_fitted / (count * n_outputs)
+    # Zeros between the segments: no product reaches across them.
+    apart = np.zeros((longest, n_outputs))
+    joined = np.concatenate([rows for part in segments for rows in (part, apart)])
+    columns = [np.ascontiguousarray(column) for column in joined.T]
     statistic = 0.0
     for lag in range(1, longest + 1):
-        products = sum(np.sum(part[lag:] * part[:-lag], axis=0) for part in segments)
+        products = np.array([column[lag:] @ column[:-lag] for column in columns])
         pairs = sum(len(part) - lag for part in segments)
         correlation = products / power * count / pairs
         correlation = np.where(correlation == 0.0, 0.0, correlation + bias)

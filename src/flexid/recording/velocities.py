@@ -41,8 +41,9 @@ def position_noise(position: FloatArray) -> float:
     if len(position) <= ORDER:
         return 0.0
     squares = np.diff(position, ORDER) ** 2 / comb(2 * ORDER, ORDER)
-    blocks = [block.mean() for block in np.array_split(squares, max(1, len(squares) // BLOCK))]
-    return max(sqrt(float(np.median(blocks))), encoder_step(position) / sqrt(12.0))
+    edges = np.linspace(0, len(squares), max(1, len(squares) // BLOCK) + 1).astype(np.int64)
+    means = np.add.reduceat(squares, edges[:-1]) / np.diff(edges)
+    return max(sqrt(float(np.median(means))), encoder_step(position) / sqrt(12.0))
 
 
 def encoder_step(position: FloatArray) -> float:

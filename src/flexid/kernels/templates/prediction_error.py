@@ -26,20 +26,21 @@ def advance(z, first, change, p, c, at, h, substeps, rate, trial, total, u):
         z[:] = total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def segment_equations(
-    starts, lengths, first_blocks, sample_times, initial_states, measured, outputs, weights,
-    inputs, p, c, wanted, held, substeps, normal, gradient, residuals,
+    first, stop, starts, lengths, first_blocks, sample_times, initial_states, measured, outputs,
+    weights, inputs, p, c, wanted, held, substeps, normal, gradient, residuals, costs,
 ):
     """Normal equations of every block for its segment's initial state and the wanted coefficients.
 
-    Segment s begins at sample starts[s], is made up of the blocks first_blocks[s] to
+    Of the segments from `first` up to, not including, `stop`: threads that have different ones do
+    not meet. Segment s begins at sample starts[s], is made up of the blocks first_blocks[s] to
     first_blocks[s + 1] - 1, all of about the same length, and has the coefficients p[s], of which
     those at the places `wanted` are sought. Column a of `outputs` measures the state measured[a]
     and weighs weights[a] (one over its standard deviation). Fills `normal`, shape (n_blocks, n, n)
-    with n = N_STATES + len(wanted), `gradient`, shape (n_blocks, n), and `residuals`, shape of
-    `outputs`. Returns the weighted sum of squares and the number of segments done: fewer than
-    there are if the motion of one diverged.
+    with n = N_STATES + len(wanted), `gradient`, shape (n_blocks, n), all zero before, `residuals`,
+    shape of `outputs`, and `costs`, shape (n_segments,), with the weighted sum of squares of each
+    segment: infinite, and then the last one, if its motion diverged.
     """
     size = N_STATES + wanted.shape[0]
     at = np.zeros(N_COEFFICIENTS, np.int64)
@@ -51,10 +52,8 @@ def segment_equations(
     total = np.empty((N_STATES, 1 + size))
     u = np.empty(N_INPUTS)
     change = np.zeros(N_INPUTS)
-    normal[:] = 0.0
-    gradient[:] = 0.0
-    cost = 0.0
-    for s in range(starts.shape[0]):
+    for s in range(first, stop):
+        cost = 0.0
         z[:] = 0.0
         for i in range(N_STATES):
             z[i, 0] = initial_states[s, i]
@@ -74,7 +73,8 @@ def segment_equations(
                 row = z[measured[a]]
                 residual = outputs[k, a] - row[0]
                 if not abs(residual) < BOUND:
-                    return np.inf, s
+                    costs[s] = np.inf
+                    return
                 residuals[k, a] = residual
                 square = weights[a] * weights[a]
                 cost += square * residual * residual
@@ -87,4 +87,4 @@ def segment_equations(
             for j in range(size):
                 for l in range(j):
                     normal[b, l, j] = normal[b, j, l]
-    return cost, starts.shape[0]
+        costs[s] = cost

@@ -20,7 +20,7 @@ def rules(wanted, zero_order, weights):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def filter_piece(
-    positions, velocities, inputs, constants, sample_time, pole, zero_order, wanted, filtered
+    positions, velocities, inputs, constants, sample_time, pole, zero_order, wanted, filtered, at
 ):
     """Double integrals of both sides of every row over two intervals, then smoothed twice.
 
@@ -28,7 +28,7 @@ def filter_piece(
     weighted by a triangle. That integral is taken by a three-sample rule for every signal, and
     both sides pass the filter ((1 - pole) / (1 - pole/z))^2. Row i of `filtered` receives the
     regressor of coefficient i, row N_COEFFICIENTS + j the left-hand side of row j, known part
-    subtracted; only the rows `wanted` are touched.
+    subtracted, from column `at` on; only the rows `wanted` are touched.
     """
     n_wanted = wanted.shape[0]
     every = np.empty((N_SIGNALS, N_ROWS))
@@ -99,7 +99,7 @@ def filter_piece(
             for i in range(begin, count):
                 smooth = pole * smooth + gain * value[i]
                 smoother = pole * smoother + gain * smooth
-                filtered[row, first + i - 2] = smoother
+                filtered[row, at + first + i - 2] = smoother
             once[a], twice[a] = smooth, smoother
             for i in range(2):
                 after[a, i] = after[a, count + i]
