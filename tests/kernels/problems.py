@@ -84,10 +84,10 @@ def smooth_solution(t: float | NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([np.exp(np.sin(t)), np.cos(t) / (1.0 + 0.5 * np.asarray(t))])
 
 
-def integrator(problem: tuple[str, str], size: int) -> ModuleType:
+def integrator(problem: tuple[str, str], size: int, method: str = "rodas5p") -> ModuleType:
     """Compile the integrator for a problem."""
     source = HEAD.format(size=size, rates=problem[0], jacobian=problem[1])
-    return load_kernel("test_problem", [source], lambda: source, ["rodas5p"])
+    return load_kernel("test_problem", [source], lambda: source, ["run_status", method])
 
 
 def integrate(

@@ -58,12 +58,13 @@ def condition_numbers(run: Run) -> list[float]:
     return [excitation("", ("", ""), np.stack(r, axis=1)).condition_number for r in (link, motor)]
 
 
-def test_ends_are_those_of_simulate() -> None:
+@pytest.mark.parametrize("stiff", [True, False])
+def test_ends_are_those_of_simulate(stiff: bool) -> None:
     """Assert that the end of every run is bit for bit that of the single run."""
     loops = varied(LOOP, 3)
-    ensemble = simulate_ensemble(loops, 4.0)
+    ensemble = simulate_ensemble(loops, 4.0, stiff=stiff)
     for place, loop in enumerate(loops):
-        run = simulate(loop, 4.0, 4.0)
+        run = simulate(loop, 4.0, 4.0, stiff=stiff)
         assert np.array_equal(ensemble.final_states[place], run.states[-1])
         assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
         assert ensemble.steps[place] == run.statistics["accepted_steps"]
@@ -111,10 +112,11 @@ def diverging() -> ClosedLoop:
     return replace(LOOP, controller=law)
 
 
-def test_measures_are_those_of_a_fine_run() -> None:
+@pytest.mark.parametrize("stiff", [True, False])
+def test_measures_are_those_of_a_fine_run(stiff: bool) -> None:
     """Assert that every measure agrees with the same measure of a finely sampled single run."""
     loops = varied(LOOP, 2)
-    ensemble = simulate_ensemble(loops, 6.0, relative_tolerance=1e-9)
+    ensemble = simulate_ensemble(loops, 6.0, relative_tolerance=1e-9, stiff=stiff)
     for place, loop in enumerate(loops):
         run = simulate(loop, 6.0, 1e-4, 1e-9)
         error = run.tracking_error

@@ -102,6 +102,7 @@ def simulate_ensemble(
     relative_tolerance: float = 1e-6,
     absolute_tolerance: float | None = None,
     maximum_steps: int = 1_000_000,
+    stiff: bool = True,
     workers: int = 1,
 ) -> Ensemble:
     """Simulate many closed loops in continuous time, each as `simulate` does.
@@ -117,7 +118,7 @@ def simulate_ensemble(
         In s; a run ends at the last sample within it.
     sample_time : float, optional
         Of `simulate` in s; here it decides nothing but the end.
-    relative_tolerance, absolute_tolerance, maximum_steps : optional
+    relative_tolerance, absolute_tolerance, maximum_steps, stiff : optional
         As for `simulate`.
     workers : int, optional
         Threads.
@@ -137,7 +138,7 @@ def simulate_ensemble(
     _check(loops, workers)
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
     grid = SampleGrid(duration, sample_time)
-    kernel = loop_kernel(loops[0].declaration)
+    kernel = loop_kernel(loops[0].declaration, stiff=stiff)
     table = _Table.of(len(loops), kernel.N_TOTALS)
     no_samples = np.empty((0, kernel.SIZE))
 

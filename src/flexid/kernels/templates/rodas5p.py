@@ -3,13 +3,7 @@
 # G. Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within
 # the Julia Differential Equations package", BIT Numerical Mathematics 63 (2023) 27.
 # Calls rates(t, z, p, dz), rates_and_jacobian(t, z, p, dz, jacobian, slope) and, where measures are
-# wanted, observe(t, weight, z, p, totals); needs SIZE.
-
-FINISHED = 0
-TOO_MANY_STEPS = 1
-STEP_TOO_SMALL = 2
-NOT_FINITE = 3
-DIVERGED = 4
+# wanted, observe(t, weight, z, p, totals); needs run_status and SIZE.
 
 RODAS_GAMMA = 0.21193756319429014
 # Row i: the state of stage i as z + sum of A[i, j] times stage j. The last two rows add the stage

@@ -1,4 +1,4 @@
-# Template: needs loop_measures, regressors, advance, sense, control, saturate, plant_step with their
+# Template: needs run_status, loop_measures, regressors, advance, sense, control, saturate, plant_step with their
 # tuples, and the sizes.
 
 # What a record holds: states, inputs, estimates, their errors, the tracking error and what was
@@ -8,10 +8,6 @@ ERRORS = ESTIMATES + N_COEFFICIENTS
 TRACKING = ERRORS + N_COEFFICIENTS
 MEASURED = TRACKING + 1
 N_RECORD = MEASURED + N_STATES
-
-FINISHED = 0
-NOT_FINITE = 3
-DIVERGED = 4
 
 
 @njit(cache=True, error_model="numpy")

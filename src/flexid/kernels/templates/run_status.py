@@ -1,0 +1,7 @@
+# Template: needs nothing. What became of a run.
+
+FINISHED = 0
+TOO_MANY_STEPS = 1
+STEP_TOO_SMALL = 2
+NOT_FINITE = 3
+DIVERGED = 4
