@@ -42,7 +42,7 @@ def test_a_step_is_that_of_scipy() -> None:
     )[2:4]
     assert z == pytest.approx(peer.y, rel=1e-14)
     expected = peer.dense_output()(np.arange(11) * 0.01)
-    assert samples.T == pytest.approx(expected, abs=1e-7)
+    np.testing.assert_allclose(samples.T, expected, atol=1e-7)
 
 
 def test_order_of_dense_output_is_four() -> None:
