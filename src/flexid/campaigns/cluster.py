@@ -1,8 +1,10 @@
 """The same pieces on a Dask cluster, where a lost worker's pieces go to another one."""
 
+import gc
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,14 +22,14 @@ _TIMEOUT = 10.0  # s, to reach the scheduler
 
 
 def run_on_cluster(
-    experiment: Experiment, pieces: Sequence[Piece], scheduler: str
+    experiment: Experiment, pieces: Iterable[Piece], scheduler: str
 ) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
     """Run pieces on the workers of a Dask scheduler, and yield each when it is done.
 
     Parameters
     ----------
     experiment : Experiment
-    pieces : sequence of Piece
+    pieces : iterable of Piece
     scheduler : str
         Its address, for example ``tcp://host:8786``.
 
@@ -54,13 +56,15 @@ def _connect(scheduler: str) -> "Client":
         ) from None
     # What goes wrong is told in one sentence; the package would add a traceback
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    try:
+    with suppress(OSError, ValueError, TypeError):
         return Client(scheduler, timeout=_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TypeError):
-        raise CampaignError(
-            scheduler,
-            "cannot be reached: start one there with `dask scheduler`, or correct the address",
-        ) from None
+    # A client that could not connect closes itself when it is collected. Were that to happen while
+    # another one starts, the two would wait for each other for ever.
+    gc.collect()
+    raise CampaignError(
+        scheduler,
+        "cannot be reached: start one there with `dask scheduler`, or correct the address",
+    )
 
 
 def _check_workers(client: "Client", scheduler: str) -> None:
@@ -93,12 +97,12 @@ def _run(
 
 
 def _results(
-    client: "Client", experiment: Experiment, pieces: Sequence[Piece], scheduler: str
+    client: "Client", experiment: Experiment, pieces: Iterable[Piece], scheduler: str
 ) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
     from distributed import KilledWorker, as_completed
 
     job = partial(_run, flexid.__version__, experiment)
-    futures = client.map(job, pieces, pure=False)
+    futures = client.map(job, list(pieces), pure=False)
     for future in as_completed(futures, loop=client.loop):
         try:
             yield future.result()
