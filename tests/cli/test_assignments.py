@@ -4,7 +4,13 @@ from math import inf
 
 import pytest
 
-from flexid.cli.assignments import parse_bounds, parse_known, parse_names, parse_number
+from flexid.cli.assignments import (
+    parse_bounds,
+    parse_known,
+    parse_names,
+    parse_number,
+    parse_values,
+)
 from flexid.errors import SettingError
 
 
@@ -66,3 +72,16 @@ def test_neither_number_nor_auto_names_the_option():
     """Assert that the message says which option is wrong."""
     with pytest.raises(SettingError, match="--input-delay: 'soon'"):
         parse_number("--input-delay", "soon")
+
+
+def test_whole_number_keeps_its_digits():
+    """Assert that a seed of 63 bits, as campaigns draw them, is not rounded to a float."""
+    seed = 2**62 + 1
+    assert parse_values("--set", [f"sampling.seed={seed}"]) == {"sampling.seed": seed}
+    assert float(seed) != seed
+
+
+def test_path_takes_any_notation_of_a_number():
+    """Assert that exponents and infinities are numbers, as far as this option is concerned."""
+    parsed = parse_values("--set", ["a.b=1e3", "a.c = -2", "a.d=inf"])
+    assert parsed == {"a.b": 1000.0, "a.c": -2, "a.d": inf}

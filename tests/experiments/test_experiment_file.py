@@ -145,6 +145,7 @@ def test_every_law_can_be_named(law: str, parameters: dict[str, float], tmp_path
 
 FAULTS = {
     "empty": ("", "controller", "add the table"),
+    "name of two lines": (TEXT.replace("(2003), ", "(2003)\\n"), "name", "one line"),
     "unknown key": (TEXT.replace("k = 50", "kk = 50"), "controller.kk", "remove it"),
     "missing key": (TEXT.replace("k = 50.0", ""), "controller.k", "add it"),
     "law": (TEXT.replace('"robust"', '"robustest"'), "controller.law", "robust, pd-gravity"),

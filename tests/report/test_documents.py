@@ -74,3 +74,11 @@ def test_directory_in_the_way_of_a_file_is_refused(tmp_path):
     with pytest.raises(SettingError, match="is a directory"):
         write()
     assert [file.name for file in tmp_path.iterdir()] == ["b.txt"]
+
+
+def test_name_that_is_no_text_is_refused(tmp_path):
+    """Assert that a directory whose name is no UTF-8, where tables cannot go, is refused first."""
+    out = tmp_path / "run\udcff"
+    with pytest.raises(SettingError, match="not UTF-8"), output_directory(out):
+        pass
+    assert not out.exists()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexid.experiments import read_experiment
-from flexid.report.run_figures import motion_figure, observer_figure
+from flexid.report.run_figures import motion_figure, observer_figure, save_run_figures
 from flexid.simulation.run import Run
 
 FOLDER = Path(__file__).parents[2] / "experiments"
@@ -43,3 +43,12 @@ def test_long_run_is_thinned(run: Run):
     line = motion_figure("Table I", run).axes[0].lines[0]
     assert len(run.time) > 20_000
     assert len(np.asarray(line.get_xdata())) <= 20_000
+
+
+def test_title_is_no_formula(run: Run, tmp_path: Path):
+    """Assert that a name with dollars and a command is drawn as it is, over several lines."""
+    name = r"gain $\frac of $x, " + 12 * "and longer "
+    save_run_figures(name, run, tmp_path)
+    title = motion_figure(name, run).get_suptitle()
+    assert title.splitlines()[0].startswith(r"gain $\frac of $x, and")
+    assert max(map(len, title.splitlines())) <= 75

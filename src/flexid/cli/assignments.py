@@ -85,20 +85,28 @@ def parse_values(option: str, assignments: Iterable[str]) -> dict[str, float]:
 
     Examples
     --------
-    >>> parse_values("--set", ["controller.k=30", "sampling.seed = 7"])
-    {'controller.k': 30.0, 'sampling.seed': 7.0}
+    >>> parse_values("--set", ["controller.k=30.5", "sampling.seed = 7"])
+    {'controller.k': 30.5, 'sampling.seed': 7}
     """
     values: dict[str, float] = {}
     for assignment in assignments:
         name, _, text = (part.strip() for part in assignment.partition("="))
         _check_new(option, name, values)
         try:
-            values[name] = float(text)
+            values[name] = _number(text)
         except ValueError:
             raise SettingError(
                 option, f"{assignment!r} is no path=number, e.g. controller.k=30"
             ) from None
     return values
+
+
+def _number(text: str) -> float:
+    """A number; a whole one keeps all its digits, since a seed has more than a float holds."""
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
 
 
 def _check_new(option: str, name: str, before: Container[str]) -> None:

@@ -46,6 +46,15 @@ Numbers = Annotated[list[Number], Field(max_length=50)]
 Values = Annotated[dict[Name, Number], Field(max_length=100)]
 
 
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("one line of printable text is needed")
+    return text
+
+
+Title = Annotated[str, StringConstraints(max_length=200), AfterValidator(_printable)]
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -202,7 +211,7 @@ RunTable = TypeVar("RunTable", bound=_Table)
 class Tables(_Table, Generic[ModelTable, Law, ReferenceTable, RunTable]):
     """The whole file, for one kind of each part."""
 
-    name: Annotated[str, StringConstraints(max_length=200)] = ""
+    name: Title = ""
     model: ModelTable = Field(default_factory=dict, validate_default=True)  # type: ignore[arg-type]
     plant: Annotated[Values, Field(min_length=1)]
     controller: Law

@@ -122,6 +122,10 @@ def output_directory(out: Path) -> Iterator[Path]:
     """
     existed = out.exists()
     try:
+        str(out).encode()
+    except UnicodeEncodeError:  # Polars cannot write there
+        raise SettingError("--out", "its name is not UTF-8: name another directory") from None
+    try:
         out.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(prefix=".flexid-", dir=out))
     except OSError as error:

@@ -1,6 +1,7 @@
 """Figures of a simulated run: the motion, and what the observer makes of it."""
 
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
@@ -25,7 +26,7 @@ def save_run_figures(name: str, run: Run, directory: Path) -> None:
 def motion_figure(name: str, run: Run) -> Figure:
     """Reference and tracked state, the error between them, and the inputs."""
     figure = new_figure(height=5.6)
-    figure.suptitle(name, fontsize=10)
+    _title(figure, name)
     motion, error, drive = figure.subplots(3, 1, sharex=True)
     shown = _shown(run)
     time = run.time[shown]
@@ -45,7 +46,7 @@ def motion_figure(name: str, run: Run) -> Figure:
     _leave_out_transient(drive, run.inputs)
     drive.set_xlabel("time (s)")
     handles, labels = motion.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=2)
+    figure.legend(handles, labels, loc="outside lower right", ncols=2)
     return figure
 
 
@@ -55,7 +56,7 @@ def observer_figure(name: str, run: Run) -> Figure:
     columns = 2 if len(names) > 1 else 1
     lines = -(-len(names) // columns)
     figure = new_figure(height=1.7 * lines + 0.7)
-    figure.suptitle(name, fontsize=10)
+    _title(figure, name)
     axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
     shown = _shown(run)
     for place, (ax, coefficient) in enumerate(zip(axes.flat, names, strict=False)):
@@ -72,8 +73,13 @@ def observer_figure(name: str, run: Run) -> Figure:
         ax.set_xlabel("time (s)")
         ax.tick_params(labelbottom=True)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+    figure.legend(handles, labels, loc="outside lower right", ncols=3)
     return figure
+
+
+def _title(figure: Figure, name: str) -> None:
+    """What the file says, in as many lines as it takes; a $ in it is no formula."""
+    figure.suptitle(fill(name, 75), fontsize=10, parse_math=False)
 
 
 def _shown(run: Run) -> slice:
