@@ -1,5 +1,7 @@
 """Plans: which values every run has."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from SALib.sample import sobol as salib_sobol
 
 from flexid.campaigns.plan import SEED, make_plan
 from flexid.errors import SettingError
+from flexid.experiments import read_experiment
 from flexid.experiments.variation import Distribution, Variation
 
 UNIFORM = Distribution("uniform", 10.0, 50.0)
@@ -23,9 +26,8 @@ def variation(kind, runs, campaign_seed=0, **inputs):
 def seeds(runs, campaign_seed=0):
     """Return the seeds that the runs of a grid are given."""
     inputs = {"a": tuple(map(float, range(runs)))}
-    drawn = make_plan(variation("grid", runs, campaign_seed, **inputs), sampled=True).seeds
-    assert drawn is not None
-    return drawn
+    plan = make_plan(variation("grid", runs, campaign_seed, **inputs), sampled=True)
+    return plan.table(range(runs))[SEED].to_numpy()
 
 
 def test_a_grid_has_every_combination_once():
@@ -109,8 +111,10 @@ def test_every_run_has_a_seed_of_its_own():
 def test_seeds_that_are_varied_are_left_alone():
     """Assert that a plan whose file lists seeds draws none, nor does one without noise."""
     listed = variation("grid", 2, **{SEED: (4.0, 5.0)})  # type: ignore[arg-type]
-    assert make_plan(listed, sampled=True).seeds is None
-    assert make_plan(variation("grid", 1, a=(1.0,)), sampled=False).seeds is None
+    plan = make_plan(listed, sampled=True)
+    assert plan.table(range(2)).rows() == [(0, 4.0), (1, 5.0)]
+    unsampled = make_plan(variation("grid", 1, a=(1.0,)), sampled=False)
+    assert unsampled.table(range(1)).columns == ["run", "a"]
 
 
 def test_another_seed_is_another_plan():
@@ -122,3 +126,13 @@ def test_another_seed_is_another_plan():
         make_plan(variation("sobol", 8, 0, a=UNIFORM), sampled=True).digest,
     }
     assert len(digests) == 4
+
+
+@pytest.mark.parametrize("name", ["huang2003", "noise", "excitation"])
+def test_the_shipped_campaigns_can_be_planned(name):
+    """Assert that each file has a plan of as many runs as it says."""
+    folder = Path(__file__).parents[2] / "experiments"
+    experiment = read_experiment(folder / f"{name}_campaign.toml")
+    assert experiment.variation is not None
+    plan = make_plan(experiment.variation, experiment.sampling is not None)
+    assert plan.values.shape == (experiment.variation.runs, len(experiment.variation.inputs))

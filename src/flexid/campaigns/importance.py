@@ -19,6 +19,7 @@ FEWEST_POINTS = 16
 """Fewest complete points of Saltelli's plan from which indices are computed."""
 
 _LEVEL = 0.05
+_SEED = 1  # of the resampling; SALib takes 0 for none
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def sobol_indices(inputs: Sequence[str], result: Array) -> tuple[SobolIndex, ...
         return ()
     problem = {"num_vars": len(inputs), "names": list(inputs)}
     found = sobol.analyze(
-        problem, result.ravel(), calc_second_order=False, num_resamples=200, seed=0
+        problem, result.ravel(), calc_second_order=False, num_resamples=200, seed=_SEED
     )
     columns = (found[key] for key in ("S1", "S1_conf", "ST", "ST_conf"))
     rows = zip(inputs, *(map(float, column) for column in columns), strict=True)

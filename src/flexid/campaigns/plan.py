@@ -27,36 +27,29 @@ class Plan:
         Dotted paths of what varies.
     values : (n_runs, n_inputs) ndarray
         In SI units.
-    seeds : (n_runs,) ndarray of int or None
-        Seed of each run's noise, where the loop is sampled and its seed not among the inputs.
+    seed : int or None
+        From which each run's noise has its seed, where the loop is sampled and its seed not among
+        the inputs.
     """
 
     inputs: tuple[str, ...]
     values: NDArray[np.float64]
-    seeds: NDArray[np.int64] | None
-
-    def of(self, run: int) -> dict[str, float | int]:
-        """Values of one run, by path."""
-        values: dict[str, float | int] = dict(
-            zip(self.inputs, self.values[run].tolist(), strict=True)
-        )
-        return values if self.seeds is None else {**values, SEED: int(self.seeds[run])}
+    seed: int | None
 
     def table(self, runs: range) -> pl.DataFrame:
         """Number and values of some consecutive runs, one row each."""
-        part = slice(runs.start, runs.stop)
+        values = self.values[runs.start : runs.stop]
         columns = {"run": np.arange(runs.start, runs.stop, dtype=np.int64)}
-        columns |= dict(zip(self.inputs, self.values[part].T, strict=True))
-        if self.seeds is not None:
-            columns[SEED] = self.seeds[part]
+        columns |= dict(zip(self.inputs, values.T, strict=True))
+        if self.seed is not None:
+            columns[SEED] = np.array([_run_seed(self.seed, run) for run in runs], dtype=np.int64)
         return pl.DataFrame(columns)
 
     @property
     def digest(self) -> str:
         """Hash of all values: equal plans have equal digests."""
-        content = hashlib.sha256("\n".join(self.inputs).encode())
+        content = hashlib.sha256("\n".join((*self.inputs, str(self.seed))).encode())
         content.update(np.ascontiguousarray(self.values).tobytes())
-        content.update(b"" if self.seeds is None else self.seeds.tobytes())
         return content.hexdigest()[:16]
 
 
@@ -77,8 +70,7 @@ def make_plan(variation: Variation, sampled: bool) -> Plan:
     """
     inputs = tuple(variation.inputs)
     values = _grid(variation) if variation.kind == "grid" else _draws(variation)
-    own_seeds = sampled and SEED not in inputs
-    return Plan(inputs, values, _seeds(variation.seed, len(values)) if own_seeds else None)
+    return Plan(inputs, values, variation.seed if sampled and SEED not in inputs else None)
 
 
 def _grid(variation: Variation) -> NDArray[np.float64]:
@@ -161,7 +153,7 @@ def _quantile(
     return values[np.floor(shares * len(values)).astype(int)]
 
 
-def _seeds(seed: int, runs: int) -> NDArray[np.int64]:
-    """One seed per run, from the campaign's seed and the run's number alone."""
-    children = (np.random.SeedSequence(seed, spawn_key=(run,)) for run in range(runs))
-    return np.array([int(c.generate_state(1, np.uint64)[0] >> 1) for c in children], dtype=np.int64)
+def _run_seed(seed: int, run: int) -> int:
+    """Seed of a run's noise, from the campaign's seed and the run's number alone."""
+    child = np.random.SeedSequence(seed, spawn_key=(run,))
+    return int(child.generate_state(1, np.uint64)[0] >> 1)

@@ -2,7 +2,7 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,9 +138,9 @@ def _complete(
     left = sum(len(manifest.runs_of(piece)) for piece in missing)
     if progress is not None:
         progress(manifest.runs - left, manifest.runs)
-    pieces = [Piece(n, plan.table(manifest.runs_of(n)), manifest.keep) for n in missing]
-    if not pieces:
+    if not missing:
         return
+    pieces = (Piece(n, plan.table(manifest.runs_of(n)), manifest.keep) for n in missing)
     if scheduler is None:
         finished = run_here(experiment, pieces, workers)
     else:
@@ -155,7 +155,7 @@ def _complete(
 
 
 def run_here(
-    experiment: Experiment, pieces: list[Piece], workers: int
+    experiment: Experiment, pieces: Iterable[Piece], workers: int
 ) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
     """Run pieces on threads of this process, and yield each when it is done.
 
