@@ -55,7 +55,8 @@ def _connect(scheduler: str) -> "Client":
             "--scheduler", "needs the package distributed: pip install 'flexid[dask]'"
         ) from None
     # What goes wrong is told in one sentence; the package would add a traceback
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     with suppress(OSError, ValueError, TypeError):
         return Client(scheduler, timeout=_TIMEOUT, set_as_default=False)
     # A client that could not connect closes itself when it is collected. Were that to happen while

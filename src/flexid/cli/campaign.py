@@ -65,10 +65,14 @@ def _run(path: Path, out: Path, workers: int | None, scheduler: str | None) -> N
 
     experiment = read_experiment(path)
     bar = _progress_bar()
-    task = bar.add_task("preparing (the first run on a machine compiles for up to a minute)")
+    task = bar.add_task("preparing (the first run on a machine compiles)", total=None)
+    reported: set[int] = set()
 
     def report(done: int, total: int) -> None:
-        bar.update(task, description="running", completed=done, total=total)
+        reported.add(done)
+        bar.update(task, completed=done, total=total)
+        if len(reported) > 1:  # the first report comes before the first piece
+            bar.update(task, description="running")
 
     try:
         with bar:
