@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
@@ -28,28 +29,37 @@ _RATES = np.array([1.0, 4.3166, 7.4162, 11.3, 17.9])  # rad/s, without a common 
 _SIZES = np.array([1.5, 3.0, 4.0, 5.0, 6.0])  # N m; the link swings, and never turns over
 
 
+def long_motion(
+    number: int, count: int, state: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Noisy positions and torque of a piece, and the state that the next one begins with."""
+    # One sample more than is wanted: where the next piece begins.
+    torque = np.sin(np.outer(_times(number, count + 1), _RATES)) @ _SIZES
+    states = free_run(flexible_joint(), TRUTH, state, torque, SAMPLE_TIME, "linear")
+    generator = np.random.default_rng((SEED, number))
+    noisy = states[:-1, ::2] + POSITION_NOISE * generator.standard_normal((count, 2))
+    return noisy, torque[:-1], states[-1].copy()
+
+
+def _times(number: int, count: int) -> NDArray[np.float64]:
+    return SAMPLE_TIME * np.arange(number * _PIECE, number * _PIECE + count, dtype=np.float64)
+
+
 def write_long_log(path: Path, rows: int) -> None:
     """Write a log of so many rows."""
-    system = flexible_joint()
     state = np.zeros(4)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         names = []
         for number, first in enumerate(range(0, rows, _PIECE)):
             count = min(_PIECE, rows - first)
-            # One sample more than is written: where the next piece begins.
-            time = SAMPLE_TIME * np.arange(first, first + count + 1)
-            torque = np.sin(np.outer(time, _RATES)) @ _SIZES
-            states = free_run(system, TRUTH, state, torque, SAMPLE_TIME, "linear")
-            state = states[-1].copy()
-            generator = np.random.default_rng((SEED, number))
-            noisy = states[:-1, ::2] + POSITION_NOISE * generator.standard_normal((count, 2))
+            positions, torque, state = long_motion(number, count, state)
             names.append(Path(folder) / f"{number:05d}.parquet")
             pl.DataFrame(
                 {
-                    "time [s]": time[:-1],
-                    "link_position [rad]": noisy[:, 0],
-                    "motor_position [rad]": noisy[:, 1],
-                    "motor_torque [N m]": torque[:-1],
+                    "time [s]": _times(number, count),
+                    "link_position [rad]": positions[:, 0],
+                    "motor_position [rad]": positions[:, 1],
+                    "motor_torque [N m]": torque,
                 }
             ).write_parquet(names[-1])
         pl.scan_parquet(names).sink_parquet(path)

@@ -53,7 +53,7 @@ from flexid.recording.windows import Window, windows
 HEAD_ROWS = 120_000
 """Samples at the beginning that choices are made on: two minutes at 1 kHz."""
 
-_WINDOW = 131_072  # samples that are worked on at once
+_WINDOW = 65_536  # samples that are worked on at once
 _LARGEST_MARGIN = 262_144  # samples; beyond it the memory would be that of a long window
 _SETTLING = 128  # samples after which no all-pass filter of an alignment remembers its start
 _FEWEST_SAMPLES = 75  # of a piece

@@ -21,7 +21,7 @@ TURN = 2.0 * np.pi
 
 def check_magnitude(file: str, name: str, channel: Channel) -> None:
     """Raise if a channel holds absurdly large values."""
-    largest = float(np.abs(channel.values).max())
+    largest = max(float(channel.values.max()), -float(channel.values.min()))
     if not largest <= LARGEST_VALUE:
         raise RecordingError(
             file,
@@ -100,9 +100,9 @@ def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Fl
     """
     values = channel.values
     steps = np.diff(values)
-    is_jump = np.abs(steps) > np.pi
-    if not is_jump.any():
+    if not len(steps) or max(steps.max(), -steps.min()) <= np.pi:
         return values, ""
+    is_jump = np.abs(steps) > np.pi
     jumps = np.flatnonzero(is_jump)
     if len(jumps) > len(steps) // 4:
         return values, ""  # not wraps but a wrong unit, which the check of the speed will tell

@@ -253,8 +253,10 @@ def _direct(table: Table, name: str, header: str) -> Channel:
     unit = split_header(header)[1]
     place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
     factor, si_unit = _scale(table.file, place, unit, name)
-    with np.errstate(over="ignore"):
-        values = table.numbers(header) * factor
+    values = table.numbers(header)
+    if factor != 1.0:
+        with np.errstate(over="ignore"):
+            values *= factor
     return Channel(values, si_unit, header, unit is not None)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    import polars as pl
     from numpy.typing import NDArray
 
     from flexid.recording.columns import Channel
@@ -81,7 +81,7 @@ class LogStream:
         self._path = path
         self._map = columns
         self._scan, self.rows = scan_parquet(path)
-        table = self._table(self._scan.head(head_rows), 0)
+        table = self._head(head_rows)
         self._columns = channel_columns(table, columns)
         self.head: Log = log_of_table(table, columns)
         self.sample_time = self.head.pieces[0].sample_time
@@ -102,31 +102,47 @@ class LogStream:
             With the first row that cannot be used.
         """
         state = _State(self.file, self.sample_time, self.head)
-        scan = self._scan.select(self._columns)
         with ThreadPoolExecutor(1) as digests:
             digest = digests.submit(_sha256, self._path)
-            for row in range(0, self.rows, size):
-                table = self._table(scan.slice(row, size), row)
+            for table in self._tables(size):
                 yield from state.chunks(table, read_channels(table, self._map)[0])
             self.warnings += state.finished(self.rows)
             self.sha256 = digest.result()
 
-    def _table(self, scan: pl.LazyFrame, row: int) -> Table:
+    def _tables(self, size: int) -> Iterator[Table]:
+        """The columns that are needed, so many rows at a time."""
+        row = 0
+        # Polars reads ahead by some batches and then waits, so that memory stays bounded.
+        batches = self._scan.select(self._columns).collect_batches(chunk_size=size)
+        while row < self.rows:
+            with self._readable(row):
+                frame = next(batches, None)
+            if frame is None:
+                raise self._broken(row)
+            yield Table(self.file, "", row + 1, "row", frame, "")
+            row += frame.height
+
+    def _head(self, rows: int) -> Table:
+        with self._readable(0):
+            frame = self._scan.head(rows).collect()
+        return Table(self.file, "", 1, "row", frame, "")
+
+    @contextmanager
+    def _readable(self, row: int) -> Iterator[None]:
+        """Turn what Polars says of a damaged file into a sentence."""
         import polars as pl
 
         try:
-            frame = scan.collect()
+            yield
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-            raise RecordingError(
-                self.file,
-                f"row {row + 1} or after",
-                "the file cannot be read on from there: export or copy it again",
-            ) from error
-        if frame.height == 0:
-            raise RecordingError(
-                self.file, f"row {row + 1}", "the file ends early: export or copy it again"
-            )
-        return Table(self.file, "", row + 1, "row", frame, "")
+            raise self._broken(row) from error
+
+    def _broken(self, row: int) -> RecordingError:
+        return RecordingError(
+            self.file,
+            f"row {row + 1} or after",
+            "the file cannot be read on from there: export or copy it again",
+        )
 
 
 @dataclass
@@ -198,9 +214,8 @@ class _State:
         steps = np.diff(time, prepend=self.last_time)
         if np.isnan(self.last_time):
             steps[0] = np.inf
-        backwards = ~(steps > 0.0)
-        if backwards.any():
-            index = int(np.argmax(backwards))
+        if not steps.min() > 0.0:
+            index = int(np.argmax(~(steps > 0.0)))
             before, now = f"{time[index] - steps[index]:.9g}", f"{time[index]:.9g}"
             raise RecordingError(
                 self.file,
@@ -209,8 +224,7 @@ class _State:
                 f"cut the file there into two logs",
             )
         begins = steps > GAP * self.sample_time
-        off = np.abs(steps / self.sample_time - 1.0) > 2.0 * EVEN
-        uneven = off & ~begins
+        uneven = (np.abs(steps - self.sample_time) > 2.0 * EVEN * self.sample_time) & ~begins
         if uneven.any():
             index = int(np.argmax(uneven))
             raise RecordingError(
@@ -220,9 +234,12 @@ class _State:
                 f"{1e3 * self.sample_time:.6g} ms, and a stream is not interpolated: resample the "
                 f"log to even times, or identify a shorter part of it without --stream",
             )
-        self.elapsed += float(np.sum(steps[~begins]))
-        self.steps += int(np.sum(~begins))
-        for index in np.flatnonzero(begins).tolist():
+        cuts = np.flatnonzero(begins)
+        lost = steps[cuts][np.isfinite(steps[cuts])]
+        since = time[0] if np.isnan(self.last_time) else self.last_time
+        self.elapsed += float(time[-1] - since - np.sum(lost))
+        self.steps += len(time) - len(cuts)
+        for index in cuts.tolist():
             if np.isfinite(steps[index]):
                 self.n_gaps += 1
                 if len(self.gaps) < SHOWN:

@@ -94,19 +94,35 @@ class Still:
 
     def look(self, values: FloatArray, other: FloatArray, time: FloatArray) -> None:
         """Look at one more chunk."""
-        changes = np.flatnonzero(np.diff(values, prepend=self._value))
-        if len(changes) == 0:
+        differs = values != self._value
+        first = int(np.argmax(differs))
+        if not differs[first]:
             self._go_on(other, float(time[-1]))
             return
-        if changes[0] > 0:
-            self._go_on(other[: changes[0]], float(time[changes[0] - 1]))
+        if first > 0:
+            self._go_on(other[:first], float(time[first - 1]))
         self._close()
-        lasting = time[changes[1:] - 1] - time[changes[:-1]] >= FROZEN
-        for place in np.flatnonzero(lasting).tolist():
-            self._begin(changes[place], changes[place + 1], other, time)
+        for start, stop in self._inner(values, time):
+            self._begin(start, stop, other, time)
             self._close()
-        self._begin(changes[-1], len(values), other, time)
+        last = len(values) - int(np.argmax((values != values[-1])[::-1]))
+        if last == len(values) and values[0] == values[-1]:
+            last = first  # the whole chunk is alike
+        self._begin(max(last, first), len(values), other, time)
         self._value = float(values[-1])
+
+    def _inner(self, values: FloatArray, time: FloatArray) -> list[tuple[int, int]]:
+        """Lasting stretches within a chunk, beginning and end.
+
+        Most chunks have none, which a few samples show: a stretch that lasts holds two of them.
+        """
+        stride = max(1, int(0.4 * FROZEN * (len(time) - 1) / max(time[-1] - time[0], FROZEN)))
+        few = values[::stride]
+        if not (few[1:] == few[:-1]).any():
+            return []
+        edges = np.flatnonzero(np.diff(values)) + 1
+        lasting = np.flatnonzero(time[edges[1:] - 1] - time[edges[:-1]] >= FROZEN)
+        return [(int(edges[place]), int(edges[place + 1])) for place in lasting]
 
     def warnings(self) -> list[str]:
         """One if there were such stretches; to be asked at the end of the stream."""
