@@ -101,8 +101,8 @@ def _observed(
     """Return the loader of a kernel whose integrator notes the processor's time of its thread."""
     observed: dict[int, ModuleType] = {}
 
-    def loader(*arguments: Any) -> ModuleType:
-        kernel = load(*arguments)
+    def loader(*arguments: Any, **options: Any) -> ModuleType:
+        kernel = load(*arguments, **options)
         if id(kernel) not in observed:
             observed[id(kernel)] = kernel
             begun.append(time.process_time())
