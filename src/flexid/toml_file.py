@@ -47,7 +47,7 @@ def read_bytes(path: Path, wanted: str, refuse: Refuse) -> bytes:
 def parse_toml(raw: bytes, refuse: Refuse) -> dict[str, Any]:
     """Tables of a TOML file, from its bytes."""
     try:
-        return tomllib.loads(raw.decode("utf-8"))
+        return tomllib.loads(raw.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise refuse("", f"is no text at byte {error.start}: save it as UTF-8 TOML") from None
     except tomllib.TOMLDecodeError as error:
@@ -76,6 +76,8 @@ def _first_complaint(error: "ValidationError") -> tuple[str, str]:
         return key, "is missing: add it"
     if first["type"] == "extra_forbidden":
         return key, "is unknown: remove it or correct its spelling"
+    if first["type"] in ("model_type", "dict_type"):
+        return key, "must be a table: correct it"
     message = one_line(first["msg"]).removeprefix("Value error, ")
     return key, f"is wrong, {message[:1].lower()}{message[1:]}: correct it"
 

@@ -110,6 +110,12 @@ def test_model_file_lies_beside_the_experiment(pendulum: Path):
     assert abs(run.tracking_error[-1]) < abs(run.tracking_error[0])
 
 
+def test_byte_order_mark_does_not_count(tmp_path: Path):
+    """Assert that a file as some editors save UTF-8 is read like any other."""
+    marked = read_experiment(write(tmp_path, b"\xef\xbb\xbf" + TEXT.encode()))
+    assert marked.digest == read_experiment(FOLDER / "huang2003.toml").digest
+
+
 def test_sampling_makes_a_sampled_loop():
     """Assert that the table ``sampling`` says what the sensors are like."""
     experiment = read_experiment(FOLDER / "sampled_joint.toml")
@@ -145,6 +151,7 @@ def test_every_law_can_be_named(law: str, parameters: dict[str, float], tmp_path
 
 FAULTS = {
     "empty": ("", "controller", "add the table"),
+    "no table": (TEXT.replace("[run]", "[[run]]"), "run", "must be a table"),
     "name of two lines": (TEXT.replace("(2003), ", "(2003)\\n"), "name", "one line"),
     "unknown key": (TEXT.replace("k = 50", "kk = 50"), "controller.kk", "remove it"),
     "missing key": (TEXT.replace("k = 50.0", ""), "controller.k", "add it"),

@@ -62,6 +62,22 @@ def test_grid_has_every_combination(tmp_path: Path):
         ('kind = "sobol"\nruns = 8\nvary = {controller = {k = 3}}', "campaign.vary.controller.k"),
         ('kind = "sobol"\nruns = 8\nvary = {controller = {k = []}}', "campaign.vary.controller.k"),
         (
+            'kind = "sobol"\nruns = 8\nvary = {run = {maximum_steps = {uniform = [10, 20]}}}',
+            "campaign.vary.run.maximum_steps",
+        ),
+        (
+            'kind = "sobol"\nruns = 8\n[campaign.vary]\ncontroller.k = [1]\n"controller.k" = [2]',
+            "campaign.vary.controller.k",
+        ),
+        (
+            'kind = "grid"\nvary = {controller = {k = [1, 9007199254740993]}}',
+            "campaign.vary.controller.k.2",
+        ),
+        (
+            f'kind = "grid"\nvary = {{controller = {{k = [1{400 * "0"}]}}}}',
+            "campaign.vary.controller.k.1",
+        ),
+        (
             'kind = "sobol"\nruns = 8\nvary = {controller = {k = ["1"]}}',
             "campaign.vary.controller.k",
         ),

@@ -9,6 +9,8 @@ from flexid.experiments.variation import Distribution, Variation, grid_size
 from flexid.toml_file import validated
 
 _MOST_RUNS = 10_000_000
+_LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
+_INSIDE = 0.501  # share of the draws below the value inside a distribution that is tried
 
 Input = tuple[float, ...] | Distribution
 
@@ -25,7 +27,8 @@ def read_variation(campaign: Any, experiment: Experiment) -> Variation:
     Raises
     ------
     ExperimentError
-        If it cannot be used; each end of a distribution and each listed value is tried.
+        If it cannot be used; each listed value, both ends of a distribution and a value inside
+        are tried.
     """
     from flexid.experiments.schema import CampaignTable
 
@@ -33,9 +36,11 @@ def read_variation(campaign: Any, experiment: Experiment) -> Variation:
         return ExperimentError(experiment.path, f"campaign.{key}" if key else "campaign", reason)
 
     content = validated(campaign, CampaignTable, refuse)
-    inputs = {
-        path: _input(experiment, path, text) for path, text in _flat(content.vary, experiment)
-    }
+    inputs: dict[str, Input] = {}
+    for path, text in _flat(content.vary, experiment):
+        if path in inputs:
+            raise refuse(f"vary.{path}", "is there twice: leave one of them out")
+        inputs[path] = _input(experiment, path, text)
     runs = content.runs
     if content.kind == "grid":
         for path, choice in inputs.items():
@@ -73,8 +78,13 @@ def _input(experiment: Experiment, path: str, value: Any) -> Input:
     if path not in experiment.values:
         raise refuse("", f"varies nothing: {suggestion(path, experiment.values)}")
     if isinstance(value, list):
+        for place, one in enumerate(value, start=1):
+            if isinstance(one, int) and abs(one) > _LARGEST_WHOLE:
+                raise refuse(str(place), "has more digits than are kept: give at most 15")
         chosen: Input = tuple(validated({"values": value}, ListedValues, refuse).values)
         tried = chosen
+    elif not isinstance(value, dict):
+        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
     else:
         found = validated(value, DistributionTable, refuse).distribution()
         if found is None:
@@ -84,7 +94,8 @@ def _input(experiment: Experiment, path: str, value: Any) -> Input:
         if found.kind == "normal" and not found.second > 0.0:
             raise refuse("normal", "needs a positive standard deviation: correct it")
         chosen = found
-        tried = (found.first,) if found.kind == "normal" else (found.first, found.second)
+        ends = () if found.kind == "normal" else (found.first, found.second)
+        tried = (*ends, float(found.quantile(_INSIDE)))
     for number in tried:
         try:
             experiment.with_values({path: number})
