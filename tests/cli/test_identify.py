@@ -4,6 +4,7 @@ import json
 import tomllib
 
 import numpy as np
+import polars as pl
 import pytest
 
 from flexid.models.flexible_joint import flexible_joint
@@ -285,3 +286,22 @@ def test_known_inertia_with_a_voltage_is_refused(flexid, good_log, tmp_path):
     outcome = flexid("identify", log, "--known", "motor_inertia=0.3")
     assert outcome.status == 2
     assert "torque" in outcome.stderr
+
+
+def test_a_stream_prints_the_table(flexid, tmp_path):
+    """Assert that --stream gives parameters from a Parquet log, and refuses what it cannot do."""
+    text = write_log(tmp_path / "log.csv", [3.0, 4.0, 5.0], [2.3, 5.1, 9.7], duration=60.0)
+    log = tmp_path / "log.parquet"
+    pl.read_csv(text).write_parquet(log)
+    done = flexid("identify", log, "--stream", "--terms", "gravity,motor_viscous")
+    assert done.status == 0
+    assert "joint_stiffness" in done.stdout
+    assert "30000 samples (1 min) were fitted in one pass" in " ".join(done.stdout.split())
+    for arguments, message in (
+        ((text,), "only a Parquet file can be streamed"),
+        ((log, log), "only one log can be streamed"),
+        ((log, "--estimator", "prediction-error"), "leave the estimator out"),
+    ):
+        refused = flexid("identify", *arguments, "--stream")
+        assert refused.status == 2
+        assert message in refused.stderr
