@@ -5,29 +5,30 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.comparison import AtMost, Comparison, Detail, Outcome, Side, duration
 from benchmarks.timing import Timing, measure
-from flexid.estimators.filter_rate import choose_filter_rate
-from flexid.estimators.samples import samples_of_recording
-from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.identification.identify import identify
-from flexid.identification.observer_stream import stream
-from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.read import read_log
-from flexid.recording.velocities import with_velocities
-from flexid.report.identification_figures import save_identification_figures
+from flexid.recording.recording import Log
 
 LOG = Path("examples/flexible_joint.csv")
 
 _THREADS = (1, 2)
 
-# The last one is imported by flexid only where velocities are missing, as they are in this log.
-_IMPORTS = (
-    "import flexid.cli.main, flexid.identification.identify, flexid.recording.read, scipy.signal"
-)
+# Nothing that `flexid identify` could do without: its imports, and Numba made ready by one call.
+_FLOOR = """
+import flexid.cli.main, flexid.identification.identify, flexid.recording.read
+import polars, rich.console
+from flexid.identification.joint import flexible
+from flexid.simulation.free_run import free_run
+system = flexible().system
+free_run(system, dict.fromkeys(system.coefficients, 1.0), [0.0] * 4, [0.0] * 10, 1e-3)
+"""
 
 
 def run(quick: bool) -> Outcome:
@@ -75,41 +76,53 @@ def _batch_table(results: dict[int, dict[str, Timing]]) -> Detail:
 
 
 def _command_table(repetitions: int) -> Detail:
-    """Wall time of the whole command in fresh processes, and of its parts in this one."""
-    command = (str(Path(sys.executable).with_name("flexid")), "identify", str(LOG))
+    """Wall time of whole commands in fresh processes, and of what `identify` does in this one."""
+    flexid = str(Path(sys.executable).with_name("flexid"))
+    log = read_log(LOG)
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "results"
+        out = str(Path(folder) / "results")
 
         def process(*command: str) -> Callable[[], object]:
             quiet = subprocess.DEVNULL
             return lambda: subprocess.run(command, check=True, stdout=quiet, stderr=quiet)
 
-        log = read_log(LOG)
-        piece = with_velocities(log.pieces[0])
-        samples, system = [samples_of_recording(piece)], flexible_joint()
-        rate = choose_filter_rate(samples, system)
-        result = identify([log])
         calls: dict[str, Callable[[], object]] = {
-            f"`flexid identify {LOG} --out DIR`, whole": process(*command, "--out", str(out)),
-            f"`flexid identify {LOG} --json`, whole": process(*command, "--json"),
-            "the imports of the latter, whole": process(sys.executable, "-c", _IMPORTS),
+            "`flexid --help`, whole": process(flexid, "--help"),
+            f"`flexid identify {LOG} --out DIR`, whole": process(
+                flexid, "identify", str(LOG), "--out", out
+            ),
+            f"`flexid identify {LOG}`, whole": process(flexid, "identify", str(LOG)),
+            "its imports and one call of a compiled kernel, whole": process(
+                sys.executable, "-c", _FLOOR
+            ),
             "read and check the log": lambda: read_log(LOG),
             "identify, all of it": lambda: identify([log]),
-            "· derive velocities": lambda: with_velocities(log.pieces[0]),
-            "· choose the filter rate": lambda: choose_filter_rate(samples, system),
-            "· least squares once": lambda: filtered_least_squares(samples, system, rate),
-            "· the paper's observer": lambda: stream([piece], system, "zero"),
-            "draw and save the figures": lambda: save_identification_figures(result, Path(folder)),
         }
         timings = measure(*calls.values(), repetitions=repetitions)
+    lines = [(name, duration(timing)) for name, timing in zip(calls, timings, strict=True)]
+    steps = [_steps(log) for _ in range(repetitions)]
+    lines += [
+        (f"· {name}", duration(Timing.of([step[name] for step in steps]))) for name in steps[0]
+    ]
     return Detail(
         "`flexid identify` on 30 000 samples, kernels cached",
         ("part", "time"),
-        [(name, duration(timing)) for name, timing in zip(calls, timings, strict=True)],
+        lines,
         "The lines marked whole are processes of their own, imports included; the others run in "
-        "this process, those with a dot within the line above them. What is left is done "
-        "once per process: Pint reads its units, Numba loads the kernels.",
+        "this process, those with a dot within the line above them.",
     )
+
+
+def _steps(log: Log) -> dict[str, float]:
+    """Seconds of each kind of step of an identification."""
+    told = []
+    identify([log], progress=lambda step: told.append((step, time.perf_counter())))
+    end = time.perf_counter()
+    taken: dict[str, float] = {}
+    for (step, start), (_, stop) in pairwise([*told, ("", end)]):
+        kind = step.split(":")[0].split(" of ")[0].split(" smoothed")[0]
+        taken[kind] = taken.get(kind, 0.0) + stop - start
+    return taken
 
 
 def _count(threads: int) -> str:

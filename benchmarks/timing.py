@@ -1,4 +1,4 @@
-"""Wall time of calls that are to be compared."""
+"""Time of calls that are to be compared."""
 
 import gc
 import time
@@ -31,8 +31,18 @@ class Timing:
         """The same for one of the `count` equal parts of a call."""
         return Timing(self.median / count, self.minimum / count, self.repetitions)
 
+    @classmethod
+    def of(cls, seconds: Sequence[float]) -> "Timing":
+        """Timing of calls that took so long."""
+        return cls(float(np.median(seconds)), float(np.min(seconds)), len(seconds))
 
-def measure(*calls: Callable[[], object], repetitions: int, warm_up: int = 1) -> tuple[Timing, ...]:
+
+def measure(
+    *calls: Callable[[], object],
+    repetitions: int,
+    warm_up: int = 1,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[Timing, ...]:
     """Time calls in turn, so that whatever else the machine does meets all of them alike.
 
     Parameters
@@ -43,24 +53,24 @@ def measure(*calls: Callable[[], object], repetitions: int, warm_up: int = 1) ->
         Rounds that count.
     warm_up : int, optional
         Rounds before, for compilation and caches.
+    clock : callable, optional
+        What is read before and after a call, in s; wall time by default.
     """
     rounds = []
     gc.collect()
     gc.disable()
     try:
         for _ in range(warm_up + repetitions):
-            rounds.append([timed(call)[1] for call in calls])
+            rounds.append([timed(call, clock)[1] for call in calls])
     finally:
         gc.enable()
-    return tuple(_timing([r[place] for r in rounds[warm_up:]]) for place in range(len(calls)))
+    return tuple(Timing.of([r[place] for r in rounds[warm_up:]]) for place in range(len(calls)))
 
 
-def timed(call: Callable[[], Result]) -> tuple[Result, float]:
-    """Result of one call and its wall time in s."""
-    start = time.perf_counter()
+def timed(
+    call: Callable[[], Result], clock: Callable[[], float] = time.perf_counter
+) -> tuple[Result, float]:
+    """Result of one call and the time in s that it took."""
+    start = clock()
     result = call()
-    return result, time.perf_counter() - start
-
-
-def _timing(seconds: Sequence[float]) -> Timing:
-    return Timing(float(np.median(seconds)), float(np.min(seconds)), len(seconds))
+    return result, clock() - start

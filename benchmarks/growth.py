@@ -1,0 +1,195 @@
+"""How cost grows: with the length of a record, with coefficients that are sought, with runs.
+
+    python -m benchmarks.growth
+
+in the root of a clone draws `docs/assets/growth.png` and prints the table of `docs/performance.md`.
+Seconds are those of the processor, so that other work on the machine counts little.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.report import markdown
+from flexid.estimators.prediction_error import prediction_error
+from flexid.estimators.samples import Samples
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.identification.joint import flexible
+from flexid.report.style import BLUE, GREEN, ORANGE, new_figure, save
+from flexid.simulation.closed_loop import simulate
+from flexid.simulation.ensemble import simulate_ensemble
+from flexid.simulation.free_run import free_run
+from flexid.simulation.sampled import simulate_sampled
+from flexid.studies.huang2003.table1 import TRUE, table1_loop
+
+ASSETS = Path("docs/assets")
+
+SAMPLE_TIME = 1e-3  # s
+NOISE = 1e-5  # rad
+LENGTHS = (3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)  # samples
+RUN_LENGTHS = (3.0, 10.0, 30.0, 100.0)  # s
+RUNS = (1, 3, 10, 30, 100)
+_REPETITIONS = 3
+
+JOINT = flexible()
+PAPER = ("gravity", "motor_viscous")
+LOOP = table1_loop((1, 2, 3))
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Cost of one job over its size.
+
+    Parameters
+    ----------
+    job : str
+        What was done.
+    sizes : sequence of float
+        Of the job.
+    seconds : list of float
+        Of the processor, least of some repetitions.
+    """
+
+    job: str
+    sizes: Sequence[float]
+    seconds: list[float]
+
+    @property
+    def exponent(self) -> float:
+        """Slope of the logarithms over the larger half of the sizes."""
+        half = len(self.sizes) // 2
+        fit = np.polyfit(np.log(self.sizes[half:]), np.log(self.seconds[half:]), 1)
+        return float(fit[0])
+
+    def cells(self, label: str) -> tuple[str, ...]:
+        """Line of a table."""
+        sizes, seconds = self.sizes, self.seconds
+        return (
+            self.job,
+            f"{sizes[0]:g} to {sizes[-1]:g} {label}",
+            f"{seconds[0]:.2g} to {seconds[-1]:.2g} s",
+            f"{self.exponent:.2f}",
+        )
+
+
+def record(count: int) -> Samples:
+    """Motion of the paper's joint under a multisine torque, with noisy positions."""
+    generator = np.random.default_rng(5)
+    instants = SAMPLE_TIME * np.arange(count)
+    tones, amplitudes = np.array([0.7, 5.3, 17.0, 25.0]), np.array([4.0, 6.0, 5.0, 6.0])
+    torque = np.sin(np.outer(instants, tones) + generator.uniform(0, 2 * np.pi, 4)) @ amplitudes
+    values = {name: TRUE.get(name, 0.0) for name in JOINT.system.coefficients}
+    states = free_run(JOINT.system, values, np.zeros(4), torque, SAMPLE_TIME)
+    positions = states[:, ::2] + NOISE * generator.standard_normal((count, 2))
+    velocities = np.ascontiguousarray(states[:, 1::2])
+    return Samples(positions, velocities, torque[:, None], SAMPLE_TIME)
+
+
+def least(call: Callable[[], object]) -> float:
+    """Seconds of the processor that a call takes at least, after one to warm up."""
+    call()
+    taken = []
+    for _ in range(_REPETITIONS):
+        start = time.process_time()
+        call()
+        taken.append(time.process_time() - start)
+    return min(taken)
+
+
+def with_length() -> list[Growth]:
+    """Estimators and simulations over the length of the record."""
+    longest = record(LENGTHS[-1])
+
+    def part(count: int) -> list[Samples]:
+        assert longest.velocities is not None
+        cut = (longest.positions[:count], longest.velocities[:count], longest.inputs[:count])
+        return [Samples(*cut, SAMPLE_TIME)]
+
+    unknowns = JOINT.unknowns(PAPER, {}, (0,))
+    jobs: dict[str, Callable[[list[Samples]], object]] = {
+        "least squares with its covariance": lambda pieces: (
+            filtered_least_squares(pieces, JOINT.system, unknowns=unknowns).covariance
+        ),
+        "prediction error, 1 s": lambda pieces: prediction_error(
+            pieces, JOINT.system, _start(pieces), unknowns=unknowns
+        ),
+    }
+
+    def _start(pieces: list[Samples]) -> object:
+        return filtered_least_squares(pieces, JOINT.system, unknowns=unknowns)
+
+    grown = [
+        Growth(job, LENGTHS, [least(lambda n=n, call=call: call(part(n))) for n in LENGTHS])
+        for job, call in jobs.items()
+    ]
+    for job, call in (("continuous run", simulate), ("sampled run", simulate_sampled)):
+        seconds = [least(lambda d=d, call=call: call(LOOP, d)) for d in RUN_LENGTHS]
+        grown.append(Growth(job, [d / SAMPLE_TIME for d in RUN_LENGTHS], seconds))
+    return grown
+
+
+def with_coefficients() -> list[Growth]:
+    """Estimators over the number of coefficients that are sought, 30 000 samples."""
+    pieces = [record(30_000)]
+    terms = list(JOINT.terms)
+    chosen = [PAPER, *(tuple({*PAPER, *terms[:n]}) for n in range(3, len(terms) + 1, 2))]
+    unknowns = [JOINT.unknowns(names, {}, (0,)) for names in chosen]
+    sizes = [len(sought.names) for sought in unknowns]
+
+    def start(sought):
+        return filtered_least_squares(pieces, JOINT.system, unknowns=sought)
+
+    return [
+        Growth(
+            "least squares with its covariance",
+            sizes,
+            [least(lambda u=u: start(u).covariance) for u in unknowns],
+        ),
+        Growth(
+            "prediction error, 1 s",
+            sizes,
+            [
+                least(lambda u=u: prediction_error(pieces, JOINT.system, start(u), unknowns=u))
+                for u in unknowns
+            ],
+        ),
+    ]
+
+
+def with_runs() -> list[Growth]:
+    """An ensemble of Table I's loop over the number of its runs, on one thread."""
+    generator = np.random.default_rng(3)
+    loops = [table1_loop((1, 2, 3), k=float(k)) for k in generator.uniform(10.0, 50.0, RUNS[-1])]
+    seconds = [least(lambda n=n: simulate_ensemble(loops[:n], 30.0)) for n in RUNS]
+    return [Growth("ensemble, 30 s each", RUNS, seconds)]
+
+
+def draw(groups: Sequence[tuple[str, Sequence[Growth]]]) -> None:
+    """One panel for each kind of size."""
+    figure = new_figure(9.0, 3.2)
+    for axes, (label, jobs) in zip(figure.subplots(1, len(groups)), groups, strict=True):
+        for growth, colour in zip(jobs, (BLUE, ORANGE, GREEN, "#7b5ea7"), strict=False):
+            axes.loglog(growth.sizes, growth.seconds, "o-", color=colour, ms=3, label=growth.job)
+        axes.set_xlabel(label)
+        axes.legend(loc="upper left", fontsize=7)
+    figure.axes[0].set_ylabel("processor time [s]")
+    save(figure, ASSETS, "growth")
+
+
+def main() -> None:
+    groups = [
+        ("samples", with_length()),
+        ("coefficients", with_coefficients()),
+        ("runs", with_runs()),
+    ]
+    draw(groups)
+    lines = [job.cells(label) for label, jobs in groups for job in jobs]
+    headings = ("job", "size", "processor time", "exponent")
+    print("\n".join(markdown(headings, lines)))
+
+
+if __name__ == "__main__":
+    main()
