@@ -6,7 +6,7 @@
 import argparse
 import os
 
-from benchmarks import campaign, closed_loop, identify, observer
+from benchmarks import campaign, closed_loop, ensemble, identify, observer, sampled_loop
 from benchmarks.report import show, write
 
 
@@ -15,7 +15,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     quick: bool = parser.parse_args().quick
     busy = os.getloadavg()[0]
-    outcomes = [benchmark.run(quick) for benchmark in (identify, observer, closed_loop, campaign)]
+    parts = (identify, observer, closed_loop, sampled_loop, ensemble, campaign)
+    outcomes = [part.run(quick) for part in parts]
     show(outcomes)
     if not quick:
         write(outcomes, "python -m benchmarks", busy)

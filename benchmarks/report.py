@@ -4,7 +4,7 @@ import datetime
 import os
 import platform
 from collections.abc import Sequence
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from rich.console import Console
@@ -14,7 +14,7 @@ from benchmarks.comparison import HEADINGS, Outcome
 
 RESULTS = Path(__file__).with_name("RESULTS.md")
 
-_PACKAGES = ("flexid", "numpy", "scipy", "numba", "casadi", "filterpy")
+_PACKAGES = ("flexid", "numpy", "scipy", "numba", "casadi", "filterpy", "diffrax", "jax")
 
 
 def show(outcomes: Sequence[Outcome]) -> None:
@@ -37,7 +37,7 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
     busy : float
         Load average of the machine before the run.
     """
-    versions = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    versions = ", ".join(f"{name} {_version(name)}" for name in _PACKAGES)
     text = [
         "# Benchmarks",
         "",
@@ -46,7 +46,7 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
         f"- Machine: {processor()}, {os.cpu_count()} cores, {platform.system()}; load average "
         f"{busy:.2f} before the run, niceness {os.nice(0)}.",
         f"- Versions: Python {platform.python_version()}, {versions}.",
-        "- Times are medians of wall time, after a warm-up; what is compared runs in turn, and "
+        "- Times are medians, after a warm-up, of wall time unless the line says otherwise; what is compared runs in turn, and "
         "ratios are ratios of medians. What takes many seconds is run once. Why the numbers are "
         "what they are: [performance](../docs/performance.md).",
         "",
@@ -57,6 +57,13 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
             text += ["", f"## {detail.title}", "", *markdown(detail.headings, detail.lines)]
             text += ["", detail.remark] if detail.remark else []
     RESULTS.write_text("\n".join(text) + "\n", encoding="utf-8")
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:

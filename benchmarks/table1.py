@@ -5,7 +5,7 @@ functions of `math` and CasADi with its own.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 Exponents = tuple[int, int, int]
@@ -28,11 +28,26 @@ class Table1:
         Powers of k in the three gains.
     sin, cos : callable, optional
         Of whatever the equations are evaluated on.
+    k : float, optional
+        Attenuation.
+    true : sequence of float, optional
+        theta1, theta2, alpha1, alpha2 of the plant.
+    beta1 : float, optional
+        Of the plant.
     """
 
-    def __init__(self, exponents: Exponents, sin: Function = math.sin, cos: Function = math.cos):
+    def __init__(
+        self,
+        exponents: Exponents,
+        sin: Function = math.sin,
+        cos: Function = math.cos,
+        k: float = K,
+        true: Sequence[float] = TRUE,
+        beta1: float = 1 / JR,
+    ):
         a, b, c = exponents
-        self.gain1, self.gain2, self.gain3 = K**a * JL_MAX / KE_MIN, float(K**b), K**c * JR_MAX
+        self.gain1, self.gain2, self.gain3 = k**a * JL_MAX / KE_MIN, k**b * 1.0, k**c * JR_MAX
+        self.k, self.true, self.beta1 = k, tuple(true), beta1
         self.sin, self.cos = sin, cos
 
     def nominal(self, t: Any) -> tuple[Any, ...]:
@@ -49,19 +64,19 @@ class Table1:
         """Rates of x1 ... x4, y1, y2, z1, z2: eqs. (4) and (6) as they stand."""
         x1, x2, x3, x4, y1, y2, z1, z2 = state
         q, q1, _, w1, w2, _, u_nominal = self.nominal(t)
-        filtered_error = x2 - q1 + K * (x1 - q)
+        filtered_error = x2 - q1 + self.k * (x1 - q)
         w2_total = w2 - self.gain2 * (x3 - w1 + self.gain1 * filtered_error)
         u = u_nominal - self.gain3 * (x4 - w2_total)
         sine, cosine, twist = self.sin(x1), self.cos(x1), x1 - x3
         theta1, theta2 = y1 - C1 * x2 * sine, y2 - C1 * twist * x2
         alpha1, alpha2 = z1 + C2 * twist * x4, z2 - C2 * x4 * x4 / 2
         s = theta1 * sine + theta2 * twist
-        r = alpha1 * twist - alpha2 * x4 + u / JR
+        r = alpha1 * twist - alpha2 * x4 + self.beta1 * u
         return [
             x2,
-            -TRUE[0] * sine - TRUE[1] * twist,
+            -self.true[0] * sine - self.true[1] * twist,
             x4,
-            TRUE[2] * twist - TRUE[3] * x4 + u / JR,
+            self.true[2] * twist - self.true[3] * x4 + self.beta1 * u,
             -C1 * (sine * s - x2 * x2 * cosine),
             -C1 * (twist * s - (x2 - x4) * x2),
             -C2 * (twist * r + (x2 - x4) * x4),
@@ -82,7 +97,7 @@ class Table1:
             z1 + C2 * twist * x4,
             z2 - C2 * x4 * x4 / 2,
         )
-        return [estimate - true for estimate, true in zip(estimates, TRUE, strict=True)]
+        return [estimate - true for estimate, true in zip(estimates, self.true, strict=True)]
 
     def error_rates(self, t: Any, state: Any) -> list[Any]:
         """Rates of x1 - q_d, ẽ2, x3 - w1, x4 - w2 and the parameter errors, by eq. (7)."""
@@ -90,10 +105,12 @@ class Table1:
         q, _, q2, w1, w2, w2_rate, u_nominal = self.nominal(t)
         sine, twist = self.sin(q + e1), q + e1 - (w1 - self.gain1 * e2 + e3)
         x4 = w2 - self.gain2 * e3 + e4
-        e1_rate = e2 - K * e1
-        e2_rate = -TRUE[0] * sine - TRUE[1] * twist - q2 + K * e1_rate
+        e1_rate = e2 - self.k * e1
+        e2_rate = -self.true[0] * sine - self.true[1] * twist - q2 + self.k * e1_rate
         e3_rate = e4 - self.gain2 * e3 + self.gain1 * e2_rate
-        x4_rate = TRUE[2] * twist - TRUE[3] * x4 + (u_nominal - self.gain3 * e4) / JR
+        x4_rate = (
+            self.true[2] * twist - self.true[3] * x4 + self.beta1 * (u_nominal - self.gain3 * e4)
+        )
         link, motor = C1 * (theta1 * sine + theta2 * twist), C2 * (alpha1 * twist - alpha2 * x4)
         return [
             e1_rate,
@@ -112,4 +129,4 @@ class Table1:
         e2 = -AMPLITUDE * OMEGA
         e3 = -(w1 - self.gain1 * e2)
         e4 = -(w2 - self.gain2 * e3)
-        return [0.0, e2, e3, e4, *(s - p for s, p in zip(START, TRUE, strict=True))]
+        return [0.0, e2, e3, e4, *(s - p for s, p in zip(START, self.true, strict=True))]
