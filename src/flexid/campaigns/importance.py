@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from flexid.errors import CampaignError
 
@@ -80,6 +79,8 @@ def rank_correlations(
     tuple of Correlation
         Without inputs that do not vary; empty if the result does not, or has too few runs.
     """
+    from scipy import stats  # late: it loads for a second, and only a summary needs it
+
     there = np.isfinite(result)
     values, result = values[there], result[there]
     if len(result) < FEWEST_RUNS or np.ptp(result) == 0.0:

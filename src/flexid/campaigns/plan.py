@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from flexid.errors import SettingError
 from flexid.experiments.variation import Distribution, Variation
@@ -81,6 +80,8 @@ def _grid(variation: Variation) -> NDArray[np.float64]:
 
 
 def _draws(variation: Variation) -> NDArray[np.float64]:
+    from scipy.stats import qmc  # late: it loads for a second, and no worker needs it
+
     runs, count = variation.runs, len(variation.inputs)
     if variation.kind == "latin-hypercube":
         shares = qmc.LatinHypercube(count, rng=_generator(variation.seed)).random(runs)
@@ -102,6 +103,8 @@ def _generator(seed: int) -> np.random.Generator:
 
 def _sobol(runs: int, count: int, seed: int) -> NDArray[np.float64]:
     """First points of the scrambled sequence."""
+    from scipy.stats import qmc
+
     engine = qmc.Sobol(count, rng=_generator(seed))
     return engine.random_base2(int(np.ceil(np.log2(runs))))[:runs]
 
