@@ -9,6 +9,8 @@ import os
 from benchmarks import campaign, closed_loop, ensemble, identify, observer, sampled_loop
 from benchmarks.report import show, write
 
+_BENCHMARKS = (identify, observer, closed_loop, campaign, streaming, prediction_error_growth)
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
