@@ -6,10 +6,17 @@
 import argparse
 import os
 
-from benchmarks import campaign, closed_loop, ensemble, identify, observer, sampled_loop
+from benchmarks import (
+    campaign,
+    closed_loop,
+    ensemble,
+    identify,
+    observer,
+    prediction_error_growth,
+    sampled_loop,
+    streaming,
+)
 from benchmarks.report import show, write
-
-_BENCHMARKS = (identify, observer, closed_loop, campaign, streaming, prediction_error_growth)
 
 
 def main() -> None:
@@ -17,7 +24,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     quick: bool = parser.parse_args().quick
     busy = os.getloadavg()[0]
-    parts = (identify, observer, closed_loop, sampled_loop, ensemble, campaign)
+    parts = (identify, prediction_error_growth, streaming, observer)
+    parts += (closed_loop, sampled_loop, ensemble, campaign)
     outcomes = [part.run(quick) for part in parts]
     show(outcomes)
     if not quick:
