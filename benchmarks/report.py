@@ -47,8 +47,8 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
         f"{busy:.2f} before the run, niceness {os.nice(0)}.",
         f"- Versions: Python {platform.python_version()}, {versions}.",
         "- Times are medians, after a warm-up, of wall time unless the line says otherwise; what "
-        "is compared runs in turn, and ratios are ratios of medians. What takes many seconds is run once. Why the numbers are "
-        "what they are: [performance](../docs/performance.md).",
+        "is compared runs in turn, and ratios are ratios of medians. What takes many seconds is "
+        "run once. Why the numbers are what they are: [performance](../docs/performance.md).",
         "",
         *markdown(HEADINGS, [c.cells() for outcome in outcomes for c in outcome.comparisons]),
     ]
