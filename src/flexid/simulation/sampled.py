@@ -247,12 +247,20 @@ def _run_called(
     for n in range(grid.count):
         seen = kernel.sense(x, tuple(noise[n]), *deviations, sampling.position_resolution)
         demanded = np.ravel(law(n * h, np.array(seen), reference[n].copy()))
-        u, clipped = kernel.saturate(tuple(map(float, demanded)), sampling.input_limit)
+        x, current, clipped = kernel.respond(
+            x,
+            seen,
+            tuple(map(float, demanded)),
+            current,
+            reference[n, 0],
+            parameters,
+            settings,
+            sampling.input_limit,
+            substeps,
+            record,
+            n,
+        )
         limited += clipped
-        current, _ = kernel.advance(current, (*seen, *u), settings)
-        tracking = x[kernel.TRACKED] - reference[n, 0]
-        kernel.note(x, u, current, tracking, seen, parameters, record, n)
-        x = kernel.move(x, u, parameters, h, substeps)
         if not kernel.bounded(x):
             return SampledEnd(kernel.DIVERGED, n + 1, limited)
     finite = bool(np.all(np.isfinite(current[1:])))

@@ -51,6 +51,15 @@ def note(x, u, current, tracking, seen, p, record, n):
     record[n, TRACKING] = tracking
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def respond(x, seen, demanded, current, reference, p, settings, limit, substeps, record, n):
+    """What follows the law in a sample: limit, observer, record, plant; and 1 if an input was cut."""
+    u, cut = saturate(demanded, limit)
+    current, _ = advance(current, seen + u, settings)
+    note(x, u, current, x[TRACKED] - reference, seen, p, record, n)
+    return move(x, u, p, settings[0], substeps), current, cut
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def sampled_run(start, p, constants, noise, deviations, resolution, limit, substeps, estimates, observer, count, record, totals):
     """Run the loop over so many samples.
@@ -80,17 +89,14 @@ def sampled_run(start, p, constants, noise, deviations, resolution, limit, subst
         if noisy:
             draws = as_states(noise, n)
         seen = sense(x, draws, position, velocity, resolution)
-        u, reference = control(n * h, seen, parameters)
-        u, cut = saturate(u, limit)
-        clipped += cut
-        current, _ = advance(current, seen + u, settings)
+        demanded, reference = control(n * h, seen, parameters)
         row = n if logged else 0
-        note(x, u, current, x[TRACKED] - reference, seen, parameters, record, row)
+        x, current, cut = respond(x, seen, demanded, current, reference, parameters, settings, limit, substeps, record, row)
+        clipped += cut
         if measured:  # a view of an array in every sample would cost a tenth of the time
             y = record[row]
             regressors(y, y[N_STATES:], constants, r, known)
             add_measures(n * h, 1.0, y[N_STATES:], y[ERRORS:], y[TRACKING], r, p[0], totals)
-        x = move(x, u, parameters, h, substeps)
         if not bounded(x):
             return DIVERGED, n + 1, clipped
     # An estimate that once was not finite stays so.
