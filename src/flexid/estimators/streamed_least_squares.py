@@ -14,6 +14,7 @@ covariance as of a record in memory (`flexid.estimators.block_sandwich`). When t
 bounded, and longer blocks are no less independent.
 """
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,12 +24,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from flexid.estimators.block_sandwich import divided, summed_influences
-from flexid.estimators.row_signals import row_signals, sought_signals, wanted_signals
+from flexid.estimators.row_signals import fill_row_signals, wanted_signals
 from flexid.estimators.rowwise import RowSums, covariance_of_rows
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.state_variable_filter import memory, project_out_past
-from flexid.estimators.unknowns import Unknowns
+from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.recording.recording import Hold
 
 MOST_BLOCKS = 32_768
@@ -137,35 +138,54 @@ class StreamedProblem:
         """
         system = self.unknowns.system
         pole = float(np.exp(-self.filter_rate * samples.sample_time))
-        signals = row_signals(samples, system, self.hold, pole, self._wanted)
+        signals = self._room(len(samples) - 2)
+        fill_row_signals(signals, 0, samples, system, self.hold, pole, self._wanted)
         if begins:
             project_out_past(signals[:, : self.warm_up(samples.sample_time)], pole)
-        signals = signals[:, skipped : skipped + count]
-        regressors, left_hand_sides = sought_signals(signals, self.unknowns, [0], [count])
-        left_hand_sides -= self._explained(regressors)
+        equations = slice(skipped, skipped + count)
         lengths = divided(count, self.block)
-        rows = []
-        first = 0
-        for place, row in enumerate(system.rows):
-            stop = first + len(self.unknowns.names_of(row))
-            both = np.concatenate((regressors[first:stop], left_hand_sides[place : place + 1]))
-            rows.append(_block_products(both, self.block, lengths))
-            first = stop
-        return Products(tuple(rows), tuple(lengths))
+        rows = tuple(
+            _block_products(self._row(place, signals, equations), self.block, lengths)
+            for place in range(len(system.rows))
+        )
+        return Products(rows, tuple(lengths))
 
     @cached_property
     def _wanted(self) -> NDArray[np.int64]:
         return wanted_signals(self.unknowns, [0])
 
-    def _explained(self, regressors: FloatArray) -> FloatArray:
-        """What the reference explains of each row's left-hand side."""
-        explained = np.zeros((len(self.unknowns.system.rows), regressors.shape[1]))
-        first = 0
-        for place, row in enumerate(self.unknowns.system.rows):
-            part = slice(first, first + len(self.unknowns.names_of(row)))
-            explained[place] = self.reference[part] @ regressors[part]
-            first = part.stop
-        return explained
+    @cached_property
+    def _rooms(self) -> threading.local:
+        return threading.local()
+
+    def _room(self, equations: int) -> FloatArray:
+        """Memory for the signals of a stretch, one for each thread.
+
+        Fresh memory costs a third of what the filter does, so it is used again.
+        """
+        system = self.unknowns.system
+        room: FloatArray | None = getattr(self._rooms, "signals", None)
+        if room is None or room.shape[1] < equations:
+            room = np.zeros((len(system.coefficients) + len(system.rows), equations))
+            self._rooms.signals = room
+        return room
+
+    def _row(self, place: int, signals: FloatArray, equations: slice) -> FloatArray:
+        """Regressors of what is sought in a row and, last, what the reference leaves of y."""
+        system = self.unknowns.system
+        columns = self.unknowns.columns(0)
+        fixed = self.unknowns.coefficients(np.zeros(len(self.unknowns.names)), 0)
+        part = list(system.row_slices())[place][1]
+        coefficients = np.arange(part.start, part.stop)
+        sought = coefficients[columns[part] != FIXED]
+        both = np.empty((len(sought) + 1, equations.stop - equations.start))
+        both[:-1] = signals[sought, equations]
+        both[-1] = signals[len(system.coefficients) + place, equations]
+        both[-1] -= self.reference[columns[sought]] @ both[:-1]
+        # A term that is off stays out even where its regressor is not finite.
+        for coefficient in coefficients[fixed[part] != 0.0]:
+            both[-1] -= fixed[coefficient] * signals[coefficient, equations]
+        return both
 
 
 class StreamedSums:

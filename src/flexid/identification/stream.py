@@ -169,6 +169,11 @@ class _Task:
         return halves[0], halves[-1]
 
     @property
+    def shifted(self) -> bool:
+        """Whether a channel is late."""
+        return any(delay.value for delay in (self.alignment.input_delay, self.alignment.link_delay))
+
+    @property
     def margin(self) -> int:
         """Samples around a window's own that its equations depend on."""
         delays = (self.alignment.input_delay.value, self.alignment.link_delay.value)
@@ -279,7 +284,9 @@ def _with_marks(stretches: Iterable[Window], rows: int) -> Iterator[tuple[Window
 
 def _products(task: _Task, window: Window, kept_out: bool) -> tuple[Products, _HeldOut | None]:
     """Products of a window's equations, and the stretch at its end that is kept out."""
-    recording = aligned(window.recording, task.alignment)
+    recording = window.recording
+    if task.shifted:
+        recording = aligned(recording, task.alignment)
     if task.half_windows is not None:
         recording = with_velocities(recording, task.half_windows)
     samples = task.candidate.joint.samples(recording)
