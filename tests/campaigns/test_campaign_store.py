@@ -1,6 +1,8 @@
 """A campaign's directory: what is kept, redone and refused."""
 
+import errno
 import json
+import os
 from dataclasses import replace
 
 import polars as pl
@@ -156,6 +158,23 @@ def test_a_directory_that_cannot_be_is_refused(tmp_path, name):
     (tmp_path / "file").write_text("")
     with pytest.raises(CampaignError, match="cannot be written"):
         missing(tmp_path / name)
+
+
+def test_a_full_disk_is_one_sentence(full, monkeypatch):
+    """Assert that a piece for which there is no room leaves no piece, and a remedy."""
+
+    def no_room(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with open_store(full, MANIFEST) as store:
+        store.path(1).unlink()
+        monkeypatch.setattr(os, "fsync", no_room)
+        with pytest.raises(CampaignError) as refused:
+            store.write(1, rows(range(3, 6)), None)
+    assert str(refused.value) == (
+        f"{full} cannot be written (no space left on device): make room; the same command goes on"
+    )
+    assert missing(full) == [1]
 
 
 def test_an_empty_directory_has_no_summary(tmp_path):

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import polars as pl
@@ -44,10 +45,23 @@ class Store:
         return self.directory / "series" / f"part-{piece:06d}.parquet"
 
     def write(self, piece: int, rows: pl.DataFrame, series: pl.DataFrame | None) -> None:
-        """Keep a piece: first its time series, so that rows never wait for theirs."""
-        if series is not None:
-            write_atomically(self.series_path(piece), lambda path: series.write_parquet(path))
-        write_atomically(self.path(piece), lambda path: rows.write_parquet(path))
+        """Keep a piece: first its time series, so that rows never wait for theirs.
+
+        Raises
+        ------
+        CampaignError
+            If there is no room.
+        """
+        try:
+            if series is not None:
+                _write_table(series, self.series_path(piece))
+            _write_table(rows, self.path(piece))
+        except OSError as error:
+            raise CampaignError(
+                str(self.directory),
+                f"cannot be written ({(error.strerror or 'no space').lower()}): make room; the "
+                f"same command goes on",
+            ) from None
 
     def read(self, piece: int) -> pl.DataFrame | None:
         """Rows of a piece; None if it is missing or damaged."""
@@ -146,6 +160,12 @@ def find_store(directory: Path) -> Store:
             str(directory), f"holds no campaign (no {FILE}): give the directory of --out"
         )
     return Store(directory, manifest)
+
+
+def _write_table(table: pl.DataFrame, path: Path) -> None:
+    content = BytesIO()  # whose writing fails with a reason, unlike that of Polars
+    table.write_parquet(content)
+    write_atomically(path, lambda temporary: temporary.write_bytes(content.getbuffer()))
 
 
 def _readable(path: Path) -> bool:
