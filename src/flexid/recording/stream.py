@@ -81,6 +81,8 @@ class LogStream:
         self._path = path
         self._map = columns
         self._scan, self.rows = scan_parquet(path)
+        self.head_rows = min(head_rows, self.rows)
+        """Rows that were read and checked at once."""
         table = self._head(head_rows)
         self._columns = channel_columns(table, columns)
         self.head: Log = log_of_table(table, columns)
