@@ -85,3 +85,15 @@ def test_runs_that_make_no_sobol_indices_are_refused(flexid, tmp_path):
     assert outcome.status == 2
     assert f"{path}: the key 'campaign.runs' 12 is not 4" in outcome.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_loop_that_no_run_can_have_is_refused(flexid, tmp_path):
+    """Assert that a model whose observer needs an acceleration ends the command, not every row."""
+    text = EXPERIMENT.partition("[sampling]")[0].replace("[plant]", "[plant]\njoint_damping = 0.1")
+    text = '[model]\nterms = ["gravity", "motor_viscous", "joint_damping"]\n' + text
+    campaign = '[campaign]\nkind = "grid"\nvary.observer.link = [1.0, 2.0]\n'
+    path = write_experiment(tmp_path / "damped.toml", campaign, text)
+    outcome = flexid("campaign", path, "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert "needs the acceleration" in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1

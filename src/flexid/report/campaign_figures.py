@@ -21,6 +21,7 @@ _COLUMNS = 3
 _BINS = 40
 _MOST_POINTS = 3000
 _LOGARITHMIC_FROM = 30.0  # ratio of the largest value to the smallest
+_SMALLEST = 1e-12  # share of the largest value below which all values are drawn alike
 
 
 def save_campaign_figures(summary: Summary, directory: Path) -> None:
@@ -61,8 +62,8 @@ def _panels(title: str, results: list[Result], draw: Callable[[Axes, Result], No
 
 def _draw_distribution(ax: Axes, result: Result) -> None:
     values = result.values[np.isfinite(result.values)]
-    logarithmic = _logarithmic(values)
-    if logarithmic:
+    if _logarithmic(values):
+        values = np.maximum(values, _SMALLEST * values.max())
         edges = np.geomspace(values.min(), values.max(), _BINS)
         _log_axis(ax, "x", values)
     else:
@@ -82,12 +83,13 @@ def _draw_dependence(ax: Axes, result: Result, summary: Summary) -> None:
     values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
     there = np.isfinite(values)
     values, inputs = values[there], inputs[there]
-    size = 14.0 if len(values) < 200 else 4.0
-    ax.scatter(inputs, values, s=size, color=BLUE, alpha=0.6 if size > 5 else 0.35, linewidths=0)
     if _logarithmic(values):
+        values = np.maximum(values, _SMALLEST * values.max())
         _log_axis(ax, "y", values)
     if _logarithmic(inputs):
         _log_axis(ax, "x", inputs)
+    size = 14.0 if len(values) < 200 else 4.0
+    ax.scatter(inputs, values, s=size, color=BLUE, alpha=0.6 if size > 5 else 0.35, linewidths=0)
     ax.set_title(result.name, fontsize=8.5)
     ax.set_xlabel(name, fontsize=8, color=GREY)
 
