@@ -100,9 +100,9 @@ def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
         ('"pot_V"', '"Pot_v"', ["did you mean 'pot_V'?"]),
         ('"deg"', '"count"', ["key 'motor_position'", "[count] does not measure", "[deg]"]),
         ('"mV"', '"A"', ["key 'motor_voltage'", "[A] does not measure", "[V]"]),
-        ("scale = 2.0", "scale = 2.0.1", ["no valid TOML", "line 4"]),
+        ("scale = 2.0", "scale = 2.0.1", ["the column map is no TOML", "line 4"]),
         ('column = "strain"', 'sum = ["strain", "u"]', ["differ in unit", "'unit'"]),
-        ("time =", "time = 1\ntime =", ["no valid TOML", "correct it"]),
+        ("time =", "time = 1\ntime =", ["the column map is no TOML", "correct it"]),
     ],
 )
 def test_bad_maps(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
@@ -137,8 +137,8 @@ def test_ambiguous_name(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (b"", "the file is empty"),
-        (b"\xff\xfe\x00", "no UTF-8 text"),
-        (b"a = " + b"[" * 5000, "no valid TOML"),
+        (b"\xff\xfe\x00", "the column map is no text at byte 0: save it as UTF-8"),
+        (b"a = " + b"[" * 5000, "the column map is no TOML that can be read"),
     ],
 )
 def test_unreadable_maps(tmp_path: Path, content: bytes, words: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ import numpy as np
 from flexid.errors import RecordingError
 from flexid.recording.table import Table, read_bytes
 from flexid.recording.units import UnitError, scale_to_si
+from flexid.toml_file import parse_toml
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -149,18 +149,11 @@ def read_map(path: Path) -> Mapping[str, Entry]:
     """
     from flexid.recording.column_map import parse_entry
 
+    def refuse(_key: str, reason: str) -> RecordingError:
+        return RecordingError(path.name, "", f"the column map {reason}")
+
     raw = read_bytes(path, LARGEST_MAP, "name the column map, not the log")
-    try:
-        content = tomllib.loads(raw.removeprefix(b"\xef\xbb\xbf").decode("utf-8"))
-    except UnicodeDecodeError as error:
-        raise RecordingError(
-            path.name, "", "the column map is no UTF-8 text: name a TOML file"
-        ) from error
-    except (ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split()) or "it is nested too deeply"
-        raise RecordingError(
-            path.name, "", f"the column map is no valid TOML ({reason}): correct it there"
-        ) from error
+    content = parse_toml(raw, refuse)
     for key in content:
         if key not in SI_UNITS:
             raise RecordingError(
