@@ -127,6 +127,7 @@ def _ensemble(runs: Sequence[Experiment]) -> Ensemble:
         settings.relative_tolerance,
         settings.absolute_tolerance,
         settings.maximum_steps,
+        settings.stiff,
     )
 
 

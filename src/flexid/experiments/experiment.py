@@ -33,6 +33,8 @@ class RunSettings:
         Of a continuous run.
     maximum_steps : int
         Of a continuous run.
+    stiff : bool
+        Whether a continuous run is integrated by the method for stiff loops.
     """
 
     duration: float
@@ -40,6 +42,7 @@ class RunSettings:
     relative_tolerance: float = 1e-6
     absolute_tolerance: float = 1e-9
     maximum_steps: int = 1_000_000
+    stiff: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +164,7 @@ class Experiment:
                 self.relative_tolerance,
                 self.absolute_tolerance,
                 self.maximum_steps,
+                stiff=self.settings.stiff,
             )
         except AccelerationError as error:
             raise ExperimentError(
@@ -185,7 +189,7 @@ def _leaves(table: Any, path: str = "") -> Any:
     elif isinstance(table, list):
         for place, value in enumerate(table, start=1):
             yield from _leaves(value, f"{path}.{place}")
-    elif table is None or isinstance(table, int | float):
+    elif table is None or (isinstance(table, int | float) and not isinstance(table, bool)):
         yield path, table
 
 

@@ -148,6 +148,7 @@ class ContinuousRun(_Table):
     relative_tolerance: Annotated[float, Field(ge=1e-13, le=0.1)] = 1e-6
     absolute_tolerance: Positive | None = None
     maximum_steps: Annotated[Whole, Field(ge=1, le=10**9)] = 1_000_000
+    stiff: bool = True
 
 
 class SampledRun(_Table):
