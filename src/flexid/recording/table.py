@@ -98,7 +98,7 @@ class Table:
             raise RecordingError(
                 self.file, self.place(index, name), _bad_cell(self.frame[name][index])
             )
-        return np.array(values, dtype=np.float64)
+        return np.require(values, np.float64, "W")
 
     def _not_numeric(self, name: str, found: str) -> RecordingError:
         remedy = "seconds since the start" if "time" in name.lower() else "floating-point numbers"

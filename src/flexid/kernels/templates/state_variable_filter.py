@@ -18,7 +18,7 @@ def rules(wanted, zero_order, weights):
                 weights[:, a] = (1.0 / 6.0, 0.0, 4.0 / 6.0, 1.0 / 6.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
 def filter_piece(
     positions, velocities, inputs, constants, sample_time, pole, zero_order, wanted, filtered, at
 ):
@@ -50,7 +50,7 @@ def filter_piece(
     # Signals over a tile, two samples before it first: with the input from each sample on, and up
     # to it.
     after = np.zeros((n_wanted, TILE + 2))
-    until = np.zeros((n_wanted, TILE + 2))
+    until = np.zeros((n_wanted, TILE + 2)) if zero_order else after
     slope = np.empty((N_ROWS, TILE))
     curvature = np.empty((N_ROWS, TILE))
     value = np.empty(TILE)
@@ -69,13 +69,11 @@ def filter_piece(
             sampled_parts(x, inputs[k], constants, parts)
             for a in range(n_wanted):
                 after[a, i + 2] = parts[wanted[a]]
-            if zero_order and k > 0:
-                sampled_parts(x, inputs[k - 1], constants, parts)
+            if zero_order:
+                if k > 0:
+                    sampled_parts(x, inputs[k - 1], constants, parts)
                 for a in range(n_wanted):
                     until[a, i + 2] = parts[wanted[a]]
-            else:
-                for a in range(n_wanted):
-                    until[a, i + 2] = after[a, i + 2]
         begin = max(2 - first, 0)  # the first two samples of all have no second difference
         for j in range(N_ROWS):
             for i in range(begin, count):
@@ -103,4 +101,5 @@ def filter_piece(
             once[a], twice[a] = smooth, smoother
             for i in range(2):
                 after[a, i] = after[a, count + i]
-                until[a, i] = until[a, count + i]
+                if zero_order:
+                    until[a, i] = until[a, count + i]
