@@ -28,6 +28,7 @@ MANIFEST = Manifest(
     runs_per_piece=3,
     text="the file",
 )
+RESULTS = {"tracking_rms": pl.Float64()}
 
 
 def rows(runs):
@@ -41,14 +42,14 @@ def full(tmp_path):
     with open_store(tmp_path / "out", MANIFEST) as store:
         for piece in MANIFEST.pieces:
             store.write(piece, rows(MANIFEST.runs_of(piece)), None)
-        assert store.missing(PLAN) == []
+        assert store.missing(PLAN, RESULTS) == []
     return tmp_path / "out"
 
 
 def missing(directory):
     """Return the numbers of the pieces that would be run."""
     with open_store(directory, MANIFEST) as store:
-        return store.missing(PLAN)
+        return store.missing(PLAN, RESULTS)
 
 
 def test_pieces_hold_all_runs_once():
@@ -86,11 +87,25 @@ def test_pieces_in_the_wrong_place_are_run_again(full):
     assert missing(full) == [1, 2]
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        pl.lit(1.0).alias("another"),
+        pl.col("tracking_rms").cast(pl.Float32),
+    ],
+    ids=["extra", "retyped"],
+)
+def test_a_piece_with_other_columns_is_run_again(full, change):
+    """Assert that a piece that the summary could not join to the others is not kept."""
+    rows(range(3, 6)).with_columns(change).write_parquet(full / "runs" / "part-000001.parquet")
+    assert missing(full) == [1]
+
+
 def test_a_directory_keeps_its_piece_size(full):
     """Assert that a file that asks for other pieces goes on with those that are there."""
     with open_store(full, replace(MANIFEST, runs_per_piece=2)) as store:
         assert store.manifest == MANIFEST
-        assert store.missing(PLAN) == []
+        assert store.missing(PLAN, RESULTS) == []
 
 
 @pytest.mark.parametrize(
@@ -99,6 +114,8 @@ def test_a_directory_keeps_its_piece_size(full):
         ("flexid", "0.9", "holds a campaign of flexid 1.0, and this is 0.9"),
         ("experiment", "4567", "holds a campaign of another experiment"),
         ("plan", "4567", "in which something else varies"),
+        ("runs", 8, "was changed by hand"),
+        ("kind", "sobol-indices", "was changed by hand"),
         ("keep", ("excitation",), "keeps other results (tracking)"),
     ],
 )

@@ -7,6 +7,7 @@ from typing import Any
 
 from flexid.campaigns.atomic import write_atomically
 from flexid.errors import CampaignError
+from flexid.experiments.variation import MOST_RUNS
 
 FILE = "campaign.json"
 
@@ -93,7 +94,7 @@ def _manifest(content: dict[str, Any]) -> Manifest:
         if field.type in (str, int) and type(value) is not field.type:
             raise TypeError(field.name)
         values[field.name] = value if field.type in (str, int) else _names(value)
-    if values["runs"] < 1 or values["runs_per_piece"] < 1:
+    if not 1 <= values["runs"] <= MOST_RUNS or values["runs_per_piece"] < 1:
         raise ValueError("runs")
     return Manifest(**values)
 
@@ -120,6 +121,8 @@ def refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:
         what = "a campaign of another experiment"
     elif found.plan != wanted.plan:
         what = "a campaign of the same experiment in which something else varies"
+    elif (found.kind, found.runs, found.inputs) != (wanted.kind, wanted.runs, wanted.inputs):
+        what = f"a {FILE} that was changed by hand"
     elif set(found.keep) != set(wanted.keep):
         what = f"a campaign that keeps other results ({', '.join(found.keep)})"
     else:

@@ -44,7 +44,7 @@ def piece_rows(
     table : DataFrame
         Number and values of each run, from the plan.
     keep : sequence of str
-        Which results to keep, out of `flexid.experiments.variation.KEPT`.
+        Which results to keep, out of `flexid.experiments.variation.Kept`.
     stopped : callable, optional
         Asked every few runs whether to stop.
 
@@ -143,6 +143,13 @@ def result_names(system: ParametricSystem, keep: Sequence[str]) -> list[str]:
         for prefix, names in _blocks(system, keep).items()
         for name in names
     ]
+
+
+def result_schema(system: ParametricSystem, keep: Sequence[str]) -> dict[str, pl.DataType]:
+    """Columns that `piece_rows` adds to the plan's, in their order."""
+    of_all: dict[str, pl.DataType] = {STATUS: pl.String(), ERROR: pl.String()}
+    numbers = {name: pl.Float64() for name in result_names(system, keep)}
+    return of_all | numbers | {STEPS: pl.Int64()}
 
 
 def _blocks(system: ParametricSystem, keep: Sequence[str]) -> dict[str, Sequence[str]]:

@@ -13,7 +13,7 @@ import flexid
 from flexid.campaigns.manifest import Manifest
 from flexid.campaigns.piece import Piece, run_piece
 from flexid.campaigns.plan import Plan, make_plan
-from flexid.campaigns.rows import STATUS
+from flexid.campaigns.rows import STATUS, result_schema
 from flexid.campaigns.store import Store, open_store
 from flexid.errors import ExperimentError, SettingError
 from flexid.experiments import Experiment
@@ -134,7 +134,7 @@ def _complete(
     progress: Progress | None,
 ) -> None:
     manifest = store.manifest
-    missing = store.missing(plan)
+    missing = store.missing(plan, result_schema(experiment.loop.system, manifest.keep))
     left = sum(len(manifest.runs_of(piece)) for piece in missing)
     if progress is not None:
         progress(manifest.runs - left, manifest.runs)

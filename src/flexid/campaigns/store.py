@@ -1,9 +1,8 @@
 """The rows of a campaign on disk: a directory of Parquet files that are complete or not there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
 import polars as pl
@@ -19,6 +18,7 @@ from flexid.campaigns.manifest import (
 )
 from flexid.campaigns.plan import Plan
 from flexid.errors import CampaignError
+from flexid.recording.write import write_parquet
 
 _LOCK = ".campaign.lock"
 
@@ -78,16 +78,23 @@ class Store:
         there = (piece for piece in self.manifest.pieces if self.path(piece).exists())
         return sum(len(self.manifest.runs_of(piece)) for piece in there)
 
-    def missing(self, plan: Plan) -> list[int]:
-        """Numbers of the pieces that have to be run, damaged ones among them."""
-        return [piece for piece in self.manifest.pieces if not self._holds(piece, plan)]
+    def missing(self, plan: Plan, results: Mapping[str, pl.DataType]) -> list[int]:
+        """Numbers of the pieces that have to be run, damaged ones among them.
 
-    def _holds(self, piece: int, plan: Plan) -> bool:
+        Parameters
+        ----------
+        plan : Plan
+        results : mapping of str to DataType
+            Columns that a row has beside those of the plan, in their order.
+        """
+        return [piece for piece in self.manifest.pieces if not self._holds(piece, plan, results)]
+
+    def _holds(self, piece: int, plan: Plan, results: Mapping[str, pl.DataType]) -> bool:
         rows = self.read(piece)
         if rows is None:
             return False
         planned = plan.table(self.manifest.runs_of(piece))
-        if not set(planned.columns) <= set(rows.columns):
+        if list(rows.schema.items()) != [*planned.schema.items(), *results.items()]:
             return False
         if not rows.select(planned.columns).equals(planned):
             return False
@@ -109,6 +116,7 @@ def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
     CampaignError
         If another process writes there, or the directory holds something else.
     """
+    _check_name(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         lock = FileLock(directory / _LOCK)
@@ -154,6 +162,7 @@ def find_store(directory: Path) -> Store:
     CampaignError
         If it holds no campaign.
     """
+    _check_name(directory)
     manifest = read_manifest(directory)
     if manifest is None:
         raise CampaignError(
@@ -162,10 +171,17 @@ def find_store(directory: Path) -> Store:
     return Store(directory, manifest)
 
 
+def _check_name(directory: Path) -> None:
+    try:
+        str(directory).encode()
+    except UnicodeEncodeError:  # Polars can neither read nor write there
+        raise CampaignError(
+            repr(str(directory)), "has a name that is not UTF-8: give another directory"
+        ) from None
+
+
 def _write_table(table: pl.DataFrame, path: Path) -> None:
-    content = BytesIO()  # whose writing fails with a reason, unlike that of Polars
-    table.write_parquet(content)
-    write_atomically(path, lambda temporary: temporary.write_bytes(content.getbuffer()))
+    write_atomically(path, lambda temporary: write_parquet(table, temporary))
 
 
 def _readable(path: Path) -> bool:

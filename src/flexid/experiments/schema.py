@@ -12,7 +12,7 @@ from pydantic import (
     StringConstraints,
 )
 
-from flexid.experiments.variation import MEASURES, Distribution, Kept, Kind, Plan
+from flexid.experiments.variation import MEASURES, MOST_RUNS, Distribution, Kept, Kind, Plan
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.models.terms import COULOMB_VELOCITY
 
@@ -172,7 +172,7 @@ class CampaignTable(_Table):
     """What varies over many runs, and what is kept of each."""
 
     kind: Plan
-    runs: Annotated[int, Field(ge=1, le=10_000_000)] | None = None
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
     seed: Annotated[int, Field(ge=0, le=2**63)] = 0
     keep: list[Kept] = list(MEASURES)
     runs_per_piece: Annotated[int, Field(ge=1, le=100_000)] | None = None

@@ -22,6 +22,9 @@ Kept = Literal[
 MEASURES: tuple[Kept, ...] = tuple(name for name in get_args(Kept) if name != "time_series")
 """All of it but the time series."""
 
+MOST_RUNS = 10_000_000
+"""Of one campaign."""
+
 Kind = Literal["uniform", "log_uniform", "normal", "integers"]
 Plan = Literal["grid", "latin-hypercube", "sobol", "sobol-indices"]
 
