@@ -21,7 +21,6 @@ like the rest, and a block's residuals are corrected for them too.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,7 @@ from flexid.estimators.samples import FloatArray
 
 _WHOLE = 1e-6  # what a block leaves of a direction's residual, below which it leaves nothing
 _ROUNDING = 1e-13  # relative size below which an eigenvalue of a covariance is zero
+_AT_ONCE = 1024  # blocks whose matrices are kept in memory together
 _LEAST_SHARE = 0.05  # of a variance that the blocks must be able to show
 
 
@@ -75,21 +75,25 @@ def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
         return influences, np.zeros(0)
     shown = np.zeros(k)  # trace of the quadratic form, for white noise of unit variance
     squares, across, gram = np.zeros(k), np.zeros(k), np.zeros((k, k, k))
-    for segment in _segments(clusters):
-        adjusted = [segment.adjusted(normal) for normal in segment.normal]
-        for b, (matrix, score) in enumerate(zip(adjusted, segment.scores, strict=True)):
-            influences[:, segment.first + b] = matrix @ score
-        # Rows, one per block: how white noise enters each unknown's influence, through J_b.
-        rows = np.einsum("bci,bij->cbj", np.array(adjusted), segment.normal)
-        for c in range(k):
-            own = np.diag([float(r @ a[c]) for r, a in zip(rows[c], adjusted, strict=True)])
-            own -= rows[c] @ segment.own @ rows[c].T
-            common = rows[c] @ segment.borders
-            shown[c] += np.trace(own) - np.trace(common @ clusters.inverse @ common.T)
-            squares[c] += np.sum(own**2)
-            across[c] += np.trace(common @ clusters.inverse @ common.T @ own)
-            gram[c] += common.T @ common
-    return unbiased(influences, clusters.inverse, shown, squares, across, gram)
+    inverse = clusters.inverse
+    for places in _alike(clusters.segments):
+        normal, scores = clusters.normal[places], clusters.scores[places]
+        own, borders = _own_unknowns(normal.sum(axis=1), k)
+        adjusted = _adjusted(normal, own, borders, inverse)
+        influences[:, places] = np.einsum("sbcn,sbn->csb", adjusted, scores)
+        # One row for each block: how white noise enters each unknown's influence, through J_b.
+        rows = adjusted @ normal
+        alone = np.einsum("sbcn,sbcn->scb", rows, adjusted)
+        rows = rows.transpose(0, 2, 1, 3)  # segment, unknown, block, n
+        part = -rows @ own[:, None] @ rows.transpose(0, 1, 3, 2)
+        part[:, :, *np.diag_indices(part.shape[2])] += alone
+        common = rows @ borders[:, None]
+        shared = common @ inverse @ common.transpose(0, 1, 3, 2)
+        shown += np.einsum("scbb->c", part) - np.einsum("scbb->c", shared)
+        squares += np.einsum("scbd,scbd->c", part, part)
+        across += np.einsum("scbd,scdb->c", shared, part)
+        gram += np.einsum("scbi,scbj->cij", common, common)
+    return unbiased(influences, inverse, shown, squares, across, gram)
 
 
 def unbiased(
@@ -126,13 +130,18 @@ def unbiased(
 
 
 def covariance_root(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Matrices H and O, each shape (n, rank), with H Hᵀ the covariance and Oᵀ H = I."""
-    scale = np.sqrt(np.diag(covariance))
+    """Matrices H and O with H Hᵀ the covariance and Oᵀ H = I, zero along what it leaves out.
+
+    Of one covariance, shape (n, n), or of several, shape (..., n, n).
+    """
+    scale = np.sqrt(np.einsum("...ii->...i", covariance))
     scale = np.where(scale > 0.0, scale, 1.0)
-    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    kept = eigenvalues > _ROUNDING * eigenvalues[-1]
-    root = np.sqrt(eigenvalues[kept])
-    return vectors[:, kept] * root * scale[:, None], vectors[:, kept] / root / scale[:, None]
+    scales = scale[..., :, None] * scale[..., None, :]
+    eigenvalues, vectors = np.linalg.eigh(covariance / scales)
+    kept = eigenvalues > _ROUNDING * eigenvalues[..., -1:]
+    root = np.sqrt(np.where(kept, eigenvalues, 1.0))[..., None, :]
+    vectors = np.where(kept[..., None, :], vectors, 0.0)
+    return vectors * root * scale[..., :, None], vectors / root / scale[..., :, None]
 
 
 def unbiasing(leverages: FloatArray) -> FloatArray:
@@ -141,45 +150,62 @@ def unbiasing(leverages: FloatArray) -> FloatArray:
     return np.where(left > _WHOLE, 1.0 / np.sqrt(np.maximum(left, _WHOLE)), 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Segment:
-    """One segment's blocks, and the covariance of all its unknowns for white noise.
+def _adjusted(
+    normal: FloatArray, own: FloatArray, borders: FloatArray, inverse: FloatArray
+) -> FloatArray:
+    """Matrices, shape (n_segments, n_blocks, k, n), by which scores become influences.
 
-    That is `own` + `borders` `inverse` `borders`ᵀ: what is left to the segment's own unknowns if
-    the common ones were known, and what they add.
+    The covariance of all unknowns of a segment for white noise is `own` + `borders` `inverse`
+    `borders`ᵀ: what is left to the segment's own unknowns if the common ones were known, and what
+    they add.
     """
-
-    first: int
-    normal: FloatArray
-    scores: FloatArray
-    own: FloatArray
-    borders: FloatArray
-    inverse: FloatArray
-
-    def adjusted(self, normal: FloatArray) -> FloatArray:
-        """Matrix, shape (k, n), by which a block's scores become its influence."""
-        covariance = self.own + self.borders @ self.inverse @ self.borders.T
-        half, other = covariance_root(covariance)
-        leverages, directions = np.linalg.eigh(half.T @ normal @ half)
-        correction = other @ (directions * unbiasing(leverages)) @ directions.T @ half.T
-        return self.inverse @ self.borders.T @ correction
+    across = borders.transpose(0, 2, 1)
+    half, other = covariance_root(own + borders @ inverse @ across)
+    half, other, turned = half[:, None], other[:, None], half.transpose(0, 2, 1)[:, None]
+    leverages, directions = np.linalg.eigh(turned @ normal @ half)
+    back = directions.transpose(0, 1, 3, 2) @ turned
+    correction = other @ (directions * unbiasing(leverages)[:, :, None, :]) @ back
+    return (inverse @ across)[:, None] @ correction
 
 
-def _segments(clusters: Clusters) -> Iterator[_Segment]:
-    k = len(clusters.inverse)
-    n = clusters.normal.shape[1]
-    edges = np.flatnonzero(np.diff(clusters.segments, prepend=-1, append=-1))
-    for first, stop in pairwise(edges):
-        normal = clusters.normal[first:stop]
-        total = normal.sum(axis=0)
-        own = np.zeros((n, n))
-        states = slice(0, n - k)
-        scale = np.sqrt(np.diag(total)[states])
-        scales = np.outer(*(np.where(scale > 0.0, scale, 1.0),) * 2)
-        own[states, states] = (
-            np.linalg.pinv(total[states, states] / scales, rcond=_ROUNDING, hermitian=True) / scales
-        )
-        borders = np.concatenate((-own[states, states] @ total[states, n - k :], np.eye(k)))
-        yield _Segment(
-            int(first), normal, clusters.scores[first:stop], own, borders, clusters.inverse
-        )
+def _own_unknowns(total: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
+    """Covariance of segments' own unknowns, the common ones known, and how these enter.
+
+    Parameters
+    ----------
+    total : array, shape (n_segments, n, n)
+        Normal matrix of each segment.
+    k : int
+        Common unknowns, the last ones.
+
+    Returns
+    -------
+    own : array, shape (n_segments, n, n)
+        Zero for the common ones.
+    borders : array, shape (n_segments, n, k)
+        Minus `own` times the border of the normal matrix; the identity for the common ones.
+    """
+    count, n, _ = total.shape
+    first = n - k
+    scale = np.sqrt(np.einsum("sii->si", total)[:, :first])
+    scale = np.where(scale > 0.0, scale, 1.0)
+    scales = scale[:, :, None] * scale[:, None, :]
+    own = np.zeros((count, n, n))
+    borders = np.zeros((count, n, k))
+    borders[:, first:] = np.eye(k)
+    if first:
+        alone = total[:, :first, :first] / scales
+        own[:, :first, :first] = np.linalg.pinv(alone, rcond=_ROUNDING, hermitian=True) / scales
+        borders[:, :first] = -own[:, :first, :first] @ total[:, :first, first:]
+    return own, borders
+
+
+def _alike(segments: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    """Places of the blocks of segments with equally many, shape (n_segments, n_blocks) each."""
+    firsts = np.flatnonzero(np.diff(segments, prepend=-1))
+    counts = np.diff(firsts, append=len(segments))
+    for count in np.unique(counts).tolist():
+        chosen = firsts[counts == count]
+        at_once = max(1, _AT_ONCE // count)
+        for first in range(0, len(chosen), at_once):
+            yield chosen[first : first + at_once, None] + np.arange(count)
