@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,17 @@ def test_built_once(cache: Path) -> None:
     assert second.VALUE == 1
     assert len(built) == 1
     assert Path(str(second.__file__)).parent == cache
+
+
+def test_threads_find_whole_modules(cache: Path) -> None:
+    """Assert that a thread that asks while another one imports waits for the whole module."""
+    source = "import time\ntime.sleep(0.3)\nWHOLE = True\n"
+
+    def load(_: int) -> bool:
+        return bool(store.load_kernel("threads", ["x"], lambda: source).WHOLE)
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(load, range(4)))
 
 
 def test_changed_declaration_is_built_anew(cache: Path) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Lock
 
 import polars as pl
 
@@ -11,8 +10,6 @@ from flexid.campaigns.series import piece_series
 from flexid.experiments import Experiment
 from flexid.simulation.closed_loop import loop_kernel
 from flexid.simulation.sampled import sampled_kernel
-
-_loading = Lock()
 
 
 @dataclass(frozen=True)
@@ -61,14 +58,16 @@ def run_piece(
     AccelerationError
         If no run of this experiment is possible.
     """
-    _load_kernel(experiment)
+    _check(experiment)
     rows = piece_rows(experiment, piece.table, piece.keep, stopped)
     wanted = "time_series" in piece.keep
     return piece.number, rows, piece_series(experiment, rows, stopped) if wanted else None
 
 
-def _load_kernel(experiment: Experiment) -> None:
-    """Load the compiled functions, one thread at a time: another would find half a module."""
-    load = loop_kernel if experiment.sampling is None else sampled_kernel
-    with _loading:
-        load(experiment.loop.declaration)
+def _check(experiment: Experiment) -> None:
+    """Load the compiled functions, which fails if no run is possible."""
+    declaration = experiment.loop.declaration
+    if experiment.sampling is None:
+        loop_kernel(declaration, stiff=experiment.settings.stiff)
+    else:
+        sampled_kernel(declaration)

@@ -12,6 +12,7 @@ import os
 import shutil
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import resources
@@ -21,6 +22,8 @@ from types import ModuleType
 import platformdirs
 
 _END = "\n# The kernel ends here.\n"
+
+_LOADING = threading.RLock()  # a second thread would find half a module
 
 CACHE_VARIABLE = "FLEXID_CACHE_DIR"
 """Environment variable that moves the cache of kernels."""
@@ -54,13 +57,14 @@ def load_kernel(
     """
     parts = [template(name) for name in templates]
     name = f"flexid_{task}_{_digest(task, *declarations, *parts)}"
-    if name in sys.modules:
-        return sys.modules[name]
-    path = cache_directory() / f"{name}.py"
-    _discard_damaged(path)
-    if not path.exists():
-        _write_atomically(path, "\n\n".join((build(), *parts)) + _END)
-    return _import(name, path)
+    with _LOADING:
+        if name in sys.modules:
+            return sys.modules[name]
+        path = cache_directory() / f"{name}.py"
+        _discard_damaged(path)
+        if not path.exists():
+            _write_atomically(path, "\n\n".join((build(), *parts)) + _END)
+        return _import(name, path)
 
 
 def _discard_damaged(path: Path) -> None:
