@@ -18,8 +18,9 @@ _RUNS = 3
 
 # A process for each length, so that the memory is what it needs.
 _PROGRAM = """
-import json, resource, sys
+import json, sys
 import numpy as np
+from benchmarks.memory import most_memory
 from benchmarks.long_log import POSITION_NOISE, SAMPLE_TIME, SEED, TRUTH, long_motion
 from benchmarks.timing import measure
 from flexid.estimators import threads
@@ -37,7 +38,7 @@ def fit(cores):
 one, two = measure(lambda: fit(1), lambda: fit(2), repetitions=runs)
 same = fit(1).values.tobytes() == fit(2).values.tobytes()
 json.dump({"one": [one.median, one.minimum], "two": [two.median, two.minimum], "same": same,
-           "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3}, sys.stdout)
+           "memory": most_memory()}, sys.stdout)
 """
 
 

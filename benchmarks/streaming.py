@@ -31,18 +31,20 @@ _PARTS = {
 
 # Each in a process of its own, so that the memory is what it needs and no more.
 _READ = """
-import json, resource, sys, time
+import json, sys, time
 import polars as pl
+from benchmarks.memory import most_memory
 start = time.perf_counter()
 for frame in pl.scan_parquet(sys.argv[1]).collect_batches(maintain_order=True):
     pass
 json.dump({"read": time.perf_counter() - start,
-           "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3}, sys.stdout)
+           "memory": most_memory()}, sys.stdout)
 """
 _IDENTIFY = """
-import json, resource, sys, time
+import json, sys, time
 times = [time.perf_counter()]
 from pathlib import Path
+from benchmarks.memory import most_memory
 from flexid.identification.stream import identify_stream
 times.append(time.perf_counter())
 def progress(step):
@@ -51,7 +53,7 @@ def progress(step):
 identify_stream(Path(sys.argv[1]), progress=progress)
 times.append(time.perf_counter())
 parts = {name: b - a for name, a, b in zip(("import", "head", "pass", "end"), times, times[1:])}
-json.dump(parts | {"memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3}, sys.stdout)
+json.dump(parts | {"memory": most_memory()}, sys.stdout)
 """
 
 

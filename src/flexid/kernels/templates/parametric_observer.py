@@ -1,19 +1,17 @@
 # Template: needs advance, as_state, as_sample, as_settings, regressors, is_finite and the sizes.
 
 
-@njit(cache=True, error_model="numpy")
-def take(current, samples, n, fixed, info):
-    """State after sample n, as a tuple; info receives innovations and a status."""
-    if not is_finite(samples[n]):
-        for j in range(N_ROWS):
-            info[j] = np.nan
-        info[N_ROWS] = REJECTED
-        return (0.0,) + current[1:]
-    info[N_ROWS] = STARTING  # a constant gain cannot know whether the data tell the coefficients
-    current, innovation = advance(current, as_sample(samples, n), fixed)
-    for j in range(N_ROWS):
-        info[j] = innovation[j]
-    return current
+NO_INNOVATION = (np.nan,) * N_ROWS
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def take(current, sample, fixed):
+    """State after a sample, innovations, status. Tuples stay in registers, views of arrays do not."""
+    if not is_finite(sample):
+        return (0.0,) + current[1:], NO_INNOVATION, REJECTED
+    current, innovation = advance(current, sample, fixed)
+    # A constant gain cannot know whether the data tell the coefficients.
+    return current, innovation, STARTING
 
 
 @njit(cache=True, error_model="numpy")
@@ -28,9 +26,13 @@ def as_array(current):
 @njit(cache=True, error_model="numpy")
 def step(state, sample, settings):
     """New state and info after one sample; the old state is left as it is."""
+    one = as_sample(sample.reshape((1, SAMPLE_SIZE)), 0)
+    current, innovation, status = take(as_state(state), one, as_settings(settings))
     info = np.empty(N_ROWS + 1)
-    one = sample.reshape((1, SAMPLE_SIZE))
-    return as_array(take(as_state(state), one, 0, as_settings(settings), info)), info
+    for j in range(N_ROWS):
+        info[j] = innovation[j]
+    info[N_ROWS] = status
+    return as_array(current), info
 
 
 @njit(cache=True, error_model="numpy")
@@ -39,9 +41,12 @@ def replay(state, samples, settings, coefficients, infos):
     current = as_state(state)
     fixed = as_settings(settings)
     for n in range(samples.shape[0]):
-        current = take(current, samples, n, fixed, infos[n])
+        current, innovation, status = take(current, as_sample(samples, n), fixed)
         for i in range(N_COEFFICIENTS):
             coefficients[n, i] = current[1 + i]
+        for j in range(N_ROWS):
+            infos[n, j] = innovation[j]
+        infos[n, N_ROWS] = status
     return as_array(current)
 
 
