@@ -188,7 +188,10 @@ def draw(groups: Sequence[tuple[str, Sequence[Growth]]]) -> None:
         for growth, colour in zip(jobs, (BLUE, ORANGE, GREEN, "#7b5ea7"), strict=False):
             axes.loglog(growth.sizes, growth.seconds, "o-", color=colour, ms=3, label=growth.job)
         axes.set_xlabel(label)
-        axes.legend(loc="upper left", fontsize=7)
+        if label == "coefficients":  # a few, so that every number is a tick
+            axes.set_xscale("linear")
+        axes.legend(loc="best", fontsize=7, frameon=False)
+        axes.margins(y=0.15)
     figure.axes[0].set_ylabel("processor time [s]")
     save(figure, ASSETS, "growth")
 
