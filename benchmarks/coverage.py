@@ -9,12 +9,14 @@ import datetime
 import json
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.coverage_page import PAGE, RESULTS, render, with_block
+from flexid.errors import ConvergenceError
 from flexid.estimators.block_prediction_error import BlockPredictionError, block_prediction_error
 from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
@@ -150,10 +152,13 @@ def measure(noise: str, names: list[str], seeds: int) -> list[dict[str, Any]]:
         if wanted - set(STREAMS):
             rate = choose_filter_rate([samples], JOINT, "linear")
             start = filtered_least_squares([samples], JOINT, rate)
-            fits |= {key: fit(samples, start) for key, fit in FITS.items() if key in wanted}
+            for key in wanted & set(FITS):
+                with suppress(ConvergenceError):  # then there is no interval to count
+                    fits[key] = FITS[key](samples, start)
         for name in names:
             key, ends = ESTIMATORS[name]
-            found[name].append(ends(fits[key]))
+            if key in fits:
+                found[name].append(ends(fits[key]))
         if (seed + 1) % 50 == 0:
             print(f"{noise}: {seed + 1} of {seeds}", flush=True)
     return [_cell(noise, name, ends) for name, ends in found.items()]
