@@ -1,6 +1,5 @@
 """A campaign from its experiment to its rows: what is missing is run, here or on a cluster."""
 
-import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -16,6 +15,7 @@ from flexid.campaigns.plan import Plan, make_plan
 from flexid.campaigns.rows import STATUS, result_schema
 from flexid.campaigns.store import Store, open_store
 from flexid.errors import ExperimentError, SettingError
+from flexid.estimators.threads import cores
 from flexid.experiments import Experiment
 from flexid.experiments.variation import Variation
 
@@ -89,13 +89,6 @@ def run_campaign(
     with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
         _complete(store, experiment, plan, workers or cores(), scheduler, progress)
         return Campaign(store.directory, variation.runs, _statuses(store))
-
-
-def cores() -> int:
-    """Processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _plan(experiment: Experiment, variation: Variation) -> Plan:

@@ -3,13 +3,12 @@
 from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.report.terminal import print_parts
+from flexid.report.terminal import print_parts, titled_table
 
 DETAILS = ("final_error.", "final_state.")
 """Prefixes of results that are quantified, but of which no more is said."""
@@ -62,7 +61,7 @@ def status_lines(summary: Summary) -> Iterator[str]:
 
 
 def _quantiles(summary: Summary) -> Table:
-    table = _table(f"{summary.finished} finished runs, SI units")
+    table = titled_table(f"{summary.finished} finished runs, SI units", collapse_padding=True)
     table.add_column("result", no_wrap=True)
     for share in QUANTILES:
         table.add_column(f"{100 * share:g} %", justify="right", no_wrap=True)
@@ -74,7 +73,7 @@ def _quantiles(summary: Summary) -> Table:
 
 
 def _importance(summary: Summary, title: str, text: Callable[[Result], str]) -> Table:
-    table = _table(title)
+    table = titled_table(title, collapse_padding=True)
     table.add_column("result", no_wrap=True)
     table.add_column("inputs")
     for result in summary.results:
@@ -109,14 +108,3 @@ def _sentence(told: Sequence[str], inputs: int) -> str:
         parts.append(f"and {len(told) - _SHOWN} more")
     untold = inputs - len(told)
     return ", ".join(parts) + (f"; {untold} not significant" if untold else "")
-
-
-def _table(title: str) -> Table:
-    return Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        collapse_padding=True,
-    )

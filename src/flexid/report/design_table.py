@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Iterator
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.design.drive import DOUBT
 from flexid.design.result import Design, Prediction
-from flexid.report.terminal import print_parts
+from flexid.report.terminal import print_parts, titled_table
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
 
@@ -36,9 +35,10 @@ def _parts(result: Design) -> Iterator[RenderableType]:
 
 def _predictions(result: Design) -> Table:
     inputs = (result.prediction, *result.references)
-    table = _table(
+    table = titled_table(
         f"Predicted standard deviations, {result.drive.criterion}-optimal {result.drive.kind}, "
-        f"equal peak torque"
+        f"equal peak torque",
+        collapse_padding=True,
     )
     table.add_column("coefficient", no_wrap=True)
     for one in inputs:
@@ -71,7 +71,7 @@ def _summaries() -> dict[str, Callable[[Prediction], str]]:
 
 
 def _limits(result: Design) -> Table:
-    table = _table("Limits")
+    table = titled_table("Limits", collapse_padding=True)
     table.add_column("channel", no_wrap=True)
     for heading in ("limit", "as believed"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -85,17 +85,6 @@ def _limits(result: Design) -> Table:
             f"{100 * extreme.value:.0f} % ({extreme.case})",
         )
     return table
-
-
-def _table(title: str) -> Table:
-    return Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        collapse_padding=True,
-    )
 
 
 def _percent(share: float) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from math import isfinite, pi
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -13,7 +12,7 @@ from flexid.design.assessment import Assessment
 from flexid.design.excitation_report import ExcitationReport
 from flexid.identification.verdict import DETERMINED_DEVIATION
 from flexid.report.style import STATUS_COLOURS
-from flexid.report.terminal import print_parts
+from flexid.report.terminal import print_parts, titled_table
 
 
 def print_excitation(report: ExcitationReport) -> None:
@@ -41,12 +40,8 @@ def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
 
 
 def _table(assessment: Assessment) -> Table:
-    table = Table(
-        title="What this log tells: predicted standard deviations, and what the partner costs",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
+    table = titled_table(
+        "What this log tells: predicted standard deviations, and what the partner costs",
         collapse_padding=True,
     )
     table.add_column("coefficient", no_wrap=True)

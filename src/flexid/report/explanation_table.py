@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.identification.alignment import Delay
 from flexid.identification.result import Choices, Identification
+from flexid.report.terminal import titled_table
 
 
 def explanation(result: Identification) -> Iterator[RenderableType]:
@@ -30,14 +30,8 @@ def explanation(result: Identification) -> Iterator[RenderableType]:
     yield _least_squares(result)
 
 
-def _table(title: str) -> Table:
-    return Table(
-        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
-    )
-
-
 def _terms(choices: Choices) -> Table:
-    table = _table("Terms: error of the free run over data to choose by, in % of the motion")
+    table = titled_table("Terms: error of the free run over data to choose by, in % of the motion")
     for heading in ("term", "in the model"):
         table.add_column(heading, no_wrap=True)
     for heading in ("with it", "without it"):
@@ -49,7 +43,7 @@ def _terms(choices: Choices) -> Table:
 
 
 def _segments(choices: Choices) -> Table:
-    table = _table("Segments of the prediction error")
+    table = titled_table("Segments of the prediction error")
     table.add_column("length", justify="right", no_wrap=True)
     table.add_column("error of the free run in %", justify="right", no_wrap=True)
     table.add_column("", no_wrap=True)
@@ -66,7 +60,7 @@ def _segments(choices: Choices) -> Table:
 
 
 def _delays(choices: Choices) -> Table:
-    table = _table("Time against the motor's encoder")
+    table = titled_table("Time against the motor's encoder")
     for heading in ("channel", "corrected", "95 % interval", "why"):
         justify = "left" if heading in ("channel", "why") else "right"
         table.add_column(heading, justify=justify, no_wrap=heading != "why")
@@ -82,7 +76,7 @@ def _interval(delay: Delay) -> str:
 
 
 def _least_squares(result: Identification) -> Table:
-    table = _table("Least squares beside the estimate")
+    table = titled_table("Least squares beside the estimate")
     table.add_column("name", no_wrap=True)
     for heading in ("estimate", "least squares"):
         table.add_column(heading, justify="right", no_wrap=True)

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.report.terminal import print_parts
+from flexid.report.terminal import print_parts, titled_table
 from flexid.studies.huang2003.evidence import Claim, Verdict
 from flexid.studies.huang2003.readings import Reading
 from flexid.studies.huang2003.reproduction import Reproduction
@@ -41,9 +40,7 @@ def _parts(result: Reproduction) -> Iterator[RenderableType]:
 
 def _table(title: str, texts: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
     """Table with columns of text, then columns of numbers."""
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
-    )
+    table = titled_table(title)
     for heading in texts:
         table.add_column(heading)
     for heading in numbers:

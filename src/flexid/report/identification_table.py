@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Mapping
 from math import floor, isfinite, isnan, log10
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -15,7 +14,7 @@ from flexid.identification.result import (
     Status,
 )
 from flexid.report.explanation_table import explanation
-from flexid.report.terminal import print_parts
+from flexid.report.terminal import print_parts, titled_table
 
 _COLOURS: dict[Status, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 
@@ -58,9 +57,7 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
 
 
 def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEstimate]) -> Table:
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False
-    )
+    table = titled_table(title)
     table.add_column("name", no_wrap=True)
     for heading in ("value", "95 % interval"):
         table.add_column(heading, justify="right", no_wrap=True)

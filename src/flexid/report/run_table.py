@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from rich import box
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -11,7 +10,7 @@ from rich.text import Text
 from flexid.experiments.experiment import Experiment
 from flexid.experiments.measures import SETTLED, Measures
 from flexid.experiments.run_columns import coefficient_unit, is_joint
-from flexid.report.terminal import print_parts
+from flexid.report.terminal import print_parts, titled_table
 from flexid.simulation.run import Run
 
 
@@ -39,13 +38,7 @@ def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Ren
 
 
 def _estimates(experiment: Experiment, run: Run, measures: Measures) -> Table:
-    table = Table(
-        title="Estimates of the observer",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-    )
+    table = titled_table("Estimates of the observer")
     table.add_column("coefficient", no_wrap=True)
     for heading in ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %"):
         table.add_column(heading, justify="right", no_wrap=True)
