@@ -1,5 +1,6 @@
 """What every command has in common."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -46,3 +47,27 @@ def test_identification_starts_light(examples: Path):
     subprocess.run(command, capture_output=True, check=True)  # may have kernels to make
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
+
+
+THREADS = """
+import os
+from flexid.cli.main import main
+try:
+    main()
+except SystemExit:
+    print(os.environ["OMP_NUM_THREADS"])
+"""
+
+
+@pytest.mark.parametrize(("given", "expected"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3")])
+def test_linear_algebra_has_one_thread_unless_told(given: dict[str, str], expected: str):
+    """Assert that a command gives NumPy one thread, and more if the user says so."""
+    others = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS, "--version"],
+        env=others | given,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines()[-1] == expected

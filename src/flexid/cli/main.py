@@ -1,5 +1,6 @@
 """The ``flexid`` command: registers every command and turns errors into one sentence."""
 
+import os
 import sys
 from typing import Annotated
 
@@ -53,6 +54,9 @@ def _options(
 
 def main() -> None:
     """Run the command line. Exit status: 0 done, 1 the data cannot support it, 2 bad input."""
+    # Before NumPy is loaded: our matrices are small, and where other work has a core, threads of
+    # the linear algebra that share them wait for each other longer than they compute.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     try:
         app()
     except FlexidError as error:
