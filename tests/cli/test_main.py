@@ -11,7 +11,15 @@ FULL = Path("/dev/full")
 
 # What takes a quarter of a second or more to import, and a log in SI units with kernels at hand
 # does not need.
-HEAVY = ("sympy", "matplotlib", "pint", "scipy.signal", "scipy.stats")
+HEAVY = (
+    "sympy",
+    "matplotlib",
+    "pint",
+    "scipy.interpolate",
+    "scipy.optimize",
+    "scipy.signal",
+    "scipy.stats",
+)
 
 IDENTIFY = f"""
 import sys

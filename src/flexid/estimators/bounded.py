@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from typing import Protocol, TypeVar
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from flexid.errors import SettingError
 from flexid.estimators.samples import FloatArray
@@ -108,6 +107,8 @@ def _ends(fit: Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, float]:
     lower, upper = np.array([own[name] or unbounded for name in fit.names], dtype=np.float64).T
     if np.all((fit.values >= lower) & (fit.values <= upper)):
         return {}
+    from scipy.optimize import lsq_linear  # late: it takes a third of a second to import
+
     scale = np.sqrt(np.diag(fit.information))
     scale = np.where(scale > 0.0, scale, 1.0)
     # Along directions that the data leave open the least departure from the fit decides.

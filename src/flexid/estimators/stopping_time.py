@@ -9,7 +9,6 @@ is right to the noise.
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
@@ -137,6 +136,8 @@ def _right(system: ParametricSystem, unknowns: Unknowns | None) -> Unknowns:
 
 
 def _least(misfit: Callable[[float], float], lower: float, upper: float) -> float:
+    from scipy.optimize import minimize_scalar  # late: it takes a third of a second to import
+
     found = minimize_scalar(
         misfit, bounds=(lower, upper), method="bounded", options={"xatol": _CLOSE}
     )

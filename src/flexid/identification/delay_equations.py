@@ -21,10 +21,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.state_variable_filter import filtered_signals
+from flexid.identification.even_spline import EvenSpline
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import COULOMB_VELOCITY
 from flexid.recording.recording import Hold, Recording
@@ -32,7 +32,6 @@ from flexid.recording.velocities import velocity
 
 _MEMORY = 40.0  # time constants of the filter after which its past has vanished
 _DENSITY = 10.0  # equations per time constant of the filter: more tell nothing new
-_FREE, _NONNEGATIVE = -np.inf, 0.0
 
 
 def _row(number: str, position: str, speed: str) -> dict[str, str]:
@@ -77,21 +76,21 @@ class Equation:
 
 @dataclass(frozen=True)
 class Unknown:
-    """A coefficient of the equations: its least value, and whether it should be zero at best.
+    """A coefficient of the equations: whether it has a bound, and whether it is zero at best.
 
     Parameters
     ----------
-    least : float
-        0 where physics forbids negative values, else minus infinity.
+    bounded : bool
+        Whether physics forbids negative values.
     spare : bool
         A friction that looks like a delay: assumed only where the data demand it.
     """
 
-    least: float = _NONNEGATIVE
+    bounded: bool = True
     spare: bool = False
 
 
-_FREELY = Unknown(_FREE)
+_FREELY = Unknown(bounded=False)
 _SPARE = Unknown(spare=True)
 DEFLECTION_UNKNOWNS = (
     (Unknown(), _FREELY, _FREELY, _SPARE, _SPARE, Unknown(), _FREELY),
@@ -115,7 +114,7 @@ class _Piece:
     instants: NDArray[np.int_]
 
     @cached_property
-    def _splines(self) -> dict[str, CubicSpline]:
+    def _splines(self) -> dict[str, EvenSpline]:
         return {}
 
     def at(self, name: str, delay: float = 0.0, derivative: int = 0) -> FloatArray:
@@ -123,11 +122,9 @@ class _Piece:
         if delay == 0.0 and derivative == 0:
             return self.signals[name][self.instants]
         if name not in self._splines:
-            values = self.signals[name]
-            self._splines[name] = CubicSpline(np.arange(len(values)), values)
-        places = self.instants - delay / self.sample_time
-        values = self._splines[name](places, derivative)
-        return np.asarray(values, dtype=np.float64) / self.sample_time**derivative
+            self._splines[name] = EvenSpline(self.signals[name])
+        values = self._splines[name].at(self.instants, -delay / self.sample_time, derivative)
+        return values / self.sample_time**derivative
 
     def without_past(self, equations: Sequence[FloatArray]) -> FloatArray:
         """Equations less what the filter may remember from before the record."""

@@ -9,14 +9,16 @@ is part of the uncertainty, not of the choice.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import lsq_linear, root_scalar
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from flexid.estimators.block_sandwich import block_lengths
 from flexid.estimators.samples import FloatArray
 from flexid.identification.delay_equations import DelayEquations, Equation, Unknown
+from flexid.identification.nonnegative import nonnegative_least_squares
 
 _STARTS = 9  # delays between the limits of which the best is where the search begins
 _MOST_STEPS = 30
@@ -24,7 +26,8 @@ _PRECISION = 1e-3  # of a standard deviation (at least 1e-9 s), at which the sea
 _CONFIDENCE = 0.95
 _FINEST = 1e-12  # residual over response that is still told from none
 _FINE = 1e-9  # s, to which the ends of an interval are found
-_NOTHING = 1e-100  # stands for zero where an upper bound has to lie above a lower one of zero
+
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class _Row:
     equation : Equation
         The equation.
     coefficients : array, shape (k,)
-        Best within their bounds.
+        The best of those that are allowed.
     reduced : array, shape (k + 3, k + 2)
         Regressors, step and response of ``response = regressors' p + step (d - delay)``.
     size : float
@@ -87,7 +90,7 @@ class _Row:
         return slope - equation.response_slope
 
 
-def _row(equation: Equation, least: FloatArray, most: FloatArray) -> _Row:
+def _row(equation: Equation, bounded: Mask, allowed: Mask) -> _Row:
     signals = (
         *equation.regressors,
         equation.regressor_slope,
@@ -96,7 +99,7 @@ def _row(equation: Equation, least: FloatArray, most: FloatArray) -> _Row:
     )
     triangle = _triangle(np.array(signals).T)
     regressors, response = triangle[:, :-3], triangle[:, -1]
-    coefficients, misfit = _bounded(regressors, response, least, most)
+    coefficients, misfit = nonnegative_least_squares(regressors * allowed, response, bounded)
     step = coefficients[equation.changing] * triangle[:, -3] - triangle[:, -2]
     size = max(np.sqrt(misfit), _FINEST * float(np.linalg.norm(response)), np.finfo(float).tiny)
     return _Row(
@@ -128,21 +131,19 @@ class _Linear:
     sizes: FloatArray
     matrix: FloatArray
 
-    def best(self, least: FloatArray, most: FloatArray) -> float:
-        """Best delay, the coefficients within bounds."""
-        free = np.array([np.inf])
-        solution, _ = _bounded(
-            self.matrix[:, :-1],
+    def best(self, bounded: Mask, allowed: Mask) -> float:
+        """Best delay; of the coefficients, those not allowed are zero, those bounded not below."""
+        solution, _ = nonnegative_least_squares(
+            self.matrix[:, :-1] * np.append(allowed, True),
             self.matrix[:, -1],
-            np.concatenate((least, -free)),
-            np.concatenate((most, free)),
+            np.append(bounded, False),
         )
         return self.delay + float(solution[-1])
 
-    def misfit(self, delay: float, least: FloatArray, most: FloatArray) -> float:
-        """Sum of squares of the residual at a delay, the coefficients within bounds."""
+    def misfit(self, delay: float, bounded: Mask) -> float:
+        """Sum of squares of the residual at a delay."""
         left = self.matrix[:, -1] - self.matrix[:, -2] * (delay - self.delay)
-        return _bounded(self.matrix[:, :-2], left, least, most)[1]
+        return nonnegative_least_squares(self.matrix[:, :-2], left, bounded)[1]
 
 
 class DelaySearch:
@@ -166,11 +167,11 @@ class DelaySearch:
     ) -> None:
         self._equations = equations
         self._layout = layout
-        self._least_of = [np.array([unknown.least for unknown in row]) for row in unknowns]
-        self._least = np.concatenate(self._least_of)
-        self._most = np.full(len(self._least), np.inf)
-        spare = [unknown.spare for row in unknowns for unknown in row]
-        self._simple = np.where(spare, _NOTHING, np.inf)
+        self._edges = np.cumsum([0, *(len(row) for row in unknowns)])
+        joined = [unknown for row in unknowns for unknown in row]
+        self._bounded = np.array([unknown.bounded for unknown in joined])
+        self._simple = np.array([not unknown.spare for unknown in joined])
+        self._all = np.ones_like(self._simple)
 
     def best(self) -> DelayEstimate:
         """Find the delay, its interval, and whether there need be one at all."""
@@ -178,7 +179,7 @@ class DelaySearch:
         starts = [self._linear(float(d)) for d in np.linspace(-limit, limit, _STARTS)]
         linear = min(starts, key=lambda start: float(np.log(start.sizes).sum()))
         for _ in range(_MOST_STEPS):
-            delay = min(max(linear.best(self._least, self._most), -limit), limit)
+            delay = min(max(linear.best(self._bounded, self._all), -limit), limit)
             done = abs(delay - linear.delay) < _PRECISION * self._layout.spacings[0]
             linear = self._linear(delay)
             if done:
@@ -189,13 +190,13 @@ class DelaySearch:
         delay, limit = linear.delay, self._layout.limit
         inflation, degrees_of_freedom = self._inflation(linear)
         quantile = float(stdtrit(degrees_of_freedom, 0.5 + _CONFIDENCE / 2))
-        best = linear.misfit(delay, self._least, self._most)
+        best = linear.misfit(delay, self._bounded)
         ceiling = best + inflation * quantile**2
-        simple = self._linear(delay, linear.sizes, self._simple).best(self._least, self._simple)
-        if linear.misfit(simple, self._least, self._most) <= ceiling:
+        simple = self._linear(delay, linear.sizes, self._simple).best(self._bounded, self._simple)
+        if linear.misfit(simple, self._bounded) <= ceiling:
             delay = min(max(simple, -limit), limit)
         low, high = self._interval(linear, delay, ceiling)
-        without = self._linear(0.0, linear.sizes).misfit(0.0, self._least, self._most)
+        without = self._linear(0.0, linear.sizes).misfit(0.0, self._bounded)
         total = float(np.sum(linear.matrix[:, -1] ** 2))
         return DelayEstimate(
             value=delay,
@@ -208,22 +209,21 @@ class DelaySearch:
         )
 
     def _linear(
-        self, delay: float, sizes: FloatArray | None = None, most: FloatArray | None = None
+        self, delay: float, sizes: FloatArray | None = None, allowed: Mask | None = None
     ) -> _Linear:
         """Equations about a delay; sizes are those of their residuals if not given."""
-        most = self._most if most is None else most
-        edges = np.cumsum([0, *(len(least) for least in self._least_of)])
+        allowed = self._all if allowed is None else allowed
+        equations = self._equations(delay)
+        parts = [slice(start, stop) for start, stop in pairwise(self._edges)]
         rows = [
-            _row(equation, least, most[start:stop])
-            for equation, least, start, stop in zip(
-                self._equations(delay), self._least_of, edges[:-1], edges[1:], strict=True
-            )
+            _row(equation, self._bounded[part], allowed[part])
+            for equation, part in zip(equations, parts, strict=True)
         ]
         sizes = np.array([row.size for row in rows]) if sizes is None else sizes
         blocks = []
-        for row, size, start, stop in zip(rows, sizes, edges[:-1], edges[1:], strict=True):
-            block = np.zeros((len(row.reduced), len(self._least) + 2))
-            block[:, start:stop] = row.reduced[:, :-2] / size
+        for row, size, part in zip(rows, sizes, parts, strict=True):
+            block = np.zeros((len(row.reduced), len(self._bounded) + 2))
+            block[:, part] = row.reduced[:, :-2] / size
             block[:, -2:] = row.reduced[:, -2:] / size
             blocks.append(block)
         return _Linear(delay, rows, sizes, np.concatenate(blocks))
@@ -236,14 +236,14 @@ class DelaySearch:
         """
         scores = np.zeros(len(linear.rows[0].equation.response))
         information = np.finfo(float).tiny
-        bounds = np.where(np.isfinite(self._least), 2.0 * _NOTHING, -np.inf)
-        start = most = 0
-        for row, size in zip(linear.rows, linear.sizes, strict=True):
+        most = 0
+        for row, size, (start, stop) in zip(
+            linear.rows, linear.sizes, pairwise(self._edges), strict=True
+        ):
             regressors = row.equation.regressors / size
-            bound = bounds[start : start + len(regressors)]
-            start += len(regressors)
             residual = row.equation.response / size - row.coefficients @ regressors
-            inside = (row.coefficients > bound) & (np.abs(regressors).max(axis=1) > 0.0)
+            inside = ~self._bounded[start:stop] | (row.coefficients > 0.0)
+            inside &= np.abs(regressors).max(axis=1) > 0.0
             most = max(most, int(np.sum(inside)))
             others = regressors[inside] / np.linalg.norm(regressors[inside], axis=1)[:, None]
             basis, _ = np.linalg.qr(others.T)
@@ -262,29 +262,20 @@ class DelaySearch:
         """Delays on both sides at which the profile reaches the ceiling, or the limits."""
         limit = self._layout.limit
 
-        def excess(delay: float) -> float:
-            return linear.misfit(delay, self._least, self._most) - ceiling
+        def reached(delay: float) -> bool:
+            return linear.misfit(delay, self._bounded) > ceiling
 
         ends = []
         for end in (-limit, limit):
-            reached = excess(end) > 0.0 and excess(best) < 0.0
-            bracket = (best, end)
-            ends.append(root_scalar(excess, bracket=bracket, xtol=_FINE).root if reached else end)
+            inside, outside = best, end
+            if reached(end) and not reached(best):
+                while abs(outside - inside) > _FINE:
+                    middle = 0.5 * (inside + outside)
+                    inside, outside = (inside, middle) if reached(middle) else (middle, outside)
+            ends.append(outside)
         return float(ends[0]), float(ends[1])
 
 
 def _triangle(columns: FloatArray) -> FloatArray:
     """What QR factorisation leaves of the columns."""
     return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
-
-
-def _bounded(
-    matrix: FloatArray, target: FloatArray, least: FloatArray, most: FloatArray
-) -> tuple[FloatArray, float]:
-    """Least squares within bounds, and the sum of squares that it leaves."""
-    norms = np.linalg.norm(matrix, axis=0)
-    norms = np.where(norms > 0.0, norms, 1.0)
-    found = lsq_linear(
-        matrix / norms, target, (least * norms, most * norms), method="bvls", tol=1e-13
-    )
-    return found.x / norms, 2.0 * float(found.cost)
