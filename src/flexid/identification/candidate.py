@@ -14,9 +14,10 @@ from flexid.estimators.prediction_error import PredictionErrorFit, prediction_er
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
-from flexid.identification.joint import Joint
+from flexid.identification.joint import DRY_FRICTION, Joint
 from flexid.identification.preparation import Pieces
 from flexid.identification.validation import free_run_error
+from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold, Recording
 
 FloatArray = NDArray[np.float64]
@@ -79,6 +80,17 @@ class Candidate:
     fixed: Mapping[str, float] = field(default_factory=dict)
     bounds: Bounds = field(default_factory=dict)
 
+    @property
+    def system(self) -> ParametricSystem:
+        """The model as it is computed.
+
+        Friction that is off gets an infinite width: of its kernel's time, half a free run's goes
+        into hyperbolic tangents, and that of zero is free.
+        """
+        if DRY_FRICTION & set(self.terms):
+            return self.joint.system
+        return self.joint.with_coulomb_velocity(np.inf).system
+
     def unknowns(self, groups: Sequence[int]) -> Unknowns:
         """What is sought in pieces from the given logs."""
         return self.joint.unknowns(self.terms, self.fixed, groups)
@@ -95,9 +107,21 @@ class Candidate:
         return self._fitted(groups, lambda unknowns: self._start(samples, unknowns))
 
     def prediction_error(
-        self, recordings: Sequence[Recording], groups: Sequence[int]
+        self,
+        recordings: Sequence[Recording],
+        groups: Sequence[int],
+        known_start: Fitted[LeastSquaresFit] | None = None,
     ) -> Fitted[PredictionErrorFit]:
         """Prediction error at this candidate's segment length, started from least squares.
+
+        Parameters
+        ----------
+        recordings : sequence of Recording
+            Pieces.
+        groups : sequence of int
+            The log of each.
+        known_start : Fitted, optional
+            This candidate's least squares of the same, if it has been computed.
 
         Raises
         ------
@@ -107,10 +131,12 @@ class Candidate:
         samples = self.samples(recordings)
 
         def fit_with(unknowns: Unknowns) -> PredictionErrorFit:
-            system, hold = self.joint.system, self.hold
-            start = self._start(samples, unknowns)
+            if known_start is not None and known_start.unknowns == unknowns:
+                start = known_start.fit
+            else:  # some coefficients are at their bounds
+                start = self._start(samples, unknowns)
             return prediction_error(
-                samples, system, start, self.segment_duration, hold, unknowns=unknowns
+                samples, self.system, start, self.segment_duration, self.hold, unknowns=unknowns
             )
 
         return self._fitted(groups, fit_with)
@@ -119,15 +145,14 @@ class Candidate:
         """The same with the filter rate that suits the fitted parts of some pieces."""
         rate = choose_filter_rate(
             self.samples(pieces.fitted),
-            self.joint.system,
+            self.system,
             self.hold,
             self.unknowns(pieces.groups),
         )
         return replace(self, filter_rate=rate)
 
     def _start(self, samples: Sequence[Samples], unknowns: Unknowns) -> LeastSquaresFit:
-        system = self.joint.system
-        return filtered_least_squares(samples, system, self.filter_rate, self.hold, unknowns)
+        return filtered_least_squares(samples, self.system, self.filter_rate, self.hold, unknowns)
 
     def _fitted(
         self, groups: Sequence[int], fit_with: Callable[[Unknowns], AnyFit]
@@ -189,7 +214,10 @@ def attempt(candidate: Candidate, cuts: Sequence[Pieces], rival: float = np.inf)
         start_error = _error(candidate, cuts, starts)
     if candidate.segment_duration > 0 and not start_error > _BEHIND * rival:
         try:
-            finishes = [candidate.prediction_error(cut.fitted, cut.groups) for cut in cuts]
+            finishes = [
+                candidate.prediction_error(cut.fitted, cut.groups, start)
+                for cut, start in zip(cuts, starts, strict=True)
+            ]
             return Trial(candidate, _error(candidate, cuts, finishes), starts[0], finishes[0])
         except ConvergenceError:  # least squares stands in
             start_error = _error(candidate, cuts, starts)
@@ -202,8 +230,9 @@ def _error(
     fits: Sequence[Fitted[LeastSquaresFit]] | Sequence[Fitted[PredictionErrorFit]],
 ) -> float:
     """Mean over the cuts of the free runs' error."""
+    joint = replace(candidate.joint, system=candidate.system)
     errors = [
-        free_run_error(candidate.joint, cut, fitted.coefficients(len(cut.recorded)), candidate.hold)
+        free_run_error(joint, cut, fitted.coefficients(len(cut.recorded)), candidate.hold)
         for cut, fitted in zip(cuts, fits, strict=True)
     ]
     return float(np.mean(errors))

@@ -60,8 +60,7 @@ class Joint:
 
     def with_coulomb_velocity(self, velocity: float) -> "Joint":
         """The same with another smoothing of Coulomb friction, in rad/s."""
-        constants = {**self.system.constants, SMOOTHING: velocity}
-        return replace(self, system=replace(self.system, constants=constants))
+        return replace(self, system=self.system.with_constants({SMOOTHING: velocity}))
 
     def samples(self, piece: Recording) -> Samples:
         """A piece as the estimators take it."""
