@@ -7,12 +7,14 @@ for something else and is no candidate. In the end each term is left out once: w
 replace goes again.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from flexid.errors import ConvergenceError
+from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.stopping_time import find_stopping_time, fit_stopping_time
 from flexid.identification.candidate import Candidate, Trial, attempt
 from flexid.identification.joint import SMOOTHED_FRICTION, flexible
@@ -181,20 +183,34 @@ def _with_terms(candidate: Candidate, terms: Sequence[str]) -> Candidate:
 
 def _most_promising(best: Trial, cuts: Cuts) -> list[Candidate]:
     """The candidates with one more term whose least squares leaves the least residual."""
-    candidate = best.candidate
+    candidate, cut = best.candidate, cuts[0]
+    all_terms = replace(candidate, terms=tuple(candidate.joint.terms))
+    every = all_terms.least_squares(cut.fitted, cut.groups).fit
     larger = [
         _with_terms(candidate, (*candidate.terms, term))
         for term in candidate.joint.terms
         if term not in candidate.terms
     ]
-    return sorted(larger, key=lambda c: _misfit(c, cuts))[:_TRIED]
+    return sorted(larger, key=lambda c: _misfit(every, c.unknowns(cut.groups).names))[:_TRIED]
 
 
-def _misfit(candidate: Candidate, cuts: Cuts) -> float:
-    """Log of the residuals of least squares, summed over the rows."""
-    fit = candidate.least_squares(cuts[0].fitted, cuts[0].groups).fit
-    tiny = np.finfo(float).tiny
-    return float(sum(np.log(max(row.residual_sum, tiny)) for row in fit.rows))
+def _misfit(fit: LeastSquaresFit, names: Collection[str]) -> float:
+    """Log of the residuals of least squares if only some names were sought, summed over the rows.
+
+    What the others save follows from the normal equations of all, so that nothing is fitted anew.
+    """
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    misfit = 0.0
+    for row in fit.rows:
+        kept = np.array([name in names for name in row.coefficients], dtype=np.bool_)
+        others = np.array([values[name] for name in row.coefficients if name not in names])
+        shared = row.gram[np.ix_(kept, ~kept)]
+        scale = np.sqrt(np.diag(row.gram)[kept])
+        inverse, _ = scaled_inverse(row.gram[np.ix_(kept, kept)], np.where(scale > 0, scale, 1.0))
+        alone = row.gram[np.ix_(~kept, ~kept)] - shared.T @ inverse @ shared
+        saved = max(float(others @ alone @ others), 0.0)
+        misfit += float(np.log(max(row.residual_sum + saved, np.finfo(float).tiny)))
+    return misfit
 
 
 def _feeds_energy(trial: Trial) -> bool:
