@@ -1,10 +1,14 @@
 """Is the compliance visible in this log? The rigid joint as a rival."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from flexid.identification.candidate import Candidate, attempt
+from flexid.errors import ConvergenceError
+from flexid.estimators.prediction_error import PredictionErrorFit
+from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.identification.candidate import Candidate, Fitted
 from flexid.identification.joint import rigid
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import Compliance, Validation
@@ -34,8 +38,7 @@ def compare_with_rigid(candidate: Candidate, pieces: Pieces, flexible: Validatio
     ).with_own_filter_rate(pieces)
     if sum(pieces.starts) > _MANY_SAMPLES:  # a wrong model's prediction error takes long
         rival = replace(rival, segment_duration=0.0)
-    trial = attempt(rival, [pieces])
-    coefficients = trial.fitted.coefficients(len(pieces.recorded))
+    coefficients = _fitted(rival, pieces).coefficients(len(pieces.recorded))
     fits = validate(rival.joint, pieces, coefficients, rival.hold).fit_percent
     ends = [p.deflection[s:] for p, s in zip(pieces.recorded, pieces.starts, strict=True)]
     squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
@@ -46,6 +49,16 @@ def compare_with_rigid(candidate: Candidate, pieces: Pieces, flexible: Validatio
     )
     visible, reason = _judge(flexible.fit_percent["deflection"], moved, noise)
     return Compliance(visible, reason, fits, moved, noise)
+
+
+def _fitted(
+    rival: Candidate, pieces: Pieces
+) -> Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit]:
+    """Prediction error where it is wanted and converges, else least squares."""
+    if rival.segment_duration > 0:
+        with suppress(ConvergenceError):
+            return rival.prediction_error(pieces.fitted, pieces.groups)
+    return rival.least_squares(pieces.fitted, pieces.groups)
 
 
 def one_encoder() -> Compliance:

@@ -45,6 +45,9 @@ def try_segments(
         if count in counts:
             continue
         counts.add(count)
+        if duration == best.candidate.segment_duration:
+            trials.append(best)
+            continue
         progress(f"segments of {duration:g} s")
         trials.append(attempt(replace(best.candidate, segment_duration=duration), cuts))
     return trials
