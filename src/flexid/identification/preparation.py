@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import is_
 
 from flexid.errors import RecordingError, SettingError
 from flexid.recording.recording import Log, Recording
@@ -60,7 +61,10 @@ class Pieces:
     def changed(self, change: Callable[[Recording], Recording], share: float) -> "Pieces":
         """The same with every piece changed, and cut anew."""
         pieces = tuple(change(piece) for piece in self.recorded)
-        return Pieces(pieces, tuple(_held_out_start(p, share) for p in pieces), self.groups)
+        starts = tuple(_held_out_start(piece, share) for piece in pieces)
+        if starts == self.starts and all(map(is_, pieces, self.recorded)):
+            return self  # which has its velocities
+        return Pieces(pieces, starts, self.groups)
 
     def _parts(self) -> tuple[Recording, ...]:
         return tuple(

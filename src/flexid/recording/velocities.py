@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from math import comb, sqrt
 from typing import TYPE_CHECKING
 
@@ -144,6 +145,7 @@ def velocity(
     return derivative / sample_time
 
 
+@lru_cache  # every channel of a log tries the same windows
 def _differentiator(half: int, degree: int) -> FloatArray:
     """Weights, shape (2 half + 1,), of a window's samples in the slope at its middle, per sample.
 
