@@ -109,11 +109,16 @@ class SegmentedMotion:
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
         coefficients = self._coefficients(point.values)
-        fastest = max(
-            self._fastest_rate(state, self.segments.inputs[first], p)
-            for states in (point.initial_states, resting)
-            for first, state, p in zip(self.segments.starts, states, coefficients, strict=True)
+        jacobians = np.array(
+            [
+                self._jacobian(state, self.segments.inputs[first], p)
+                for states in (point.initial_states, resting)
+                for first, state, p in zip(self.segments.starts, states, coefficients, strict=True)
+            ]
         )
+        # Where the model has no linearisation, nothing is said of its poles.
+        usable = jacobians[np.isfinite(jacobians).all(axis=(1, 2))]
+        fastest = float(np.abs(np.linalg.eigvals(usable)).max(initial=0.0))
         phase = fastest * float(self.segments.sample_times.max())
         substeps = max(1, int(np.ceil(min(_SUBSTEPS_PER_RADIAN * phase, _MOST_SUBSTEPS))))
         return replace(self, substeps=substeps, weights=weights)
@@ -127,8 +132,8 @@ class SegmentedMotion:
         pieces, place = np.unique(self.segments.pieces, return_inverse=True)
         return np.array([of_piece(piece) for piece in pieces.tolist()])[place]
 
-    def _fastest_rate(self, state: FloatArray, inputs: FloatArray, p: FloatArray) -> float:
-        """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
+    def _jacobian(self, state: FloatArray, inputs: FloatArray, p: FloatArray) -> FloatArray:
+        """Derivatives of the rates by the states, about a state."""
         kernel = self._kernel
         states = slice(1, 1 + kernel.N_STATES)
         columns = np.zeros((kernel.N_STATES, 1 + kernel.N_STATES))
@@ -137,10 +142,7 @@ class SegmentedMotion:
         rates = np.empty_like(columns)
         none = np.zeros(kernel.N_COEFFICIENTS, dtype=np.int64)
         kernel.variation_rates(columns, inputs, p, self.constants, none, rates)
-        jacobian = rates[:, states]
-        if not np.isfinite(jacobian).all():  # the model has no linearisation here
-            return 0.0
-        return float(np.abs(np.linalg.eigvals(jacobian)).max())
+        return rates[:, states]
 
     def equations(self, point: Point) -> Equations:
         """Run the model from a point and put up the normal equations."""

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SimulationError
+from flexid.estimators.samples import Samples
 from flexid.identification.joint import Joint
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import FreeRun, Validation
-from flexid.recording.recording import Hold, Recording
+from flexid.recording.recording import Hold
 from flexid.simulation.free_run import FreeRunner
 
 _WARM_UP = 0.5  # s of data before the held-out stretch from which its first state is taken
@@ -82,27 +83,27 @@ def _runs(
 ) -> list[FreeRun]:
     runs = []
     for piece, start, values in zip(pieces.recorded, pieces.starts, coefficients, strict=True):
-        measured = joint.outputs(piece)
+        samples = joint.samples(piece)
+        measured = joint.channels_of(samples.positions)
         for place in places:
             first = start + round(place * (len(piece) - start))
             try:
-                simulated = _run(joint, piece, first, values, hold)
+                simulated = _run(joint, samples, first, values, hold)
             except SimulationError:
                 simulated = np.full_like(measured[first:], np.inf)
             runs.append(FreeRun(piece.time[first:], measured[first:], simulated))
     return runs
 
 
-def _run(joint: Joint, piece: Recording, start: int, values: FloatArray, hold: Hold) -> FloatArray:
+def _run(joint: Joint, samples: Samples, start: int, values: FloatArray, hold: Hold) -> FloatArray:
     """Channels of a free run from a sample on; its first state is that of the data before."""
     coefficients = dict(zip(joint.system.coefficients, map(float, values), strict=True))
-    samples = joint.samples(piece)
-    length = max(_FEWEST_SAMPLES, round(_WARM_UP / piece.sample_time))
+    length = max(_FEWEST_SAMPLES, round(_WARM_UP / samples.sample_time))
     first = max(0, start - length)
     positions, inputs = samples.positions[first:start], samples.inputs
-    guess = _initial_guess(positions, piece.sample_time)
+    guess = _initial_guess(positions, samples.sample_time)
     runner = FreeRunner.near(
-        joint.system, coefficients, guess, inputs[first], piece.sample_time, hold
+        joint.system, coefficients, guess, inputs[first], samples.sample_time, hold
     )
 
     def misfit(state: FloatArray) -> FloatArray:
