@@ -349,7 +349,7 @@ def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimu
         last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
         if last_step <= tolerance or _is_rounding(reduced, point):
             return Minimum(point, equations, reduced, iterations, float(last_step))
-        point, equations, damping = _descend(problem, point, equations, damping)
+        point, equations, damping = _descend(problem, point, equations, reduced, damping)
     raise ConvergenceError(
         "prediction error",
         f"the steps do not end within {_ITERATIONS}: start from a least-squares fit, shorten the "
@@ -358,11 +358,15 @@ def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimu
 
 
 def _descend(
-    problem: SegmentedMotion, point: Point, equations: Equations, damping: float
+    problem: SegmentedMotion,
+    point: Point,
+    equations: Equations,
+    undamped: Reduced,
+    damping: float,
 ) -> tuple[Point, Equations, float]:
     """One step that makes nothing worse, damped as much as it takes; and the damping to go on."""
     for _ in range(_DAMPINGS):
-        step = problem.solve(equations, damping)
+        step = problem.solve(equations, damping) if damping > 0.0 else undamped
         trial = Point(point.values + step.values_step, point.initial_states + step.states_step)
         tried = problem.equations(trial)
         more = max(10.0 * damping, _FIRST_DAMPING)
