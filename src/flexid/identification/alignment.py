@@ -36,6 +36,7 @@ _SLOWEST, _FASTEST = 8.0, 40.0  # 1/s, rates of the filter
 _FASTEST_SAMPLED = 0.2  # over the sampling rate
 _CLAIMED = 3.0  # standard deviations that a delay has to have
 _HOLDS: tuple[Hold, ...] = ("linear", "zero")
+_INPUT_ACTS, _LINK_IS = "input acts", "link's encoder is"
 
 
 @dataclass(frozen=True)
@@ -228,7 +229,11 @@ class _Task:
         }
         misfits: dict[Hold, float] = {h: estimate.misfit for h, estimate in found.items()}
         hold, why = _hold(found, self.input_delay == "auto")
-        drive = _delay(found[hold], self.input_delay, self.limit, "input acts")
+        drive = (
+            _delay(found[hold], self.limit, _INPUT_ACTS)
+            if self.input_delay == "auto"
+            else _given_delay(self.input_delay, _INPUT_ACTS)
+        )
         # What is not known of the input's delay is not known of the link's either.
         link = self._link(equations[hold], drive.value, *drive.interval)
         return Alignment(
@@ -245,6 +250,8 @@ class _Task:
         """Delay of the link's encoder at the first of some input delays, no surer than at all."""
         if self.pieces[0].link_position is None:
             return Delay(0.0, 0.0, 0.0, (0.0, 0.0), "none", "there is no encoder on the link")
+        if self.link_delay != "auto":
+            return _given_delay(self.link_delay, _LINK_IS)
         found = [_deflection_search(equations, d).best() for d in dict.fromkeys(input_delays)]
         low = min(estimate.interval[0] for estimate in found)
         high = max(estimate.interval[1] for estimate in found)
@@ -255,7 +262,7 @@ class _Task:
             interval=(low, high),
             contains_zero=any(estimate.contains_zero for estimate in found),
         )
-        return _delay(estimate, self.link_delay, self.limit, "link's encoder is")
+        return _delay(estimate, self.limit, _LINK_IS)
 
 
 def _torque_search(equations: DelayEquations, link_delay: float) -> DelaySearch:
@@ -266,15 +273,12 @@ def _deflection_search(equations: DelayEquations, input_delay: float) -> DelaySe
     return DelaySearch(equations.deflection(input_delay), DEFLECTION_UNKNOWNS, equations)
 
 
-def _delay(
-    estimate: DelayEstimate,
-    given: float | Literal["auto"],
-    limit: float,
-    what: str,
-) -> Delay:
-    if given != "auto":
-        reason = f"the {what} {1e3 * given:.3g} ms late, as given"
-        return Delay(given, given, 0.0, (given, given), "given", reason)
+def _given_delay(value: float, what: str) -> Delay:
+    reason = f"the {what} {1e3 * value:.3g} ms late, as given"
+    return Delay(value, value, 0.0, (value, value), "given", reason)
+
+
+def _delay(estimate: DelayEstimate, limit: float, what: str) -> Delay:
     low, high = (1e3 * end for end in estimate.interval)
     within = f"{low:.3g} to {high:.3g} ms"
     if abs(estimate.value) >= limit or low <= -1e3 * limit or high >= 1e3 * limit:
