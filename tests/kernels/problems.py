@@ -1,4 +1,4 @@
-"""Differential equations with known solutions, as sources for the stiff integrator."""
+"""Differential equations with known solutions, as sources for the integrators."""
 
 from types import ModuleType
 
@@ -30,6 +30,38 @@ def rates_and_jacobian(t, z, p, dz, jacobian, slope):
 @njit(cache=True, error_model="numpy")
 def observe(t, weight, z, p, totals):
     totals[0] += weight * z[0] ** 2
+
+"""
+
+# The same as every lane of the explicit integrator wants it; nothing is measured.
+LANES = """
+
+LANES = 2
+N_PARAMETERS = 1
+N_MEASURES = 0
+N_OBSERVED = 0
+
+
+@njit(cache=True, error_model="numpy")
+def lane_rates(w):
+    z, p, dz = np.empty(SIZE), np.empty(1), np.empty(SIZE)
+    for lane in range(LANES):
+        p[0] = w[at(PARAMETERS, lane)]
+        for i in range(SIZE):
+            z[i] = w[at(STAGE + i, lane)]
+        rates(w[at(STAGE_TIME, lane)], z, p, dz)
+        for i in range(SIZE):
+            w[at(RATES + i, lane)] = dz[i]
+
+
+@njit(cache=True, error_model="numpy")
+def lane_rates_and_outputs(w):
+    lane_rates(w)
+
+
+@njit(cache=True, error_model="numpy")
+def lane_measures(w):
+    pass
 
 """
 
@@ -87,7 +119,11 @@ def smooth_solution(t: float | NDArray[np.float64]) -> NDArray[np.float64]:
 def integrator(problem: tuple[str, str], size: int, method: str = "rodas5p") -> ModuleType:
     """Compile the integrator for a problem."""
     source = HEAD.format(size=size, rates=problem[0], jacobian=problem[1])
-    return load_kernel("test_problem", [source], lambda: source, ["run_status", method])
+    templates = ["run_status", method]
+    if method == "dopri5":
+        source += LANES
+        templates.insert(1, "lanes")
+    return load_kernel("test_problem", [source], lambda: source, templates)
 
 
 def integrate(
@@ -103,23 +139,26 @@ def integrate(
     samples: int = 0,
 ) -> tuple[int, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Integrate from 0; return status, time reached, state, samples and counts."""
-    z = np.array(start)
-    table = np.empty((samples, kernel.SIZE))
-    counts = np.zeros(3, dtype=np.int64)
-    status, reached = kernel.integrate(
+    z = np.array([start])
+    table = np.empty((1, samples, kernel.SIZE))
+    counts = np.zeros((1, 3), dtype=np.int64)
+    status, reached = np.zeros(1, dtype=np.int64), np.zeros(1)
+    kernel.integrate(
         0.0,
         stop,
         z,
-        np.array([stiffness]),
+        np.array([[stiffness]]),
         relative,
-        np.full(kernel.SIZE, absolute),
+        absolute,
         min(1e-3, longest_step) if relative < 1.0 else longest_step,
         longest_step,
         1e12,
         most_steps,
         sample_time,
         table,
+        np.empty((1, 0)),
+        status,
+        reached,
         counts,
-        np.empty(0),
     )
-    return status, reached, z, table, counts
+    return int(status[0]), float(reached[0]), z[0], table[0], counts[0]

@@ -58,10 +58,13 @@ def condition_numbers(run: Run) -> list[float]:
     return [excitation("", ("", ""), np.stack(r, axis=1)).condition_number for r in (link, motor)]
 
 
-@pytest.mark.parametrize("stiff", [True, False])
-def test_ends_are_those_of_simulate(stiff: bool) -> None:
+MANY = 19  # more than run side by side, and no multiple of that
+
+
+@pytest.mark.parametrize(("stiff", "count"), [(True, 3), (False, MANY)])
+def test_ends_are_those_of_simulate(stiff: bool, count: int) -> None:
     """Assert that the end of every run is bit for bit that of the single run."""
-    loops = varied(LOOP, 3)
+    loops = varied(LOOP, count)
     ensemble = simulate_ensemble(loops, 4.0, stiff=stiff)
     for place, loop in enumerate(loops):
         run = simulate(loop, 4.0, 4.0, stiff=stiff)
@@ -90,17 +93,25 @@ def test_workers_change_nothing(workers: int) -> None:
     loops = varied(LOOP, 7)
     samplings = [replace(NOISY, seed=seed) for seed in range(7)]
     assert_same(simulate_ensemble(loops, 2.0, workers=workers), simulate_ensemble(loops, 2.0))
+    many = varied(LOOP, MANY)
+    assert_same(
+        simulate_ensemble(many, 2.0, stiff=False, workers=workers),
+        simulate_ensemble(many, 2.0, stiff=False),
+    )
     assert_same(
         simulate_sampled_ensemble(loops, 2.0, samplings, workers),
         simulate_sampled_ensemble(loops, 2.0, samplings),
     )
 
 
-def test_company_changes_nothing() -> None:
-    """Assert that a run comes out the same alone as beside one that fails."""
-    loops = varied(LOOP, 3)
-    together = simulate_ensemble([loops[0], diverging(), *loops[1:]], 2.0)
-    alone = [simulate_ensemble([loop], 2.0) for loop in loops]
+@pytest.mark.parametrize(("stiff", "count"), [(True, 3), (False, MANY)])
+def test_company_changes_nothing(stiff: bool, count: int) -> None:
+    """Assert that a run comes out the same alone as beside others and one that fails."""
+    loops = varied(LOOP, count)
+    settings = {"stiff": stiff, "maximum_steps": 10_000}
+    together = simulate_ensemble([loops[0], diverging(), *loops[1:]], 2.0, **settings)
+    assert together.status[1] != STATUS.index("finished")
+    alone = [simulate_ensemble([loop], 2.0, **settings) for loop in loops]
     for name, values in columns(together).items():
         single = np.concatenate([columns(one)[name] for one in alone])
         np.testing.assert_array_equal(np.delete(values, 1, axis=0), single, err_msg=name)

@@ -8,7 +8,7 @@ import polars as pl
 from flexid.campaigns.rows import piece_rows
 from flexid.campaigns.series import piece_series
 from flexid.experiments import Experiment
-from flexid.simulation.closed_loop import loop_kernel
+from flexid.simulation.ensemble import ensemble_kernel
 from flexid.simulation.sampled import sampled_kernel
 
 
@@ -68,6 +68,6 @@ def _check(experiment: Experiment) -> None:
     """Load the compiled functions, which fails if no run is possible."""
     declaration = experiment.loop.declaration
     if experiment.sampling is None:
-        loop_kernel(declaration, stiff=experiment.settings.stiff)
+        ensemble_kernel(declaration, experiment.settings.stiff)
     else:
         sampled_kernel(declaration)

@@ -22,7 +22,7 @@ FINISHED = STATUS_NAMES[0]
 FAILED = "error"
 """Status of a run that could not be made at all; its text says why."""
 
-_AT_ONCE = 16  # runs between two looks at whether to stop
+_AT_ONCE = 128  # runs between two looks at whether to stop
 _LONGEST_TEXT = 500
 
 

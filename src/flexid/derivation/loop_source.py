@@ -12,26 +12,18 @@ from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import symbol, symbolic_system
 
 
-def closed_loop_source(declaration: LoopDeclaration) -> str:
-    """Source of a closed loop in its controller's coordinates; see `loop_functions`."""
-    return loop_functions(compose_loop(declaration))
+def composed(declaration: LoopDeclaration, plain_coordinates: bool) -> SymbolicLoop:
+    """The loop in its controller's coordinates or in plain ones."""
+    return (compose_plain_loop if plain_coordinates else compose_loop)(declaration)
 
 
-def plain_loop_source(declaration: LoopDeclaration) -> str:
-    """Source of a closed loop in plain coordinates; see `loop_functions`."""
-    return loop_functions(compose_plain_loop(declaration))
-
-
-def loop_functions(loop: SymbolicLoop) -> str:
-    """Print the functions of a composed loop.
+def stiff_loop_source(loop: SymbolicLoop) -> str:
+    """Print what an implicit integrator needs of a loop.
 
     Returns
     -------
     str
-        A module with the constants N_STATES (of the plain system), N_INPUTS, N_COEFFICIENTS,
-        SIZE (of the composed loop) and ROW_STARTS (where each row's coefficients begin) and the
-        functions ``rates``, ``rates_and_jacobian``, ``outputs`` (x, u, p̂, p̃, the tracking error
-        and r in turn) and ``start`` (the variables at the start, from x and p̂).
+        The module of `loop_source` with the functions ``rates`` and ``rates_and_jacobian``.
     """
     size = range(len(loop.variables))
     rates = {f"_dz[{i}]": rate for i, rate in enumerate(loop.rates)}
@@ -42,13 +34,10 @@ def loop_functions(loop: SymbolicLoop) -> str:
         if loop.rates[i].has(loop.variables[j])
     }
     slopes = {f"_slope[{i}]": loop.signals.derivative(rate) for i, rate in enumerate(loop.rates)}
-    outputs = [*loop.states, *loop.inputs, *loop.estimates, *loop.errors, loop.tracking_error]
-    outputs += loop.regressors
-    symbolic = symbolic_system(loop.declaration.system)
     variables = {"_z": loop.variables}
     return "\n\n".join(
         (
-            _header(loop),
+            loop_source(loop),
             loop_function(
                 loop.declaration,
                 loop.signals,
@@ -65,12 +54,33 @@ def loop_functions(loop: SymbolicLoop) -> str:
                 variables,
                 rates | jacobian | slopes,
             ),
+        )
+    )
+
+
+def loop_source(loop: SymbolicLoop) -> str:
+    """Print what every integrator needs of a loop.
+
+    Returns
+    -------
+    str
+        A module with the constants N_STATES (of the plain system), N_INPUTS, N_COEFFICIENTS,
+        N_PARAMETERS, SIZE (of the composed loop) and ROW_STARTS (where each row's coefficients
+        begin) and the functions ``outputs`` (x, u, p̂, p̃, the tracking error and r in turn) and
+        ``start`` (the variables at the start, from x and p̂).
+    """
+    outputs = [*loop.states, *loop.inputs, *loop.estimates, *loop.errors, loop.tracking_error]
+    outputs += loop.regressors
+    symbolic = symbolic_system(loop.declaration.system)
+    return "\n\n".join(
+        (
+            _header(loop),
             loop_function(
                 loop.declaration,
                 loop.signals,
                 "outputs(_t, _z, _p, _y)",
                 "_y = plain states, inputs, estimates, their errors, tracking error, regressors.",
-                variables,
+                {"_z": loop.variables},
                 {f"_y[{i}]": expression for i, expression in enumerate(outputs)},
             ),
             loop_function(
@@ -103,6 +113,7 @@ from numba import njit
 N_STATES = {len(system.states)}
 N_INPUTS = {len(system.inputs)}
 N_COEFFICIENTS = {len(system.coefficients)}
+N_PARAMETERS = {len(loop.declaration.parameter_names)}
 SIZE = {len(loop.variables)}
 ROW_STARTS = {starts}
 '''
@@ -134,16 +145,41 @@ def loop_function(
     last : str, optional
         The function's last line.
     """
+    places = {
+        name: f"{array}[{place}]"
+        for array, names in {**arrays, "_p": parameters(declaration)}.items()
+        for place, name in enumerate(names)
+    }
+    return function(signature, docstring, loop_body(signals, places, "_t", results), last)
+
+
+def parameters(declaration: LoopDeclaration) -> list[sp.Symbol]:
+    """Symbols of a loop's parameters, in their order."""
+    return [symbol(name) for name in declaration.parameter_names]
+
+
+def loop_body(
+    signals: Signals,
+    places: Mapping[sp.Symbol, str],
+    time: str,
+    results: Mapping[str, sp.Expr],
+) -> str:
+    """Lines of a function of a loop: what is used is read, then signals, then the results.
+
+    Parameters
+    ----------
+    signals : Signals
+        Functions of time in the results.
+    places : mapping of Symbol to str
+        Where each symbol is found.
+    time : str
+        Where the time is found.
+    results : mapping of str to Expr
+        Target to expression.
+    """
     used = set().union(*(expression.free_symbols for expression in results.values()))
     lines, used = signals.assignments(used)
-    places = {**arrays, "_p": [symbol(name) for name in declaration.parameter_names]}
-    reads = [
-        f"    {name} = {array}[{place}]"
-        for array, names in places.items()
-        for place, name in enumerate(names)
-        if name in used
-    ]
-    if symbol("t") in used:
-        reads.append("    t = _t")
+    found = {**places, symbol("t"): time}
+    reads = [f"    {name} = {place}" for name, place in found.items() if name in used]
     body = assignments(list(results), list(results.values()))
-    return function(signature, docstring, "\n".join(reads), lines, body, last)
+    return "\n".join(block for block in ("\n".join(reads), lines, body) if block)

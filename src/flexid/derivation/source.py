@@ -93,8 +93,9 @@ def unpack(array: str, symbols: Sequence[sp.Symbol], indent: str = "    ") -> st
     return "\n".join(f"{indent}{name} = {array}[{place}]" for place, name in enumerate(symbols))
 
 
-def function(signature: str, docstring: str, *body: str) -> str:
+def function(signature: str, docstring: str, *body: str, options: str = "") -> str:
     """A compiled function from its signature, its docstring and blocks of indented lines."""
     blocks = "\n".join(block for block in body if block)
-    head = f'@njit(cache=True, error_model="numpy")\ndef {signature}:\n    """{docstring}"""'
+    jit = f'@njit(cache=True, error_model="numpy"{options})'
+    head = f'{jit}\ndef {signature}:\n    """{docstring}"""'
     return f"{head}\n{blocks}\n"

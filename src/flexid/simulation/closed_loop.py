@@ -1,5 +1,6 @@
 """Continuous closed loops, stiff or not, to a stated tolerance."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from types import ModuleType
 
@@ -75,14 +76,15 @@ def simulate(
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
     grid = SampleGrid(duration, sample_time)
     kernel = loop_kernel(loop.declaration, plain_coordinates, stiff)
-    samples = np.empty((grid.count, kernel.SIZE))
-    end = integrate_loop(kernel, loop, grid, tolerance, samples, np.empty(0))
+    samples = np.empty((1, grid.count, kernel.SIZE))
+    ends = integrate_loops(kernel, [loop], grid, tolerance, samples, np.empty((1, 0)))
     task = "continuous, plain coordinates" if plain_coordinates else "continuous"
-    if end.status != kernel.FINISHED:
-        largest = float(np.max(np.abs(end.variables)))
-        raise SimulationError(_reason(kernel, end.status, largest, maximum_steps), end.reached)
+    if ends.status[0] != kernel.FINISHED:
+        largest = float(np.max(np.abs(ends.variables)))
+        reason = _reason(kernel, int(ends.status[0]), largest, maximum_steps)
+        raise SimulationError(reason, float(ends.reached[0]))
     settings = {"task": task, "stiff": stiff, **asdict(grid), **asdict(tolerance)}
-    return _run(loop, kernel, grid, samples, settings, end)
+    return _run(loop, kernel, grid, samples[0], settings, ends)
 
 
 @dataclass(frozen=True)
@@ -106,78 +108,93 @@ class Tolerance:
 
 
 @dataclass(frozen=True)
-class End:
-    """How an integration ended: status, time, variables, accepted and rejected steps."""
+class Ends:
+    """How n runs ended: status, time, variables, and steps: accepted, rejected, sampled."""
 
-    status: int
-    reached: float
+    status: NDArray[np.int64]
+    reached: Array
     variables: Array
     counts: NDArray[np.int64]
 
 
-def integrate_loop(
+def integrate_loops(
     kernel: ModuleType,
-    loop: ClosedLoop,
+    loops: Sequence[ClosedLoop],
     grid: SampleGrid,
     tolerance: Tolerance,
     samples: Array,
     totals: Array,
-) -> End:
-    """Integrate a loop; other threads can run meanwhile.
+) -> Ends:
+    """Integrate n loops of one declaration; other threads can run meanwhile.
 
     Parameters
     ----------
     kernel : module
-        From `loop_kernel`.
-    loop : ClosedLoop
+        From `loop_kernel`; it does best with RUNS_AT_ONCE loops.
+    loops : sequence of ClosedLoop
     grid : SampleGrid
     tolerance : Tolerance
-    samples : (count or 0, SIZE) ndarray
+    samples : (n, count or 0, SIZE) ndarray
         Filled with the variables at the grid's instants.
-    totals : (N_TOTALS or 0,) ndarray
+    totals : (n, N_TOTALS or 0) ndarray
         Zeros, to which the measures of the template ``loop_measures`` are added.
 
     Returns
     -------
-    End
+    Ends
     """
-    parameters = loop.parameters
-    variables = np.empty(kernel.SIZE)
-    kernel.start(0.0, np.array(loop.initial_state), loop.start_estimates, parameters, variables)
-    counts = np.zeros(3, dtype=np.int64)
-    status, reached = kernel.integrate(
+    runs = len(loops)
+    parameters = np.array([loop.parameters for loop in loops])
+    variables = np.empty((runs, kernel.SIZE))
+    for loop, row, start in zip(loops, parameters, variables, strict=True):
+        kernel.start(0.0, np.array(loop.initial_state), loop.start_estimates, row, start)
+    status = np.zeros(runs, dtype=np.int64)
+    reached = np.zeros(runs)
+    counts = np.zeros((runs, 3), dtype=np.int64)
+    kernel.integrate(
         0.0,
         grid.end,
         variables,
         parameters,
         tolerance.relative_tolerance,
-        np.full(kernel.SIZE, tolerance.absolute_tolerance),
+        tolerance.absolute_tolerance,
         min(_FIRST_STEP, grid.sample_time),
         _LONGEST_STEP,
         DIVERGED_BEYOND,
         tolerance.maximum_steps,
         grid.sample_time,
         samples,
-        counts,
         totals,
+        status,
+        reached,
+        counts,
     )
-    return End(status, reached, variables, counts)
+    return Ends(status, reached, variables, counts)
 
 
 def loop_kernel(
-    declaration: LoopDeclaration, plain_coordinates: bool = False, stiff: bool = True
+    declaration: LoopDeclaration,
+    plain_coordinates: bool = False,
+    stiff: bool = True,
+    lanes: int = 1,
 ) -> ModuleType:
-    """Compiled functions of a closed loop with its integrator, for stiff loops or for others."""
+    """Compiled functions of a closed loop with its integrator, for stiff loops or for others.
+
+    So many lanes of a loop that is not stiff are integrated side by side.
+    """
 
     def build() -> str:
-        from flexid.derivation.loop_source import closed_loop_source, plain_loop_source
+        from flexid.derivation.lane_source import lane_loop_source
+        from flexid.derivation.loop_source import composed, stiff_loop_source
 
-        return (plain_loop_source if plain_coordinates else closed_loop_source)(declaration)
+        loop = composed(declaration, plain_coordinates)
+        return stiff_loop_source(loop) if stiff else lane_loop_source(loop, lanes)
 
     task = "plain_closed_loop" if plain_coordinates else "closed_loop"
-    integrator = "rodas5p" if stiff else "dopri5"
-    templates = ["run_status", "loop_measures", "loop_outputs", integrator]
-    return load_kernel(task, declaration.digests, build, templates)
+    integrator = ["rodas5p"] if stiff else ["sin_cos", "lanes", "lane_measures", "dopri5"]
+    templates = ["run_status", "loop_measures", "loop_outputs", *integrator]
+    decisive = [*declaration.digests, "" if stiff else f"{lanes} lanes"]
+    return load_kernel(task, decisive, build, templates)
 
 
 def split_outputs(kernel: ModuleType, outputs: Array) -> list[Array]:
@@ -193,7 +210,7 @@ def _run(
     grid: SampleGrid,
     samples: Array,
     settings: dict[str, str | int | float],
-    end: End,
+    ends: Ends,
 ) -> Run:
     outputs = np.empty((len(samples), kernel.N_OUTPUTS))
     kernel.sampled_outputs(grid.sample_time, samples, loop.parameters, outputs)
@@ -207,7 +224,7 @@ def _run(
         errors,
         tracking[:, 0],
         {**settings, "version": flexid.__version__},
-        {"accepted_steps": int(end.counts[0]), "rejected_steps": int(end.counts[1])},
+        {"accepted_steps": int(ends.counts[0, 0]), "rejected_steps": int(ends.counts[0, 1])},
     )
 
 

@@ -1,51 +1,185 @@
-# Explicit Runge-Kutta method of order 5 for problems that are not stiff, with a dense output of order 4.
+# Explicit Runge-Kutta method of order 5 for problems that are not stiff, with a dense output of order 4, for
+# several runs side by side, each at its own step.
 # J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta formulae", Journal of Computational
 # and Applied Mathematics 6 (1980) 19-26; dense output by L. F. Shampine as in E. Hairer, S. P. Norsett,
 # G. Wanner, "Solving Ordinary Differential Equations I", section II.6.
-# Needs run_status and SIZE; calls rates(t, z, p, dz) and, where measures are wanted,
-# observe(t, weight, z, p, totals).
+# Needs run_status and lanes; calls lane_rates(w), which writes the rates of STAGE at STAGE_TIME to RATES,
+# lane_rates_and_outputs(w), which also fills NEXT_OBSERVED, and where measures are wanted lane_measures(w), and
+# observe(t, weight, z, p, totals) at the end.
+
+RUNS_AT_ONCE = 16 * LANES  # so that few lanes stand idle while the last ones end
 
 # Dense output: weights of the stages in its term of highest order.
 DORMAND_DENSE = (-12715105075.0 / 11282082432.0, 0.0, 87487479700.0 / 32700410799.0, -10690763975.0 / 1880347072.0, 701980252875.0 / 199316789632.0, -1453857185.0 / 822651844.0, 69997945.0 / 29380423.0)
 
 
-@njit(cache=True, error_model="numpy")
-def dormand_step(t, h, z, p, stages, new):
-    """One step from z to new; the first stage is there already, the last one is the rates at new."""
-    k = stages
-    for i in range(SIZE):
-        new[i] = z[i] + h * (1.0 / 5.0 * k[0, i])
-    rates(t + 0.2 * h, new, p, k[1])
-    for i in range(SIZE):
-        new[i] = z[i] + h * (3.0 / 40.0 * k[0, i] + 9.0 / 40.0 * k[1, i])
-    rates(t + 0.3 * h, new, p, k[2])
-    for i in range(SIZE):
-        new[i] = z[i] + h * (44.0 / 45.0 * k[0, i] - 56.0 / 15.0 * k[1, i] + 32.0 / 9.0 * k[2, i])
-    rates(t + 0.8 * h, new, p, k[3])
-    for i in range(SIZE):
-        new[i] = z[i] + h * (19372.0 / 6561.0 * k[0, i] - 25360.0 / 2187.0 * k[1, i] + 64448.0 / 6561.0 * k[2, i] - 212.0 / 729.0 * k[3, i])
-    rates(t + 8.0 / 9.0 * h, new, p, k[4])
-    for i in range(SIZE):
-        new[i] = z[i] + h * (9017.0 / 3168.0 * k[0, i] - 355.0 / 33.0 * k[1, i] + 46732.0 / 5247.0 * k[2, i] + 49.0 / 176.0 * k[3, i] - 5103.0 / 18656.0 * k[4, i])
-    rates(t + h, new, p, k[5])
-    for i in range(SIZE):
-        new[i] = z[i] + h * (35.0 / 384.0 * k[0, i] + 500.0 / 1113.0 * k[2, i] + 125.0 / 192.0 * k[3, i] - 2187.0 / 6784.0 * k[4, i] + 11.0 / 84.0 * k[5, i])
-    rates(t + h, new, p, k[6])
+@njit(cache=True, error_model="numpy", forceinline=True)
+def rate(stage, i, lane):
+    """Where the rates of a stage are, of which there are seven."""
+    return at(EARLIER + stage * SIZE + i, lane)
+
+
+# A stage puts the rates at the stage before away. The compiler has to know where everything is written, or the
+# loops become no vector instructions; so there is no loop over stages.
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def second_stage(w, stop, longest_step):
+    """Begin a step, no longer than the longest one and the rest of the run."""
+    for lane in range(LANES):
+        t = w[at(TIME, lane)]
+        h = w[at(STEP, lane)]
+        h = h if h < longest_step else longest_step
+        last = t + h >= stop
+        h = stop - t if last else h
+        w[at(STEP, lane)] = h
+        w[at(END, lane)] = stop if last else t + h
+        w[at(STAGE_TIME, lane)] = t + 0.2 * h
+        for i in range(SIZE):
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (1.0 / 5.0 * w[rate(0, i, lane)])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def third_stage(w):
+    for lane in range(LANES):
+        h = w[at(STEP, lane)]
+        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 0.3 * h
+        for i in range(SIZE):
+            latest = w[at(RATES + i, lane)]
+            w[rate(1, i, lane)] = latest
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (3.0 / 40.0 * w[rate(0, i, lane)] + 9.0 / 40.0 * latest)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def fourth_stage(w):
+    for lane in range(LANES):
+        h = w[at(STEP, lane)]
+        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 0.8 * h
+        for i in range(SIZE):
+            latest = w[at(RATES + i, lane)]
+            w[rate(2, i, lane)] = latest
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (44.0 / 45.0 * w[rate(0, i, lane)] - 56.0 / 15.0 * w[rate(1, i, lane)] + 32.0 / 9.0 * latest)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def fifth_stage(w):
+    for lane in range(LANES):
+        h = w[at(STEP, lane)]
+        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 8.0 / 9.0 * h
+        for i in range(SIZE):
+            latest = w[at(RATES + i, lane)]
+            w[rate(3, i, lane)] = latest
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (19372.0 / 6561.0 * w[rate(0, i, lane)] - 25360.0 / 2187.0 * w[rate(1, i, lane)] + 64448.0 / 6561.0 * w[rate(2, i, lane)] - 212.0 / 729.0 * latest)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def sixth_stage(w):
+    for lane in range(LANES):
+        h = w[at(STEP, lane)]
+        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + h
+        for i in range(SIZE):
+            latest = w[at(RATES + i, lane)]
+            w[rate(4, i, lane)] = latest
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (9017.0 / 3168.0 * w[rate(0, i, lane)] - 355.0 / 33.0 * w[rate(1, i, lane)] + 46732.0 / 5247.0 * w[rate(2, i, lane)] + 49.0 / 176.0 * w[rate(3, i, lane)] - 5103.0 / 18656.0 * latest)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def last_stage(w):
+    for lane in range(LANES):
+        h = w[at(STEP, lane)]
+        for i in range(SIZE):
+            latest = w[at(RATES + i, lane)]
+            w[rate(5, i, lane)] = latest
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (35.0 / 384.0 * w[rate(0, i, lane)] + 500.0 / 1113.0 * w[rate(2, i, lane)] + 125.0 / 192.0 * w[rate(3, i, lane)] - 2187.0 / 6784.0 * w[rate(4, i, lane)] + 11.0 / 84.0 * latest)
 
 
 @njit(cache=True, error_model="numpy")
-def dormand_error(h, z, new, k, relative, absolute):
-    """Root mean square of the estimated errors over what is allowed."""
-    total = 0.0
-    for i in range(SIZE):
-        error = h * (71.0 / 57600.0 * k[0, i] - 71.0 / 16695.0 * k[2, i] + 71.0 / 1920.0 * k[3, i] - 17253.0 / 339200.0 * k[4, i] + 22.0 / 525.0 * k[5, i] - 1.0 / 40.0 * k[6, i])
-        total += (error / (absolute[i] + relative * max(abs(z[i]), abs(new[i])))) ** 2
-    return sqrt(total / SIZE)
+def dormand_step(w, stop, longest_step):
+    """One step of every lane from STATE to STAGE; the first stage is there already, the last is RATES."""
+    second_stage(w, stop, longest_step)
+    lane_rates(w)
+    third_stage(w)
+    lane_rates(w)
+    fourth_stage(w)
+    lane_rates(w)
+    fifth_stage(w)
+    lane_rates(w)
+    sixth_stage(w)
+    lane_rates(w)
+    last_stage(w)
+    lane_rates_and_outputs(w)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def dormand_error(w, relative, absolute):
+    """Mean square of the estimated errors over what is allowed, and how far the next step is to grow."""
+    for lane in range(LANES):
+        h = w[at(STEP, lane)]
+        total = 0.0
+        for i in range(SIZE):
+            error = h * (71.0 / 57600.0 * w[rate(0, i, lane)] - 71.0 / 16695.0 * w[rate(2, i, lane)] + 71.0 / 1920.0 * w[rate(3, i, lane)] - 17253.0 / 339200.0 * w[rate(4, i, lane)] + 22.0 / 525.0 * w[rate(5, i, lane)] - 1.0 / 40.0 * w[rate(6, i, lane)])
+            before = abs(w[at(STATE + i, lane)])
+            after = abs(w[at(STAGE + i, lane)])
+            share = error / (absolute + relative * (before if before > after else after))
+            total += share * share
+        square = total / SIZE
+        w[at(ERROR, lane)] = square
+        # The fourth root of the error instead of the customary fifth, which would be a call.
+        growth = 0.9 / sqrt(sqrt(sqrt(1e-20 if square < 1e-20 else square)))
+        most = 1.0 if w[at(REJECTED, lane)] == 1.0 else 5.0
+        growth = most if growth > most else growth
+        w[at(GROWTH, lane)] = growth if growth > 0.1 else 0.1  # also where the error is no number
 
 
 @njit(cache=True, error_model="numpy")
-def interpolate(t, h, z, new, stages, start, sample_time, samples, filled):
-    """Fill the samples that lie in the step from t to t + h; return how many are filled in all."""
+def end_step(w, stop, limit, most_steps):
+    """Where the step is accepted make its end the state, choose the next step, and see which runs end."""
+    for lane in range(LANES):
+        square = w[at(ERROR, lane)]
+        accepted = square <= 1.0
+        t = w[at(END, lane)] if accepted else w[at(TIME, lane)]
+        h = w[at(STEP, lane)]
+        following = w[at(GROWTH, lane)] * h
+        w[at(TIME, lane)] = t
+        w[at(STEP, lane)] = following
+        w[at(BEFORE, lane)] = h if accepted else w[at(BEFORE, lane)]
+        w[at(REJECTED, lane)] = 0.0 if accepted else 1.0
+        taken = w[at(ACCEPTED_STEPS, lane)] + (1.0 if accepted else 0.0)
+        refused = w[at(REJECTED_STEPS, lane)] + (0.0 if accepted else 1.0)
+        w[at(ACCEPTED_STEPS, lane)] = taken
+        w[at(REJECTED_STEPS, lane)] = refused
+        largest = 0.0
+        for i in range(SIZE):
+            z = w[at(STAGE + i, lane)] if accepted else w[at(STATE + i, lane)]
+            largest = abs(z) if abs(z) > largest else largest
+            w[at(STATE + i, lane)] = z
+            w[rate(0, i, lane)] = w[at(RATES + i, lane)] if accepted else w[rate(0, i, lane)]
+        status = TOO_MANY_STEPS if taken + refused >= most_steps else GOES_ON
+        status = FINISHED if t >= stop else status
+        status = DIVERGED if largest > limit else status
+        stuck = STEP_TOO_SMALL if square < np.inf else NOT_FINITE
+        status = status if accepted | (t + 0.01 * following > t) else stuck
+        w[at(STATUS, lane)] = status if w[at(RUN, lane)] >= 0.0 else GOES_ON
+    for lane in range(LANES):
+        accepted = w[at(ERROR, lane)] <= 1.0
+        for i in range(N_OBSERVED):
+            w[at(OBSERVED + i, lane)] = w[at(NEXT_OBSERVED + i, lane)] if accepted else w[at(OBSERVED + i, lane)]
+
+
+@njit(cache=True, error_model="numpy")
+def ended_runs(w):
+    """Number of lanes whose run has come to its end."""
+    ended = 0
+    for lane in range(LANES):
+        ended += w[at(STATUS, lane)] != GOES_ON
+    return ended
+
+
+@njit(cache=True, error_model="numpy")
+def interpolate(w, lane, start, sample_time, samples, filled):
+    """Fill the samples that lie in a lane's step; return how many are filled in all."""
+    t = w[at(TIME, lane)]
+    h = w[at(STEP, lane)]
     while filled < samples.shape[0]:
         # The last sample of a run falls on its last step's end, up to rounding.
         place = (start + filled * sample_time - t) / h
@@ -55,74 +189,110 @@ def interpolate(t, h, z, new, stages, start, sample_time, samples, filled):
         for i in range(SIZE):
             highest = 0.0
             for stage in range(7):
-                highest += DORMAND_DENSE[stage] * stages[stage, i]
-            change = new[i] - z[i]
-            first = h * stages[0, i] - change
-            last = change - h * stages[6, i] - first
+                highest += DORMAND_DENSE[stage] * w[rate(stage, i, lane)]
+            z = w[at(STATE + i, lane)]
+            new = w[at(STAGE + i, lane)]
+            change = new - z
+            first = h * w[rate(0, i, lane)] - change
+            last = change - h * w[rate(6, i, lane)] - first
             inner = change + rest * (first + place * (last + rest * h * highest))
-            samples[filled, i] = new[i] if rest == 0.0 else z[i] + place * inner
+            samples[filled, i] = new if rest == 0.0 else z + place * inner
         filled += 1
     return filled
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, counts, totals):
-    """Integrate z' = rates(t, z, p) from start to stop; arguments and results are those of rodas5p."""
-    new = np.empty(SIZE)
-    stages = np.empty((7, SIZE))
-    t = start
-    h = first_step
-    filled = 0
-    accepted = 0
-    rejected = 0
-    after_rejection = False
-    measured = totals.shape[0] > 0
-    before = 0.0  # length of the step that led here
-    status = FINISHED
-    if samples.shape[0] > 0:
+@njit(cache=True, error_model="numpy")
+def enter(w, lane, run, start, z, p, first_step):
+    """Put a run into a lane."""
+    for slot in range(SLOTS):
+        w[at(slot, lane)] = 0.0
+    w[at(RUN, lane)] = run
+    w[at(TIME, lane)] = start
+    w[at(STEP, lane)] = first_step
+    for i in range(SIZE):
+        w[at(STATE + i, lane)] = z[i]
+    for i in range(N_PARAMETERS):
+        w[at(PARAMETERS + i, lane)] = p[i]
+
+
+@njit(cache=True, error_model="numpy")
+def begin_runs(w):
+    """Rates and outputs at every lane's state; where a run is under way they are what they were."""
+    for lane in range(LANES):
+        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)]
         for i in range(SIZE):
-            samples[0, i] = z[i]
-        filled = 1
-    rates(t, z, p, stages[0])
-    while t < stop:
-        if accepted + rejected >= most_steps:
-            status = TOO_MANY_STEPS
-            break
-        h = min(h, longest_step)
-        last = t + h >= stop
-        if last:
-            h = stop - t
-        dormand_step(t, h, z, p, stages, new)
-        error = dormand_error(h, z, new, stages, relative, absolute)
-        if error <= 1.0:
-            filled = interpolate(t, h, z, new, stages, start, sample_time, samples, filled)
-            if measured:
-                observe(t, 0.5 * (before + h), z, p, totals)
-                before = h
-            t = stop if last else t + h
-            accepted += 1
-            largest = 0.0
-            for i in range(SIZE):
-                z[i] = new[i]
-                stages[0, i] = stages[6, i]
-                largest = max(largest, abs(new[i]))
-            if largest > limit:
-                status = DIVERGED
-                break
-            growth = min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** (-0.2)))
-            h *= min(growth, 1.0) if after_rejection else growth
-            after_rejection = False
-        else:
-            rejected += 1
-            after_rejection = True
-            finite = error < np.inf
-            h *= max(0.1, 0.9 * error ** (-0.2)) if finite else 0.1
-            if t + h * 0.01 <= t:
-                status = STEP_TOO_SMALL if finite else NOT_FINITE
-                break
-    if measured:
-        observe(t, 0.5 * before, z, p, totals)
-    counts[0] = accepted
-    counts[1] = rejected
-    counts[2] = filled
-    return status, t
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)]
+    lane_rates_and_outputs(w)
+    for lane in range(LANES):
+        for i in range(SIZE):
+            w[rate(0, i, lane)] = w[at(RATES + i, lane)]
+        for i in range(N_OBSERVED):
+            w[at(OBSERVED + i, lane)] = w[at(NEXT_OBSERVED + i, lane)]
+
+
+@njit(cache=True, error_model="numpy")
+def leave(w, lane, z, p, totals, counts):
+    """Take the end, the totals and the steps of a run out of its lane, which is free then."""
+    for i in range(SIZE):
+        z[i] = w[at(STATE + i, lane)]
+    if totals.shape[0] > 0:
+        for i in range(N_MEASURES):
+            totals[i] = w[at(TOTALS + i, lane)]
+        observe(w[at(TIME, lane)], 0.5 * w[at(BEFORE, lane)], z, p, totals)
+    counts[0] = int(w[at(ACCEPTED_STEPS, lane)])
+    counts[1] = int(w[at(REJECTED_STEPS, lane)])
+    w[at(RUN, lane)] = -1.0
+
+
+@njit(cache=True, error_model="numpy")
+def fill_first(samples, z):
+    """Fill the first sample, if there is one; return how many are filled."""
+    if samples.shape[0] == 0:
+        return 0
+    for i in range(SIZE):  # an array assignment takes three seconds longer to compile
+        samples[0, i] = z[i]
+    return 1
+
+
+@njit(cache=True, error_model="numpy")
+def fill_samples(w, start, sample_time, samples, counts):
+    """Sample the step of every run where it is accepted."""
+    for lane in range(LANES):
+        run = int(w[at(RUN, lane)])
+        if run >= 0 and w[at(ERROR, lane)] <= 1.0:
+            counts[run, 2] = interpolate(w, lane, start, sample_time, samples[run], counts[run, 2])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, totals, status, reached, counts):
+    """Integrate z' = rates(t, z, p) from start to stop; arguments are those of rodas5p."""
+    runs = z.shape[0]
+    w = np.zeros(SLOTS * LANES)
+    for lane in range(LANES):
+        w[at(RUN, lane)] = -1.0
+    entered = 0
+    left = 0
+    while left < runs:
+        for lane in range(LANES):
+            if w[at(RUN, lane)] < 0.0 and entered < runs:
+                enter(w, lane, entered, start, z[entered], p[entered], first_step)
+                counts[entered, 2] = fill_first(samples[entered], z[entered])
+                entered += 1
+        begin_runs(w)
+        ended = 0
+        while ended == 0:
+            dormand_step(w, stop, longest_step)
+            dormand_error(w, relative, absolute)
+            if samples.shape[1] > 0:
+                fill_samples(w, start, sample_time, samples, counts)
+            if totals.shape[1] > 0:
+                lane_measures(w)
+            end_step(w, stop, limit, most_steps)
+            ended = ended_runs(w)
+        left += ended
+        for lane in range(LANES):
+            if w[at(STATUS, lane)] != GOES_ON:
+                run = int(w[at(RUN, lane)])
+                status[run] = int(w[at(STATUS, lane)])
+                reached[run] = w[at(TIME, lane)]
+                leave(w, lane, z[run], p[run], totals[run], counts[run])

@@ -5,6 +5,8 @@
 # Calls rates(t, z, p, dz), rates_and_jacobian(t, z, p, dz, jacobian, slope) and, where measures are
 # wanted, observe(t, weight, z, p, totals); needs run_status and SIZE.
 
+RUNS_AT_ONCE = 1  # they share nothing
+
 RODAS_GAMMA = 0.21193756319429014
 # Row i: the state of stage i as z + sum of A[i, j] times stage j. The last two rows add the stage
 # before them, and the sum of all stages is the new state, its last term the error estimate.
@@ -140,18 +142,9 @@ def interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled
     return filled
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, counts, totals):
-    """Integrate z' = rates(t, z, p) from start to stop; z is overwritten by the final state.
-
-    relative, absolute   tolerance of every component: absolute[i] + relative |z[i]|
-    limit                magnitude of a component beyond which the run counts as diverged
-    samples              filled with z at start, start + sample_time, ...; may have no rows
-    counts               accepted steps, rejected steps, filled samples
-    totals               handed to observe at every accepted step, weighted for the trapezoidal rule;
-                         empty if nothing is to be measured
-    Returns a status and the time reached.
-    """
+@njit(cache=True, error_model="numpy")
+def integrate_run(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, totals, counts):
+    """Integrate one run; return its status and the time reached."""
     dz = np.empty(SIZE)
     slope = np.empty(SIZE)
     trial = np.empty(SIZE)
@@ -191,7 +184,7 @@ def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, l
         rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new)
         error = 0.0
         for i in range(SIZE):
-            scale = absolute[i] + relative * max(abs(z[i]), abs(new[i]))
+            scale = absolute + relative * max(abs(z[i]), abs(new[i]))
             error += (stages[7, i] / scale) ** 2
         error = sqrt(error / SIZE)
         if error <= 1.0:
@@ -226,3 +219,21 @@ def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, l
     counts[1] = rejected
     counts[2] = filled
     return status, t
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, totals, status, reached, counts):
+    """Integrate z' = rates(t, z, p) from start to stop, for several runs with a row each.
+
+    z                    overwritten by the final state
+    relative, absolute   tolerance of every component: absolute + relative |z[i]|
+    limit                magnitude of a component beyond which the run counts as diverged
+    samples              filled with z at start, start + sample_time, ...; rows of the second axis,
+                         of which there may be none
+    totals               handed to observe at every accepted step, weighted for the trapezoidal rule;
+                         without columns if nothing is to be measured
+    status, reached      filled with what became of the run, and the time it reached
+    counts               filled with accepted steps, rejected steps, filled samples
+    """
+    for run in range(z.shape[0]):
+        status[run], reached[run] = integrate_run(start, stop, z[run], p[run], relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples[run], totals[run], counts[run])
