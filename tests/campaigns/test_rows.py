@@ -130,7 +130,7 @@ def test_a_continuous_loop_has_no_seed(tmp_path):
 
 def test_a_piece_stops_when_asked(tmp_path):
     """Assert that a piece gives up between two batches."""
-    experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 130))
+    experiment, table = planned(tmp_path, grid("observer.link", [1.0] * 20))
     asked = iter([False, True])
     with pytest.raises(Stopped):
         piece_rows(experiment, table, ALL, lambda: next(asked))

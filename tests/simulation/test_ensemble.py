@@ -181,6 +181,15 @@ def test_an_unexcited_row_has_no_condition() -> None:
     assert np.all(np.isinf(simulate_ensemble([resting], 1.0).excitation))
 
 
+@pytest.mark.parametrize("stiff", [True, False])
+def test_a_start_beyond_all_angles_is_divergence(stiff: bool) -> None:
+    """Assert that a run ends with its first step where an angle has lost its digits."""
+    loop = replace(LOOP, initial_state=(0.0, 0.0, 1e13, 0.0), initial_estimates={})
+    ensemble = simulate_ensemble([loop], 1.0, stiff=stiff)
+    assert STATUS[ensemble.status[0]] == "diverged"
+    assert ensemble.steps[0] == 1
+
+
 def test_divergence_is_a_status() -> None:
     """Assert that runs that fail are rows that say why, when and with what measures so far."""
     ensemble = simulate_ensemble([LOOP, diverging()], 30.0)
@@ -189,17 +198,20 @@ def test_divergence_is_a_status() -> None:
     assert ensemble.tracking_peak[1] > 1e3
 
 
-def test_too_many_steps_is_a_status() -> None:
+@pytest.mark.parametrize("stiff", [True, False])
+def test_too_many_steps_is_a_status(stiff: bool) -> None:
     """Assert that a run that needs more steps than allowed says so."""
-    ensemble = simulate_ensemble([LOOP], 30.0, maximum_steps=50)
+    ensemble = simulate_ensemble([LOOP], 30.0, maximum_steps=50, stiff=stiff)
     assert STATUS[ensemble.status[0]] == "too many steps"
     assert ensemble.steps[0] <= 50
 
 
-def test_no_value_is_a_status() -> None:
+@pytest.mark.parametrize("stiff", [True, False])
+@pytest.mark.parametrize("position", [np.nan, np.inf])
+def test_no_value_is_a_status(position: float, stiff: bool) -> None:
     """Assert that a run without finite numbers says so."""
-    loop = replace(LOOP, initial_state=(np.nan, 0.0, 0.0, 0.0))
-    ensemble = simulate_ensemble([loop], 1.0)
+    loop = replace(LOOP, initial_state=(position, 0.0, 0.0, 0.0))
+    ensemble = simulate_ensemble([loop], 1.0, stiff=stiff)
     assert STATUS[ensemble.status[0]] == "not finite"
     assert np.isnan(ensemble.excitation).all()
 

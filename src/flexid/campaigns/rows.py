@@ -10,8 +10,13 @@ from numpy.typing import NDArray
 from flexid.errors import FlexidError
 from flexid.experiments import Experiment
 from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.ensemble import (
+    SIDE_BY_SIDE,
+    Ensemble,
+    simulate_ensemble,
+    simulate_sampled_ensemble,
+)
 from flexid.simulation.ensemble import STATUS as STATUS_NAMES
-from flexid.simulation.ensemble import Ensemble, simulate_ensemble, simulate_sampled_ensemble
 
 Array = NDArray[np.float64]
 
@@ -22,7 +27,8 @@ FINISHED = STATUS_NAMES[0]
 FAILED = "error"
 """Status of a run that could not be made at all; its text says why."""
 
-_AT_ONCE = 128  # runs between two looks at whether to stop
+_AT_ONCE = 16  # runs between two looks at whether to stop
+_SIDE_BY_SIDE_AT_ONCE = 8 * SIDE_BY_SIDE  # the same of those that are quicker together
 _LONGEST_TEXT = 500
 
 
@@ -98,7 +104,8 @@ def _batches(varied: Mapping[int, Experiment]) -> Iterator[list[int]]:
     for place, experiment in varied.items():
         alike.setdefault(experiment.settings, []).append(place)
     for places in alike.values():
-        yield from (places[i : i + _AT_ONCE] for i in range(0, len(places), _AT_ONCE))
+        size = _SIDE_BY_SIDE_AT_ONCE if varied[places[0]].side_by_side else _AT_ONCE
+        yield from (places[i : i + size] for i in range(0, len(places), size))
 
 
 def _ensembles(

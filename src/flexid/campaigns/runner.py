@@ -18,6 +18,7 @@ from flexid.errors import ExperimentError, SettingError
 from flexid.estimators.threads import cores
 from flexid.experiments import Experiment
 from flexid.experiments.variation import Variation
+from flexid.simulation.ensemble import SIDE_BY_SIDE
 
 _PIECES = 200
 _MOST_RUNS = 500
@@ -107,15 +108,19 @@ def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manif
         variation.runs,
         plan.inputs,
         variation.keep,
-        variation.runs_per_piece or _runs_per_piece(variation),
+        variation.runs_per_piece or _runs_per_piece(experiment, variation),
         Path(experiment.path).read_text(encoding="utf-8"),
     )
 
 
-def _runs_per_piece(variation: Variation) -> int:
-    """Small enough that little is lost and many workers have work, large enough for few files."""
+def _runs_per_piece(experiment: Experiment, variation: Variation) -> int:
+    """Small enough that little is lost and many workers have work, large enough for few files.
+
+    Runs that go side by side are quick, and quicker the more of them there are.
+    """
     most = _MOST_SERIES if "time_series" in variation.keep else _MOST_RUNS
-    return max(1, min(most, variation.runs // _PIECES))
+    fewest = 2 * SIDE_BY_SIDE if experiment.side_by_side else 1
+    return min(most, max(fewest, variation.runs // _PIECES))
 
 
 def _complete(

@@ -29,7 +29,7 @@ def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:
     -------
     str
         The module of `loop_source` with LANES and N_OBSERVED and the functions ``lane_rates`` (of
-         the state STAGE at STAGE_TIME) and ``lane_rates_and_outputs`` (as well as inputs,
+        the state STAGE at STAGE_TIME) and ``lane_rates_and_outputs`` (as well as inputs,
         errors, tracking error and regressors). Sine and cosine are left to a template.
     """
     observed = [*loop.inputs, *loop.errors, loop.tracking_error, *loop.regressors]

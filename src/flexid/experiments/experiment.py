@@ -85,6 +85,11 @@ class Experiment:
         return "continuous" if self.sampling is None else "sampled"
 
     @property
+    def side_by_side(self) -> bool:
+        """Whether runs of it go side by side: continuous ones that are not stiff."""
+        return self.sampling is None and not self.settings.stiff
+
+    @property
     def duration(self) -> float:
         """Length of a run in s."""
         return self.settings.duration

@@ -156,7 +156,9 @@ def _differentiator(half: int, degree: int) -> FloatArray:
     polynomials = np.polynomial.legendre.legvander(offsets, degree)  # well conditioned
     slopes = np.polynomial.legendre.legder(np.eye(degree + 1), axis=0)
     at_middle = np.polynomial.legendre.legvander(np.zeros(1), degree - 1) @ slopes
-    return np.asarray((at_middle @ np.linalg.pinv(polynomials))[0] / half, dtype=np.float64)
+    weights = np.asarray((at_middle @ np.linalg.pinv(polynomials))[0] / half, dtype=np.float64)
+    weights.setflags(write=False)  # they are shared
+    return weights
 
 
 def best_half_window(position: FloatArray) -> int:

@@ -180,7 +180,7 @@ def loop_kernel(
 ) -> ModuleType:
     """Compiled functions of a closed loop with its integrator, for stiff loops or for others.
 
-    So many lanes of a loop that is not stiff are integrated side by side.
+    Of a loop that is not stiff so many runs as there are lanes go side by side.
     """
 
     def build() -> str:

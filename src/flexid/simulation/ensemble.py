@@ -37,7 +37,8 @@ that the equations have no value where the run ended.
 
 FINISHED = 0
 
-_SIDE_BY_SIDE = 16  # lanes: four vectors of four numbers, or two of eight
+SIDE_BY_SIDE = 16
+"""Runs of a loop that is not stiff that go side by side: four vectors of four, or two of eight."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ def simulate_ensemble(
 
 def ensemble_kernel(declaration: LoopDeclaration, stiff: bool) -> ModuleType:
     """The compiled functions that `simulate_ensemble` uses."""
-    return loop_kernel(declaration, stiff=stiff, lanes=_SIDE_BY_SIDE)
+    return loop_kernel(declaration, stiff=stiff, lanes=SIDE_BY_SIDE)
 
 
 def simulate_sampled_ensemble(

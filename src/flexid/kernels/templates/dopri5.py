@@ -156,7 +156,7 @@ def end_step(w, stop, limit, most_steps):
             w[rate(0, i, lane)] = w[at(RATES + i, lane)] if accepted else w[rate(0, i, lane)]
         status = TOO_MANY_STEPS if taken + refused >= most_steps else GOES_ON
         status = FINISHED if t >= stop else status
-        status = DIVERGED if largest > limit else status
+        status = DIVERGED if accepted & (largest > limit) else status
         stuck = STEP_TOO_SMALL if square < np.inf else NOT_FINITE
         status = status if accepted | (t + 0.01 * following > t) else stuck
         w[at(STATUS, lane)] = status if w[at(RUN, lane)] >= 0.0 else GOES_ON
