@@ -72,11 +72,15 @@ def stiff_loop(plant: Plant) -> ClosedLoop:
 
 
 def with_plant(loop: ClosedLoop, plant: Plant) -> ClosedLoop:
-    """The loop around another plant."""
-    return replace(
-        loop,
-        system=loop.system.with_constants({"beta1": plant.beta1}),
+    """The loop around another plant, as a campaign makes it."""
+    return loop.with_values(
         coefficients=dict(zip(loop.coefficients, plant.true, strict=True)),
+        constants={"beta1": plant.beta1},
+        controller={},
+        reference=loop.reference,
+        observer_gains=loop.observer_gains,
+        initial_estimates=loop.initial_estimates,
+        initial_state=loop.initial_state,
     )
 
 
@@ -182,7 +186,8 @@ def _diffrax(
 ) -> tuple[list[Comparison], list[tuple[str, ...]]]:
     """diffrax's vmap on the ensemble itself, and on one that is not stiff."""
     law = pd_gravity()
-    easy = [with_plant(replace(table1_loop((1, 2, 3)), controller=law), p) for p in plants]
+    calm = replace(table1_loop((1, 2, 3)), controller=law)
+    easy = [with_plant(calm, plant) for plant in plants]
     gains = law.parameters["proportional"], law.parameters["derivative"]
     few = 8 if quick else 16
     stiff = _Setting("the same", loops[:few], True, plants[:few], None, _STIFF_SOLVERS)

@@ -19,9 +19,15 @@ def quarter(x):
     turns = (x * 0.6366197723675814 + ROUND) - ROUND
     r = ((x - turns * HALF_PI_1) - turns * HALF_PI_2) - turns * HALF_PI_3
     s = r * r
-    sine = r + r * s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362880.0 + s * (-1.0 / 39916800.0 + s * (1.0 / 6227020800.0 + s * (-1.0 / 1307674368000.0)))))))
-    cosine = 1.0 - s * (0.5 - s * (1.0 / 24.0 + s * (-1.0 / 720.0 + s * (1.0 / 40320.0 + s * (-1.0 / 3628800.0 + s * (1.0 / 479001600.0 + s * (-1.0 / 87178291200.0 + s * (1.0 / 20922789888000.0))))))))
-    return sine, cosine, turns - 4.0 * ((0.25 * turns + ROUND) - ROUND)
+    s2 = s * s
+    s4 = s2 * s2
+    # Pairs of terms, and pairs of pairs, which need not wait for each other.
+    sine = (-1.0 / 6.0 + s * (1.0 / 120.0)) + s2 * (-1.0 / 5040.0 + s * (1.0 / 362880.0))
+    sine += s4 * ((-1.0 / 39916800.0 + s * (1.0 / 6227020800.0)) + s2 * (-1.0 / 1307674368000.0))
+    cosine = (1.0 / 24.0 + s * (-1.0 / 720.0)) + s2 * (1.0 / 40320.0 + s * (-1.0 / 3628800.0))
+    cosine += s4 * ((1.0 / 479001600.0 + s * (-1.0 / 87178291200.0)) + s2 * (1.0 / 20922789888000.0))
+    quarters = turns - 4.0 * ((0.25 * turns + ROUND) - ROUND)
+    return r + r * s * sine, (1.0 - 0.5 * s) + s2 * cosine, quarters
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
