@@ -58,7 +58,7 @@ def condition_numbers(run: Run) -> list[float]:
     return [excitation("", ("", ""), np.stack(r, axis=1)).condition_number for r in (link, motor)]
 
 
-MANY = 19  # more than run side by side, and no multiple of that
+MANY = 35  # more than run side by side, and no multiple of that
 
 
 @pytest.mark.parametrize(("stiff", "count"), [(True, 3), (False, MANY)])

@@ -28,7 +28,7 @@ FAILED = "error"
 """Status of a run that could not be made at all; its text says why."""
 
 _AT_ONCE = 16  # runs between two looks at whether to stop
-_SIDE_BY_SIDE_AT_ONCE = 8 * SIDE_BY_SIDE  # the same of those that are quicker together
+_SIDE_BY_SIDE_AT_ONCE = 4 * SIDE_BY_SIDE  # the same of those that are quicker together
 _LONGEST_TEXT = 500
 
 

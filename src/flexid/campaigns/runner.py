@@ -119,7 +119,7 @@ def _runs_per_piece(experiment: Experiment, variation: Variation) -> int:
     Runs that go side by side are quick, and quicker the more of them there are.
     """
     most = _MOST_SERIES if "time_series" in variation.keep else _MOST_RUNS
-    fewest = 2 * SIDE_BY_SIDE if experiment.side_by_side else 1
+    fewest = SIDE_BY_SIDE if experiment.side_by_side else 1
     return min(most, max(fewest, variation.runs // _PIECES))
 
 

@@ -37,8 +37,8 @@ that the equations have no value where the run ended.
 
 FINISHED = 0
 
-SIDE_BY_SIDE = 16
-"""Runs of a loop that is not stiff that go side by side: four vectors of four, or two of eight."""
+SIDE_BY_SIDE = 32
+"""Runs of a loop that is not stiff that go side by side: eight vectors of four, four of eight."""
 
 
 @dataclass(frozen=True)

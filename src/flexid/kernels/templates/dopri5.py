@@ -7,7 +7,7 @@
 # lane_rates_and_outputs(w), which also fills NEXT_OBSERVED, and where measures are wanted lane_measures(w), and
 # observe(t, weight, z, p, totals) at the end.
 
-RUNS_AT_ONCE = 16 * LANES  # so that few lanes stand idle while the last ones end
+RUNS_AT_ONCE = 8 * LANES  # so that few lanes stand idle while the last ones end
 
 # Dense output: weights of the stages in its term of highest order.
 DORMAND_DENSE = (-12715105075.0 / 11282082432.0, 0.0, 87487479700.0 / 32700410799.0, -10690763975.0 / 1880347072.0, 701980252875.0 / 199316789632.0, -1453857185.0 / 822651844.0, 69997945.0 / 29380423.0)
