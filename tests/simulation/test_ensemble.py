@@ -11,6 +11,7 @@ from flexid.analysis.excitation import excitation
 from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.errors import SettingError
+from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import (
     STATUS,
@@ -72,6 +73,18 @@ def test_ends_are_those_of_simulate(stiff: bool, count: int) -> None:
         assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
         assert ensemble.steps[place] == run.statistics["accepted_steps"]
         assert ensemble.reached[place] == 4.0
+
+
+def test_friction_keeps_the_bits() -> None:
+    """Assert the same of another model, whose tangents the C library computes lane by lane."""
+    model = flexible_joint((*PAPER_TERMS, "motor_coulomb"), {"beta1": 10.0 / 3.0})
+    truth = {**LOOP.coefficients, "alpha_coulomb": 0.3}
+    loops = varied(replace(LOOP, system=model, coefficients=truth), MANY)
+    ensemble = simulate_ensemble(loops, 2.0, stiff=False)
+    for place, loop in enumerate(loops):
+        run = simulate(loop, 2.0, 2.0, stiff=False)
+        assert np.array_equal(ensemble.final_states[place], run.states[-1])
+        assert np.array_equal(ensemble.final_errors[place], run.parameter_errors[-1])
 
 
 def test_sampled_ends_are_those_of_simulate_sampled() -> None:
