@@ -1,0 +1,1 @@
+"""Blind trials: random drives, motions and sensors, identified untold and scored."""

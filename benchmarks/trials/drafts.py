@@ -1,0 +1,166 @@
+"""A drive before its motion is known: some of it is a share of the torque or the deflection."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks.trials.integrator import Drive
+
+
+@dataclass
+class Draft:
+    """What a family draws; it becomes a `Drive` once the size of the motion is known.
+
+    Parameters
+    ----------
+    base : Drive
+        What is absolute.
+    resonance : float
+        Of link against motor, in rad/s.
+    band : float
+        Frequency in rad/s up to which, roughly, a torque reaches.
+    target : float
+        Half the range that the link is to swing through, in rad.
+    of_torque : dict of str to float
+        Fields of the drive, as shares of the torque's root mean square.
+    cubic, hysteresis, hysteresis_reach, bend : float
+        Share of the spring's torque at the largest deflection; share of the spring's torque; and
+        two deflections as shares of the deflection's root mean square.
+    presliding : float
+        Displacement of LuGre friction before it slips, in rad.
+    torque_noise : float
+        Of the torque that acts and is in no log, as a share of its root mean square.
+    input_delay, link_delay : float
+        In s, with flexid's signs: positive if the torque acts later, if the link shows earlier.
+    link_zero, motor_zero, torque_zero : float
+        Added to what is recorded; the last as a share of the torque's root mean square.
+    controlled : bool
+        Whether a position controller drives.
+    holds : tuple of str
+        Holds to choose from.
+    bits : tuple of int
+        Fewest and most bits of the encoders.
+    noise : tuple of float
+        Smallest and largest noise, in rad, of encoders that are not rounded.
+    visible : tuple of float
+        Smallest and largest deflection in multiples of the encoder's error.
+    smallest : float
+        Smallest deflection in rad.
+    jitter : float
+        Of the instants of sampling, as a share of the sample time.
+    stamps : {"true", "nominal"}
+        Which times the log holds.
+    lost : {"", "missing", "stale"}
+        What happens to a few samples.
+    """
+
+    base: Drive
+    resonance: float
+    band: float
+    target: float
+    of_torque: dict[str, float] = field(default_factory=dict)
+    cubic: float = 0.0
+    hysteresis: float = 0.0
+    hysteresis_reach: float = 0.0
+    bend: float = 0.0
+    presliding: float = 0.0
+    torque_noise: float = 0.0
+    input_delay: float = 0.0
+    link_delay: float = 0.0
+    link_zero: float = 0.0
+    motor_zero: float = 0.0
+    torque_zero: float = 0.0
+    controlled: bool = False
+    holds: tuple[str, ...] = ("zero", "smooth")
+    bits: tuple[int, int] = (13, 18)
+    noise: tuple[float, float] = (2e-5, 3e-4)
+    visible: tuple[float, float] = (20.0, np.inf)
+    smallest: float = 1e-3
+    jitter: float = 0.0
+    stamps: str = "true"
+    lost: str = ""
+
+
+@dataclass(frozen=True)
+class Size:
+    """Size of a motion: root mean square and peak of the torque, and of the deflection."""
+
+    torque: float
+    torque_peak: float
+    deflection: float
+    deflection_peak: float
+
+
+def realised(draft: Draft, size: Size) -> Drive:
+    """The drive of a draft for a size of its motion."""
+    drive = draft.base._replace(peak_torque=size.torque_peak)
+    drive = drive._replace(**{name: share * size.torque for name, share in draft.of_torque.items()})
+    stiffness = drive.joint_stiffness
+    if draft.cubic:
+        drive = drive._replace(cubic_stiffness=draft.cubic * stiffness / size.deflection_peak**2)
+    if draft.hysteresis:
+        drive = drive._replace(
+            hysteresis_torque=draft.hysteresis * stiffness * np.sqrt(2.0) * size.deflection,
+            hysteresis_reach=draft.hysteresis_reach * size.deflection,
+        )
+    if draft.bend:
+        drive = drive._replace(bend=draft.bend * size.deflection)
+    if draft.presliding:
+        bristle = drive.bristle_coulomb / draft.presliding
+        damping = np.sqrt(bristle * drive.motor_inertia)  # half of critical
+        drive = drive._replace(bristle_stiffness=bristle, bristle_damping=damping)
+    return drive
+
+
+def truth(draft: Draft, drive: Drive, size: Size) -> dict[str, float]:
+    """Physical parameters by flexid's names, in terms of what the log shows.
+
+    An offset of an encoder moves gravity's angle, and stretches the spring by the difference of
+    both encoders' offsets; two masses pull as one in between.
+    """
+    pull = drive.gravity_torque * np.exp(1j * drive.gravity_angle)
+    pull += drive.payload_torque * np.exp(1j * drive.payload_angle)
+    stretch = drive.joint_stiffness * (draft.link_zero - draft.motor_zero)
+    coulomb = 0.5 * (drive.motor_coulomb_up + drive.motor_coulomb_down) + drive.bristle_coulomb
+    uneven = 0.5 * (drive.motor_coulomb_down - drive.motor_coulomb_up)
+    values = {"gravity_torque": float(abs(pull))}
+    if abs(pull) > 0.0:
+        values["gravity_angle"] = float(np.angle(pull)) + draft.link_zero
+    return values | {
+        "link_inertia": drive.link_inertia,
+        "joint_stiffness": drive.joint_stiffness,
+        "motor_inertia": drive.motor_inertia,
+        "motor_viscous_friction": drive.motor_viscous,
+        "motor_coulomb_friction": coulomb,
+        "motor_offset_torque": drive.motor_offset
+        + uneven
+        - draft.torque_zero * size.torque
+        - stretch,
+        "joint_damping": drive.joint_damping,
+        "cubic_joint_stiffness": drive.cubic_stiffness,
+        "link_viscous_friction": drive.link_viscous,
+        "link_coulomb_friction": drive.link_coulomb,
+        "link_offset_torque": drive.link_offset + stretch,
+        "input_delay": draft.input_delay,
+        "link_delay": draft.link_delay,
+    }
+
+
+_TERMS = {
+    "gravity_torque": "gravity",
+    "gravity_angle": "gravity_cosine",
+    "motor_viscous_friction": "motor_viscous",
+    "link_viscous_friction": "link_viscous",
+    "joint_damping": "joint_damping",
+    "motor_coulomb_friction": "motor_stiction",
+    "link_coulomb_friction": "link_coulomb",
+    "cubic_joint_stiffness": "cubic_stiffness",
+    "link_offset_torque": "link_offset",
+    "motor_offset_torque": "motor_offset",
+}
+"""The term that brings each parameter in."""
+
+
+def acting(values: dict[str, float]) -> tuple[str, ...]:
+    """Flexid's terms for the parameters that are not zero."""
+    return tuple(term for name, term in _TERMS.items() if values.get(name, 0.0) != 0.0)

@@ -1,0 +1,307 @@
+"""The families of drives, and what each of them draws."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.trials.drafts import Draft
+from benchmarks.trials.integrator import Drive
+
+Generator = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Family:
+    """A kind of drive.
+
+    Parameters
+    ----------
+    name, about : str
+        Its name, and what it has in one line.
+    in_class : bool
+        Whether flexid's terms describe it exactly.
+    change : callable
+        What it draws beside the basic drive.
+    has_gravity : bool, optional
+    """
+
+    name: str
+    about: str
+    in_class: bool
+    change: Callable[[Generator, Draft], None]
+    has_gravity: bool = True
+
+    def draw(self, rng: Generator) -> Draft:
+        """Draw a drive."""
+        draft = _harmonic(rng) if self.name == "harmonic_drive" else _basic(rng, self.has_gravity)
+        self.change(rng, draft)
+        return draft
+
+
+def _log(rng: Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _basic(rng: Generator, has_gravity: bool) -> Draft:
+    """Gravity and viscous friction of the motor; everything else is for the families."""
+    link = _log(rng, 0.02, 2.0)
+    motor = link * _log(rng, 0.2, 5.0)
+    resonance = _log(rng, 8.0, 45.0)
+    stiffness = resonance**2 * link * motor / (link + motor)
+    fastest = min(8.0, 0.5 * np.sqrt(stiffness / link))
+    pendulum = _log(rng, 1.0, max(fastest, 1.1))
+    drive = Drive(
+        link_inertia=link,
+        motor_inertia=motor,
+        joint_stiffness=stiffness,
+        gravity_torque=link * pendulum**2 if has_gravity else 0.0,
+        motor_viscous=(link + motor) / _log(rng, 0.3, 5.0),
+    )
+    return Draft(drive, resonance, resonance, target=_log(rng, 0.3, 1.9))
+
+
+def _harmonic(rng: Generator) -> Draft:
+    """The size of an arm's harmonic drive: stiff, with much friction."""
+    while True:
+        stiffness, motor = _log(rng, 5e3, 3e4), _log(rng, 0.7, 1.5)
+        resonance = _log(rng, 70.0, 150.0)
+        reduced = stiffness / resonance**2
+        if 0.3 < (link := reduced * motor / max(motor - reduced, 1e-9)) < 10.0:
+            break
+    friction = rng.uniform(8.0, 16.0)
+    drive = Drive(
+        link_inertia=link,
+        motor_inertia=motor,
+        joint_stiffness=stiffness,
+        gravity_torque=link * _log(rng, 2.0, 6.0) ** 2,
+        motor_viscous=(link + motor) / _log(rng, 0.15, 1.0),
+        motor_coulomb_up=friction,
+        motor_coulomb_down=friction,
+    )
+    draft = Draft(drive, resonance, 0.4 * resonance, _log(rng, 0.3, 1.5), holds=("zero",))
+    draft.bits, draft.noise, draft.visible = (16, 20), (5e-6, 5e-5), (10.0, np.inf)
+    draft.smallest = 3e-4
+    draft.controlled = bool(rng.random() < 0.3)
+    return draft
+
+
+def _nothing(_: Generator, __: Draft) -> None:
+    pass
+
+
+def _damping_link_friction(rng: Generator, draft: Draft) -> None:
+    reduced = draft.base.joint_stiffness / draft.resonance**2
+    draft.base = draft.base._replace(
+        joint_damping=2.0 * _log(rng, 0.005, 0.05) * draft.resonance * reduced,
+        link_viscous=draft.base.link_inertia / _log(rng, 1.0, 10.0),
+    )
+
+
+def _both_delays(rng: Generator, draft: Draft) -> None:
+    draft.input_delay, draft.link_delay = rng.uniform(0.0, 5e-3), rng.uniform(-3e-3, 3e-3)
+
+
+def _torque_noise(_: Generator, draft: Draft) -> None:
+    draft.torque_noise = 0.02
+
+
+def _weak_input(rng: Generator, draft: Draft) -> None:
+    draft.target /= rng.uniform(5.0, 10.0)
+    draft.visible, draft.bits, draft.noise = (5.0, 20.0), (13, 15), (1e-4, 3e-4)
+    draft.smallest = 0.0
+
+
+def _coulomb(rng: Generator, draft: Draft) -> None:
+    share = rng.uniform(0.05, 0.25)
+    draft.of_torque |= {"motor_coulomb_up": share, "motor_coulomb_down": share}
+    if rng.random() < 0.3:
+        draft.of_torque["link_coulomb"] = rng.uniform(0.02, 0.1)
+
+
+def _some_coulomb(rng: Generator, draft: Draft) -> None:
+    share = rng.uniform(0.05, 0.2)
+    draft.of_torque |= {"motor_coulomb_up": share, "motor_coulomb_down": share}
+
+
+def _closed_loop_friction(rng: Generator, draft: Draft) -> None:
+    _some_coulomb(rng, draft)
+    draft.controlled = True
+
+
+def _offsets_tilted_friction(rng: Generator, draft: Draft) -> None:
+    _some_coulomb(rng, draft)
+    draft.of_torque["motor_offset"] = rng.choice([-1.0, 1.0]) * rng.uniform(0.03, 0.2)
+    angle = rng.choice([-1.0, 1.0]) * rng.uniform(0.05, 0.4)
+    draft.base = draft.base._replace(gravity_angle=float(angle))
+    draft.link_zero, draft.motor_zero = rng.uniform(-5e-3, 5e-3, 2)
+    draft.torque_zero = rng.uniform(-0.05, 0.05)
+
+
+def _asymmetric_coulomb(rng: Generator, draft: Draft) -> None:
+    share, uneven = rng.uniform(0.05, 0.25), rng.uniform(0.1, 0.5) * rng.choice([-1.0, 1.0])
+    draft.of_torque |= {
+        "motor_coulomb_up": share * (1.0 + uneven),
+        "motor_coulomb_down": share * (1.0 - uneven),
+    }
+
+
+def _cubic_spring(rng: Generator, draft: Draft) -> None:
+    draft.cubic = _log(rng, 0.05, 0.5)
+
+
+def _lugre(rng: Generator, draft: Draft) -> None:
+    coulomb = rng.uniform(0.05, 0.2)
+    static = coulomb * rng.uniform(1.2, 1.8)
+    draft.of_torque |= {"bristle_coulomb": coulomb, "bristle_static": static}
+    draft.base = draft.base._replace(stribeck_velocity=_log(rng, 0.01, 0.1))
+    draft.presliding = _log(rng, 1e-4, 2e-3)
+
+
+def _ripple(rng: Generator, draft: Draft) -> None:
+    _some_coulomb(rng, draft)
+    draft.of_torque["ripple_torque"] = _log(rng, 0.01, 0.05)
+    number, phase = float(rng.integers(6, 61)), rng.uniform(0.0, 2.0 * np.pi)
+    draft.base = draft.base._replace(ripple_number=number, ripple_phase=phase)
+
+
+def _backlash(rng: Generator, draft: Draft) -> None:
+    draft.base = draft.base._replace(half_gap=0.5 * _log(rng, 2e-4, 2e-3))
+
+
+def _hysteresis(rng: Generator, draft: Draft) -> None:
+    draft.hysteresis = rng.uniform(0.02, 0.08)
+    draft.hysteresis_reach = _log(rng, 0.1, 1.0)
+
+
+def _eccentricity(rng: Generator, draft: Draft) -> None:
+    size, phase = _log(rng, 1e-4, 1e-3), rng.uniform(0.0, 2.0 * np.pi)
+    draft.base = draft.base._replace(eccentricity=size, eccentricity_phase=phase)
+
+
+def _payload_off_axis(rng: Generator, draft: Draft) -> None:
+    pull = draft.base.gravity_torque * rng.uniform(0.1, 0.8)
+    angle = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.6)
+    draft.base = draft.base._replace(
+        gravity_torque=draft.base.gravity_torque - 0.5 * pull,
+        payload_torque=pull,
+        payload_angle=float(angle),
+    )
+
+
+def _saturating_torque(rng: Generator, draft: Draft) -> None:
+    draft.base = draft.base._replace(saturation=rng.uniform(0.03, 0.1))
+
+
+def _clock_jitter(rng: Generator, draft: Draft) -> None:
+    draft.jitter = rng.uniform(0.02, 0.1)
+    draft.stamps = str(rng.choice(["true", "nominal"]))
+
+
+def _dropped_sample(rng: Generator, draft: Draft) -> None:
+    draft.lost = str(rng.choice(["missing", "missing", "stale"]))
+
+
+def _spring_other(rng: Generator, draft: Draft) -> None:
+    gain = rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.4)
+    draft.bend = rng.uniform(0.5, 1.5)
+    draft.base = draft.base._replace(bend_stiffness=float(gain) * draft.base.joint_stiffness)
+
+
+_ALL = (
+    Family("basic", "gravity and viscous friction of the motor", True, _nothing),
+    Family(
+        "damping_link_friction",
+        "damping of the spring, viscous friction of the link",
+        True,
+        _damping_link_friction,
+    ),
+    Family(
+        "both_delays",
+        "torque up to 5 ms late, link's encoder up to 3 ms early or late",
+        True,
+        _both_delays,
+    ),
+    Family("no_gravity", "viscous friction of the motor only", True, _nothing, False),
+    Family("torque_noise", "2 % white noise on the torque that acts", True, _torque_noise),
+    Family(
+        "weak_input",
+        "5 to 10 times weaker: deflection 5 to 20 times the encoder's error",
+        True,
+        _weak_input,
+    ),
+    Family(
+        "coulomb",
+        "set-valued Coulomb friction, 5 to 25 % of the torque; in three of ten on the link too",
+        True,
+        _coulomb,
+    ),
+    Family(
+        "closed_loop_friction",
+        "position controller on the motor's encoder, Coulomb friction",
+        True,
+        _closed_loop_friction,
+    ),
+    Family(
+        "offsets_tilted_friction",
+        "offsets of torque and encoders, tilted gravity, Coulomb friction",
+        True,
+        _offsets_tilted_friction,
+    ),
+    Family(
+        "asymmetric_coulomb",
+        "Coulomb friction that differs between the directions: an even one and an offset",
+        True,
+        _asymmetric_coulomb,
+    ),
+    Family("cubic_spring", "a spring that hardens with the cube", True, _cubic_spring),
+    Family(
+        "harmonic_drive",
+        "stiff, resonance 70 to 150 rad/s, Coulomb friction 8 to 16 N m, held torque",
+        True,
+        _nothing,
+    ),
+    Family(
+        "payload_off_axis",
+        "a second mass at an angle; in the class, as gravity with a tilt",
+        True,
+        _payload_off_axis,
+    ),
+    Family("lugre", "LuGre friction with Stribeck effect and presliding", False, _lugre),
+    Family(
+        "ripple",
+        "torque ripple by the motor's angle, 1 to 5 % of the torque, and Coulomb friction",
+        False,
+        _ripple,
+    ),
+    Family("backlash", "dead zone of 0.2 to 2 mrad in the spring", False, _backlash),
+    Family("hysteresis", "spring hysteresis, 2 to 8 % of its torque", False, _hysteresis),
+    Family(
+        "eccentricity",
+        "error of the gear once per turn, 0.1 to 1 mrad, behind the motor's encoder",
+        False,
+        _eccentricity,
+    ),
+    Family(
+        "saturating_torque",
+        "the torque falls short by 3 to 10 % at its peak",
+        False,
+        _saturating_torque,
+    ),
+    Family(
+        "clock_jitter",
+        "sampled 2 to 10 % of a sample early or late; true or nominal times in the log",
+        False,
+        _clock_jitter,
+    ),
+    Family(
+        "dropped_sample",
+        "a few samples missing, or repeated with new times",
+        False,
+        _dropped_sample,
+    ),
+    Family("spring_other", "a spring that bends to another stiffness", False, _spring_other),
+)
+
+FAMILIES: Mapping[str, Family] = {family.name: family for family in _ALL}
+"""By name; those of the model class first."""

@@ -1,0 +1,424 @@
+"""One blind trial: a log, and the truth that made it. Nothing here imports flexid."""
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.trials.drafts import Draft, Size, acting, realised, truth
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.integrator import Drive, FloatArray, Law, Smooth, simulate
+from benchmarks.trials.motions import Motion, draw_reference, draw_torque
+
+HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
+
+_RATES = (500, 625, 800, 1000, 1250, 1600, 2000)  # samples per second
+_TABLE_STEP = 1e-4  # s, of a smooth torque
+_COARSE, _FINE = 2.5e-4, 5e-5  # s, steps while the amplitude is sought, and for the log
+_TRIES, _MOTIONS, _PLAYS = 500, 4, 7
+_FARTHEST = 2.2  # rad from hanging straight down: no link goes over the top
+_FASTEST = 60.0  # rad/s
+_LARGEST_DEFLECTION = 0.1  # rad, root mean square
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A log with its truth.
+
+    Parameters
+    ----------
+    family, seed
+        What it was drawn from.
+    time, link_position, motor_position, torque : (n,) ndarray
+        As recorded.
+    truth : mapping of str to float
+        Physical parameters by flexid's names, zero where nothing acts; ``gravity_angle`` is missing
+        where there is no gravity. Beside them ``input_delay`` and ``link_delay`` in s.
+    terms : tuple of str
+        Flexid's terms that act.
+    hold : {"zero", "smooth"}
+        Whether the torque was held between samples, or ran on.
+    in_class : bool
+        Whether flexid's terms describe the drive exactly.
+    metadata : mapping
+        What was drawn beside the drive.
+    """
+
+    family: str
+    seed: int
+    time: FloatArray
+    link_position: FloatArray
+    motor_position: FloatArray
+    torque: FloatArray
+    truth: Mapping[str, float]
+    terms: tuple[str, ...]
+    hold: str
+    in_class: bool
+    metadata: Mapping[str, float | str]
+
+    def write_csv(self, path: Path) -> None:
+        """Write the log alone."""
+        columns = (self.time, self.link_position, self.motor_position, self.torque)
+        np.savetxt(
+            path,
+            np.column_stack(columns),
+            fmt=("%.9f", "%.9f", "%.9f", "%.9g"),
+            delimiter=",",
+            header=HEADER,
+            comments="",
+        )
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Clock and encoders.
+
+    Parameters
+    ----------
+    sample_time, duration, lead : float
+        In s; the lead is played before the log begins.
+    count : float
+        Step of the encoders in rad, or zero.
+    noise : float
+        Standard deviation of the noise in rad, where there are no steps.
+    zeros : tuple of float
+        Where in a step the zeros of link and motor encoder lie.
+    """
+
+    sample_time: float
+    duration: float
+    lead: float
+    count: float
+    noise: float
+    zeros: tuple[float, float]
+
+    @property
+    def error(self) -> float:
+        """Standard deviation of a reading."""
+        return self.count / np.sqrt(12.0) if self.count else self.noise
+
+    @property
+    def before(self) -> int:
+        """Samples of the lead."""
+        return round(self.lead / self.sample_time)
+
+    @property
+    def instants(self) -> FloatArray:
+        """Nominal times, lead included, shape (n,); the log begins at zero."""
+        count = round(self.duration / self.sample_time) + 1
+        return self.sample_time * np.arange(-self.before, count)
+
+    def read(self, angles: FloatArray, noise: FloatArray, side: int) -> FloatArray:
+        """What an encoder says."""
+        if not self.count:
+            return angles + noise
+        zero = self.zeros[side]
+        return np.rint((angles + zero) / self.count) * self.count - zero
+
+
+@dataclass(frozen=True)
+class Play:
+    """A motion with its size, ready to be run.
+
+    Parameters
+    ----------
+    motion : Motion
+    amplitude : float
+    law : Law
+    hold : {"zero", "smooth"}
+    """
+
+    motion: Motion
+    amplitude: float
+    law: Law
+    hold: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """What happened: states (n, 4), link as its encoder meets it, torque as it was commanded."""
+
+    states: FloatArray
+    link: FloatArray
+    torque: FloatArray
+
+
+def make_trial(family: str, seed: int) -> Trial:
+    """Draw a log; the same for the same family and seed.
+
+    Parameters
+    ----------
+    family : str
+        Out of `FAMILIES`.
+    seed : int
+
+    Returns
+    -------
+    Trial
+
+    Raises
+    ------
+    RuntimeError
+        If no drive and motion go together; none of the seeds tried does that.
+    """
+    chosen = FAMILIES[family]
+    rng = np.random.default_rng((seed, zlib.crc32(family.encode())))
+    for _ in range(_TRIES):
+        draft = chosen.draw(rng)
+        sensors = _draw_sensors(rng, draft)
+        for _ in range(_MOTIONS):
+            play, size = _draw_play(rng, draft, sensors)
+            noise = _draw_noise(rng, draft, sensors)
+            found = _sized(draft, sensors, play, size, noise)
+            if found is None:
+                continue
+            play, size, drive = found
+            times = sensors.instants + sensors.sample_time * noise.jitter
+            run = _run(draft, drive, play, times, noise, size.torque, _FINE)
+            if _accepted(draft, drive, sensors, run):
+                return _trial(rng, chosen.name, seed, draft, drive, sensors, play, size, noise, run)
+    raise RuntimeError(f"{family} {seed}: no motion found")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Random numbers of a run, in units of what they are scaled by; all of shape (n,)."""
+
+    link: FloatArray
+    motor: FloatArray
+    torque: FloatArray
+    jitter: FloatArray
+
+
+def _draw_sensors(rng: np.random.Generator, draft: Draft) -> Sensors:
+    low, high = draft.bits
+    count = 2.0 * np.pi / 2.0 ** int(rng.integers(low, high + 1))
+    noise = float(np.exp(rng.uniform(*np.log(draft.noise))))
+    rounded = rng.random() < 0.6
+    zeros = rng.uniform(0.0, count, 2)
+    return Sensors(
+        sample_time=1.0 / float(rng.choice(_RATES)),
+        duration=float(rng.uniform(12.0, 30.0)),
+        lead=float(rng.uniform(0.05, 1.0)),
+        count=count if rounded else 0.0,
+        noise=0.0 if rounded else noise,
+        zeros=(float(zeros[0]), float(zeros[1])),
+    )
+
+
+def _draw_noise(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> Noise:
+    count = len(sensors.instants)
+    link, motor, torque = rng.standard_normal((3, count))
+    return Noise(
+        sensors.noise * link,
+        sensors.noise * motor,
+        draft.torque_noise * torque,
+        draft.jitter * rng.uniform(-1.0, 1.0, count),
+    )
+
+
+def _draw_play(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> tuple[Play, Size]:
+    """A motion, and a guess at its size."""
+    base = draft.base
+    inertia = base.link_inertia + base.motor_inertia
+    if draft.controlled:
+        motion = draw_reference(rng, draft.resonance)
+        bandwidth = min(draft.resonance, 30.0) * rng.uniform(0.25, 0.6)
+        proportional = inertia * bandwidth**2
+        law = Law(
+            proportional=proportional,
+            derivative=2.0 * rng.uniform(0.4, 1.0) * inertia * bandwidth,
+            integral=float(rng.choice([0.0, 0.15])) * proportional * bandwidth,
+            smoothing=1.0 - np.exp(-sensors.sample_time * rng.uniform(100.0, 400.0)),
+            count=sensors.count,
+            zero=sensors.zeros[1],
+        )
+        play = Play(motion, draft.target / _half_range(motion.at(sensors.instants)), law, "zero")
+        torque = draft.target * max(inertia * 9.0, base.gravity_torque)
+    else:
+        motion = draw_torque(rng, draft.band, sensors.duration)
+        torque = draft.target * (inertia * (0.2 * draft.band) ** 2 + base.gravity_torque)
+        play = Play(
+            motion, torque / motion.at(sensors.instants).std(), Law(), str(rng.choice(draft.holds))
+        )
+    deflection = torque / base.joint_stiffness
+    return play, Size(torque, 2.0 * torque, deflection, 2.0 * deflection)
+
+
+def _sized(
+    draft: Draft, sensors: Sensors, play: Play, size: Size, noise: Noise
+) -> tuple[Play, Size, Drive] | None:
+    """The amplitude that makes the link move as far as it should; None if there is none."""
+    for turn in range(_PLAYS):
+        drive = realised(draft, size)
+        held = Play(play.motion, play.amplitude, play.law, "zero")
+        run = _run(draft, drive, held, sensors.instants, noise, 0.0, _COARSE)
+        kept = run.states[sensors.before :]
+        if not np.all(np.isfinite(kept)) or np.abs(kept).max() > 1e3:
+            return None
+        reached = _half_range(kept[:, 0]) / draft.target
+        before, size = size, _size(kept, run.torque[sensors.before :])
+        settled = abs(size.torque / before.torque - 1.0) < 0.1
+        settled &= abs(size.deflection / before.deflection - 1.0) < 0.1
+        if turn > 1 and settled and 0.8 < reached < 1.25:
+            if not _visible(draft, sensors, size):
+                return None
+            return play, size, realised(draft, size)
+        factor = np.clip(1.0 / max(reached, 1e-6), 0.2, 5.0) ** 0.8
+        play = Play(play.motion, play.amplitude * float(factor), play.law, play.hold)
+    return None
+
+
+def _half_range(values: FloatArray) -> float:
+    return 0.5 * float(np.ptp(values))
+
+
+def _size(states: FloatArray, torque: FloatArray) -> Size:
+    deflection = states[:, 0] - states[:, 2]
+    return Size(
+        float(np.sqrt(np.mean(torque**2))),
+        float(np.abs(torque).max()),
+        float(deflection.std()),
+        float(np.abs(deflection).max()),
+    )
+
+
+def _run(
+    draft: Draft,
+    drive: Drive,
+    play: Play,
+    times: FloatArray,
+    noise: Noise,
+    disturbing: float,
+    longest: float,
+) -> Run:
+    """Run a drive; `disturbing` scales the torque that is in no log, in N m."""
+    count = len(times)
+    course = np.zeros((count, 3))
+    empty = Smooth(np.empty(0), 0.0, 1.0)
+    torque, smooth = np.zeros(count), empty
+    if draft.controlled:
+        wanted = play.amplitude * play.motion.at(times) + drive.gravity_angle
+        rate = play.amplitude * play.motion.rate_at(times)
+        course = np.column_stack((wanted, rate, noise.motor))
+    else:
+        torque = play.amplitude * play.motion.at(times)
+    if play.hold == "smooth":
+        first, last = times[0] - 0.02, times[-1] + 0.02
+        grid = first + _TABLE_STEP * np.arange(int((last - first) / _TABLE_STEP) + 1)
+        values = play.amplitude * play.motion.at(grid)
+        smooth = Smooth(values, first + draft.input_delay, _TABLE_STEP)
+    states, link = simulate(
+        drive,
+        times,
+        times - draft.link_delay,
+        times + draft.input_delay,
+        torque,
+        disturbing * noise.torque,
+        smooth,
+        play.law,
+        course,
+        drive.gravity_angle,
+        longest,
+    )
+    return Run(states, link, torque)
+
+
+def _visible(draft: Draft, sensors: Sensors, size: Size) -> bool:
+    """Whether the deflection is one that the encoders show, and that a joint bears."""
+    low, high = draft.visible
+    return bool(
+        low < size.deflection / sensors.error < high
+        and draft.smallest < size.deflection < _LARGEST_DEFLECTION
+    )
+
+
+def _accepted(draft: Draft, drive: Drive, sensors: Sensors, run: Run) -> bool:
+    """Whether a run looks like one that someone would record."""
+    states = run.states[sensors.before :]
+    if not np.all(np.isfinite(states)):
+        return False
+    size = _size(states, run.torque[sensors.before :])
+    away = np.abs(run.states[:, 0] - drive.gravity_angle).max()
+    hangs = drive.gravity_torque == 0.0 or away < _FARTHEST
+    return bool(
+        _visible(draft, sensors, size)
+        and hangs
+        and 0.7 < _half_range(states[:, 0]) / draft.target < 1.4
+        and np.abs(states[:, (1, 3)]).max() < _FASTEST
+    )
+
+
+def _trial(
+    rng: np.random.Generator,
+    family: str,
+    seed: int,
+    draft: Draft,
+    drive: Drive,
+    sensors: Sensors,
+    play: Play,
+    size: Size,
+    noise: Noise,
+    run: Run,
+) -> Trial:
+    """The log of a run."""
+    log = slice(sensors.before, None)
+    stamps = sensors.instants[log]
+    if draft.jitter and draft.stamps == "true":
+        stamps = stamps + sensors.sample_time * noise.jitter[log]
+    columns = np.column_stack(
+        (
+            stamps,
+            sensors.read(run.link, noise.link, 0)[log] + draft.link_zero,
+            sensors.read(run.states[:, 2], noise.motor, 1)[log] + draft.motor_zero,
+            run.torque[log] + draft.torque_zero * size.torque,
+        )
+    )
+    columns = _with_losses(rng, draft.lost, columns)
+    values = truth(draft, drive, size)
+    return Trial(
+        family,
+        seed,
+        *columns.T.copy(),
+        truth=values,
+        terms=acting(values),
+        hold=play.hold,
+        in_class=FAMILIES[family].in_class,
+        metadata=_metadata(draft, drive, sensors, play, size),
+    )
+
+
+def _with_losses(rng: np.random.Generator, lost: str, columns: FloatArray) -> FloatArray:
+    """A few rows left out, or holding what the row before holds."""
+    if not lost:
+        return columns
+    places = rng.choice(np.arange(100, len(columns) - 100), int(rng.integers(2, 7)), replace=False)
+    if lost == "stale":
+        stale = columns.copy()
+        stale[places, 1:] = columns[places - 1, 1:]
+        return stale
+    gone = [place + step for place in places for step in range(int(rng.integers(1, 5)))]
+    return np.delete(columns, gone, axis=0)
+
+
+def _metadata(
+    draft: Draft, drive: Drive, sensors: Sensors, play: Play, size: Size
+) -> dict[str, float | str]:
+    """What was drawn: everything of the drive that acts, the sensors, the motion and its size."""
+    acts = {name: value for name, value in drive._asdict().items() if value}
+    return acts | {
+        "resonance": draft.resonance,
+        "sample_time": sensors.sample_time,
+        "encoder_count": sensors.count,
+        "encoder_noise": sensors.noise,
+        "motion": play.motion.kind,
+        "hold": play.hold,
+        "torque_rms": size.torque,
+        "deflection_rms": size.deflection,
+        "torque_noise": draft.torque_noise * size.torque,
+        "jitter": draft.jitter,
+        "stamps": draft.stamps,
+        "lost": draft.lost,
+    }
