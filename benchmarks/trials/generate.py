@@ -407,7 +407,8 @@ def _metadata(
     draft: Draft, drive: Drive, sensors: Sensors, play: Play, size: Size
 ) -> dict[str, float | str]:
     """What was drawn: everything of the drive that acts, the sensors, the motion and its size."""
-    acts = {name: value for name, value in drive._asdict().items() if value}
+    usual = Drive._field_defaults
+    acts = {name: v for name, v in drive._asdict().items() if v != usual.get(name)}
     return acts | {
         "resonance": draft.resonance,
         "sample_time": sensors.sample_time,

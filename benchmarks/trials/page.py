@@ -1,0 +1,218 @@
+"""Scores as tables: on the terminal, and on `docs/trials.md`."""
+
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from benchmarks.report import markdown
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.score import Claim, FamilyScore, Share, Spread, claims, scores
+
+RESULTS = Path(__file__).parents[1] / "trials.json"
+PAGE = Path(__file__).parents[2] / "docs" / "trials.md"
+
+BEGIN, END = "<!-- trials: begin -->", "<!-- trials: end -->"
+
+Results = Mapping[str, Any]
+
+Column = tuple[str, Callable[[FamilyScore], str]]
+
+
+def with_block(page: str, block: str) -> str:
+    """The page with what stands between its two marks replaced.
+
+    Raises
+    ------
+    ValueError
+        If the page does not have both marks once.
+    """
+    if page.count(BEGIN) != 1 or page.count(END) != 1:
+        raise ValueError(f"the page does not have {BEGIN} and {END} once each: write them")
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{BEGIN}\n\n{block}\n{END}{rest.partition(END)[2]}"
+
+
+def block_of(page: str) -> str:
+    """What stands between the two marks."""
+    return page.partition(f"{BEGIN}\n\n")[2].partition(f"\n{END}")[0]
+
+
+def render(results: Results) -> str:
+    """Everything that was measured, as Markdown; failures first."""
+    found = scores(results["records"])
+    parts = ["### How it was run", "", *_how(results), ""]
+    for title, about, columns in _TABLES:
+        parts += [f"### {title}", "", about, ""]
+        for in_class, heading in ((True, "in the model class"), (False, "outside it")):
+            chosen = [one for one in found if one.in_class is in_class]
+            if chosen:
+                headings = [heading, *(name for name, _ in columns)]
+                lines = [[one.family, *(cell(one) for _, cell in columns)] for one in chosen]
+                parts += [*markdown(headings, lines), ""]
+    parts += ["### Each log that is confidently wrong", "", *_wrong(results["records"]), ""]
+    parts += ["### Each log without a result", "", *_failed(results["records"]), ""]
+    return "\n".join(parts)
+
+
+def terminal(results: Results) -> str:
+    """The tables without the lists of families, for a terminal."""
+    found = scores(results["records"])
+    parts = []
+    for title, _, columns in _TABLES:
+        headings = [title, *(name for name, _ in columns)]
+        lines = [[one.family, *(cell(one) for _, cell in columns)] for one in found]
+        widths = [max(map(len, column)) for column in zip(headings, *lines, strict=True)]
+        parts += [
+            "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+            for line in (headings, *lines)
+        ]
+        parts.append("")
+    parts += _wrong(results["records"])
+    return "\n".join(parts)
+
+
+def families() -> str:
+    """The families as Markdown."""
+    lines = [[one.name, one.about, "yes" if one.in_class else "no"] for one in FAMILIES.values()]
+    return "\n".join(markdown(["family", "what it has", "in the model class"], lines))
+
+
+def _percent(value: float, digits: int = 2) -> str:
+    return f"{100.0 * value:.{digits}g}" if isfinite(value) else "–"
+
+
+def _share(share: Share) -> str:
+    return f"{share.percent:.1f} % of {share.whole}" if share.whole else "–"
+
+
+def _spread(spread: Spread) -> str:
+    values = (spread.middle, spread.high, spread.largest)
+    if not all(isfinite(value) for value in values):
+        return "–"
+    return " / ".join(_percent(value) for value in values)
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}" if isfinite(value) else "–"
+
+
+def _seconds(spread: Spread) -> str:
+    return f"{spread.middle:.1f} / {spread.largest:.1f}" if isfinite(spread.middle) else "–"
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "–"
+
+
+def _failures(one: FamilyScore) -> str:
+    return f"{one.failed} ({one.refused})" if one.failed else "0"
+
+
+_TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
+    (
+        "Failures",
+        "Confidently wrong: said to be determined, outside its 95 % interval, and off by more "
+        "than 1 %; logs with such a parameter out of gravity torque, inertias and stiffness "
+        "(core), or out of all. No result: in brackets those with an error made for the user.",
+        (
+            ("logs", lambda one: str(one.logs)),
+            ("confidently wrong, core", lambda one: str(one.wrong_core)),
+            ("confidently wrong, any", lambda one: str(one.wrong)),
+            ("no result", _failures),
+            ("core determined", lambda one: _share(one.core_determined)),
+        ),
+    ),
+    (
+        "Intervals",
+        "Nominal 95 % intervals that hold the truth. Removed: parameters of terms that were taken "
+        "out of the model. Width: of the determined core parameters, over the width with terms, "
+        "hold and delays told; median.",
+        (
+            ("all", lambda one: _share(one.coverage["all"])),
+            ("determined", lambda one: _share(one.coverage["determined"])),
+            ("determined core", lambda one: _share(one.coverage["core"])),
+            ("removed", lambda one: _share(one.coverage["removed"])),
+            ("delays", lambda one: _share(one.coverage["delay"])),
+            ("width", lambda one: _number(one.sharpness)),
+        ),
+    ),
+    (
+        "Errors and times",
+        "Relative errors of the determined core parameters in percent: median / 90th percentile / "
+        "largest; beside them those of the same parameters with terms, hold and delays told, and "
+        "those of filtered least squares told the same. Seconds for one log: median / largest.",
+        (
+            ("error", lambda one: _spread(one.error)),
+            ("told", lambda one: _spread(one.told_error)),
+            ("told least squares", lambda one: _spread(one.least_squares_error)),
+            ("seconds", lambda one: _seconds(one.seconds)),
+        ),
+    ),
+    (
+        "Choices",
+        "Terms that act and were not chosen, terms that were chosen and do not act, and holds that "
+        "were mistaken, with the number of logs.",
+        (
+            ("missed", lambda one: _counts(one.missed)),
+            ("extra", lambda one: _counts(one.extra)),
+            ("wrong hold", lambda one: str(one.wrong_hold)),
+        ),
+    ),
+)
+
+
+def _how(results: Results) -> list[str]:
+    seeds = [record["seed"] for record in results["records"]]
+    lines = [f"Seeds {min(seeds)} to {max(seeds)} of each family, {len(seeds)} logs.", ""]
+    for about in results["runs"]:
+        minutes = about.get("seconds", 0) / 60.0
+        lines.append(
+            f"- `{about['command']}`, {about['date']}, commit {about['commit']}, "
+            f"{about['machine']}, Python {about['python']}: {minutes:.0f} min."
+        )
+    return lines
+
+
+def _wrong(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    lines = [
+        [record["family"], str(record["seed"]), *_wrong_cells(record, claim)]
+        for record in records
+        if "error" not in record
+        for claim in claims(record)
+        if claim.confidently_wrong
+    ]
+    if not lines:
+        return ["None."]
+    headings = ["family", "seed", "parameter", "truth", "value", "interval", "off", "told, off"]
+    return markdown(headings, lines)
+
+
+def _wrong_cells(record: Mapping[str, Any], claim: Claim) -> list[str]:
+    told = record.get("told", {}).get(claim.name)
+    beside = "–"
+    if isinstance(told, list):
+        given = Claim("kept", claim.name, *told[:3], status="", truth=claim.truth)
+        beside = _off(given)
+    return [
+        claim.name,
+        f"{claim.truth:.5g}",
+        f"{claim.value:.5g}",
+        f"{claim.low:.5g} to {claim.high:.5g}",
+        _off(claim),
+        beside,
+    ]
+
+
+def _off(claim: Claim) -> str:
+    if claim.name == "gravity_angle":
+        return f"{claim.value - claim.truth:+.2g} rad"
+    return f"{100.0 * (claim.value - claim.truth) / abs(claim.truth):+.2g} %"
+
+
+def _failed(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    failed = [record for record in records if "error" in record]
+    if not failed:
+        return ["None."]
+    lines = [[r["family"], str(r["seed"]), r["error"].replace("|", "\\|")] for r in failed]
+    return markdown(["family", "seed", "error"], lines)

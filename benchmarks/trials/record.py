@@ -1,0 +1,131 @@
+"""One log of a trial, identified untold: what came out, beside the truth."""
+
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from benchmarks.trials.generate import Trial, make_trial
+from benchmarks.trials.told_least_squares import told_least_squares
+from flexid.errors import FlexidError
+from flexid.identification.identify import identify
+from flexid.identification.settings import Settings
+from flexid.recording.read import read_log
+from flexid.recording.recording import Log
+
+_HOLDS = {"zero": "zero", "smooth": "linear"}
+"""The hold in flexid's words for a trial's."""
+
+_SIMPLER = {"motor_stiction": "motor_coulomb"}
+
+Record = dict[str, Any]
+
+
+def recorded(family: str, seed: int, told: bool) -> Record:
+    """Draw a log, identify it as a user would, and write down what was claimed.
+
+    Parameters
+    ----------
+    family : str
+    seed : int
+    told : bool
+        Whether to identify it once more with terms, hold and delays told, and to solve the least
+        squares of `told_least_squares`.
+
+    Returns
+    -------
+    dict
+        Ready for JSON. ``estimates`` are value, ends of the interval and status by parameter,
+        ``removed`` the same without status, ``delays`` too, all in SI units; ``error`` in their
+        place where identification raised.
+    """
+    trial = make_trial(family, seed)
+    record = _known(trial)
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
+        path = Path(folder) / "log.csv"
+        trial.write_csv(path)
+        record |= _identified(path, Settings())
+        if told:
+            given = _identified(path, _told_settings(trial, trial.terms))
+            if "error" in given:  # the shape of friction that is simpler to fit
+                simpler = tuple(_SIMPLER.get(term, term) for term in trial.terms)
+                given = _identified(path, _told_settings(trial, simpler))
+            record["told"] = given.get("estimates", {"error": given.get("error")})
+            record["least_squares"] = _shortened(told_least_squares(trial))
+    return record
+
+
+def _known(trial: Trial) -> Record:
+    """What the generator knows."""
+    return {
+        "family": trial.family,
+        "seed": trial.seed,
+        "in_class": trial.in_class,
+        "hold": _HOLDS[trial.hold],
+        "terms": list(trial.terms),
+        "truth": {name: value for name, value in _shortened(trial.truth, 9).items() if value},
+        "drawn": _shortened(trial.metadata, 4),
+    }
+
+
+def _identified(path: Path, settings: Settings) -> Record:
+    start = time.perf_counter()
+    try:
+        # Reading is part of what a user waits for, and of what may refuse.
+        logs: list[Log] = [read_log(path)]
+        result = identify(logs, settings)
+    except Exception as error:  # whatever it fails with is its result
+        refused = isinstance(error, FlexidError)
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = "" if refused else f" ({Path(place.filename).name}:{place.lineno})"
+        text = f"{type(error).__name__}: {error}".replace(str(path), "log.csv")
+        return {"error": f"{text}{where}"[:400], "refused": refused}
+    seconds = round(time.perf_counter() - start, 3)
+    alignment = result.choices.alignment
+    return {
+        "seconds": seconds,
+        "estimates": {
+            name: [*_ends(estimate), estimate.status]
+            for name, estimate in result.parameters.items()
+        },
+        "removed": {
+            name: _ends(estimate) for name, estimate in getattr(result, "removed", {}).items()
+        },
+        "delays": {
+            name: [_short(delay.estimate), *(_short(end) for end in delay.interval), delay.status]
+            for name, delay in (
+                ("input_delay", alignment.input_delay),
+                ("link_delay", alignment.link_delay),
+            )
+        },
+        "chosen": {"terms": list(result.choices.terms), "hold": result.choices.hold},
+        "estimator": result.choices.estimator,
+        "warnings": len(result.warnings),
+    }
+
+
+def _told_settings(trial: Trial, terms: tuple[str, ...]) -> Settings:
+    return Settings(
+        terms=terms,
+        hold="zero" if trial.hold == "zero" else "linear",
+        input_delay=trial.truth["input_delay"],
+        link_delay=trial.truth["link_delay"],
+    )
+
+
+def _ends(estimate: Any) -> list[float]:
+    return [_short(estimate.value), *(_short(end) for end in estimate.interval)]
+
+
+def _short(value: float, digits: int = 8) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def _shortened(values: Mapping[str, Any], digits: int = 8) -> dict[str, Any]:
+    return {
+        name: value if isinstance(value, str) else _short(value, digits)
+        for name, value in values.items()
+    }

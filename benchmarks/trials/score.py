@@ -1,0 +1,264 @@
+"""Scores of a family of trials from the records of its logs; needs no flexid."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+CORE = ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness")
+"""What everyone who identifies a joint asks for; gravity where there is any."""
+
+WRONG = 0.01
+"""How far off, relative to the truth (or in rad for an angle), is wrong."""
+
+_SAME = {"motor_coulomb": "motor_stiction"}  # one friction, in two shapes
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """An interval that was reported, beside the truth.
+
+    Parameters
+    ----------
+    kind : {"kept", "removed", "delay"}
+        A parameter of the model, one of a term that was removed from it, or a delay.
+    name : str
+    value, low, high, truth : float
+    status : str
+        The verdict; empty for what was removed.
+    """
+
+    kind: str
+    name: str
+    value: float
+    low: float
+    high: float
+    status: str
+    truth: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the interval holds the truth; one that is no interval does not."""
+        return bool(self.low <= self.truth <= self.high)
+
+    @property
+    def error(self) -> float:
+        """Relative error; of an angle, in rad; infinite where the truth is zero."""
+        off = abs(self.value - self.truth)
+        if self.name == "gravity_angle":
+            return off
+        return off / abs(self.truth) if self.truth else float("inf")
+
+    @property
+    def confidently_wrong(self) -> bool:
+        """Determined, outside its interval, and off by more than `WRONG`.
+
+        What does not act has no relative error; its intervals count for coverage alone.
+        """
+        acts = self.truth != 0.0 or self.name == "gravity_angle"
+        wrong = not self.holds and self.error > WRONG
+        return self.kind == "kept" and self.status == "determined" and acts and wrong
+
+
+def claims(record: Record) -> Iterator[Claim]:
+    """Everything that one log's result claims; nothing where there is no result.
+
+    The angle of gravity has no truth where there is no gravity, and is left out there.
+    """
+    truth = record["truth"]
+    kinds = (("kept", "estimates"), ("removed", "removed"), ("delay", "delays"))
+    for kind, key in kinds:
+        for name, (value, low, high, *status) in record.get(key, {}).items():
+            if name == "gravity_angle" and "gravity_torque" not in truth:
+                continue
+            verdict = status[0] if status else ""
+            yield Claim(kind, name, value, low, high, verdict, truth.get(name, 0.0))
+
+
+def core_names(record: Record) -> list[str]:
+    """Names of the core parameters that a drive has."""
+    return [name for name in CORE if record["truth"].get(name)]
+
+
+@dataclass(frozen=True)
+class Share:
+    """Some of many."""
+
+    part: int
+    whole: int
+
+    @property
+    def percent(self) -> float:
+        """In percent; NaN of nothing."""
+        return 100.0 * self.part / self.whole if self.whole else float("nan")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median, 90th percentile and largest of some numbers; NaN where there are none."""
+
+    middle: float
+    high: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class FamilyScore:
+    """How the logs of a family came out.
+
+    Parameters
+    ----------
+    family : str
+    in_class : bool
+    logs, failed, refused : int
+        Logs; those without a result; and of these, those with an error made for the user.
+    wrong_core, wrong : int
+        Logs with a core parameter, or any parameter, that is confidently wrong.
+    coverage : mapping of str to Share
+        Intervals that hold the truth: ``all`` (parameters kept and removed), ``determined``,
+        ``core`` (of the determined), ``removed`` and ``delay``.
+    core_determined : Share
+        Core parameters that were said to be determined, of all there are.
+    error : Spread
+        Relative errors of the determined core parameters.
+    told_error, least_squares_error : Spread
+        The same parameters of the same logs, with the structure told; by told least squares.
+    sharpness : float
+        Width of the determined core parameters' intervals over the width with the structure told,
+        median.
+    seconds : Spread
+    missed, extra : mapping of str to int
+        Terms that act and were not chosen, and the other way round, with the number of logs.
+    wrong_hold : int
+        Logs whose hold was mistaken.
+    """
+
+    family: str
+    in_class: bool
+    logs: int
+    failed: int
+    refused: int
+    wrong_core: int
+    wrong: int
+    coverage: Mapping[str, Share]
+    core_determined: Share
+    error: Spread
+    told_error: Spread
+    least_squares_error: Spread
+    sharpness: float
+    seconds: Spread
+    missed: Mapping[str, int]
+    extra: Mapping[str, int]
+    wrong_hold: int
+
+
+def score(records: Sequence[Record]) -> FamilyScore:
+    """Score the logs of one family."""
+    found = [record for record in records if "error" not in record]
+    of_logs = [list(claims(record)) for record in found]
+    every = [claim for of_log in of_logs for claim in of_log]
+    kept = [claim for claim in every if claim.kind == "kept"]
+    determined = [claim for claim in kept if claim.status == "determined"]
+    core = [claim for claim in determined if claim.name in CORE and claim.truth]
+    removed = [claim for claim in every if claim.kind == "removed"]
+    delays = [c for c in every if c.kind == "delay" and c.status not in ("given", "unknown")]
+    missed, extra = _term_mistakes(found)
+    told, least, widths = _beside_told(found, of_logs)
+    return FamilyScore(
+        family=records[0]["family"],
+        in_class=records[0]["in_class"],
+        logs=len(records),
+        failed=len(records) - len(found),
+        refused=sum(bool(record.get("refused")) for record in records),
+        wrong_core=sum(
+            any(claim.confidently_wrong and claim.name in CORE for claim in of_log)
+            for of_log in of_logs
+        ),
+        wrong=sum(any(claim.confidently_wrong for claim in of_log) for of_log in of_logs),
+        coverage={
+            "all": _held(kept + removed),
+            "determined": _held(determined),
+            "core": _held(core),
+            "removed": _held(removed),
+            "delay": _held(delays),
+        },
+        core_determined=Share(len(core), sum(len(core_names(record)) for record in records)),
+        error=spread([claim.error for claim in core]),
+        told_error=spread(told),
+        least_squares_error=spread(least),
+        sharpness=median(widths) if widths else float("nan"),
+        seconds=spread([record["seconds"] for record in found]),
+        missed=missed,
+        extra=extra,
+        wrong_hold=sum(record["hold"] != record["chosen"]["hold"] for record in found),
+    )
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Median, 90th percentile and largest."""
+    if not values:
+        return Spread(float("nan"), float("nan"), float("nan"))
+    middle, high, largest = np.quantile(values, (0.5, 0.9, 1.0))
+    return Spread(float(middle), float(high), float(largest))
+
+
+def scores(records: Sequence[Record]) -> list[FamilyScore]:
+    """One score per family: what is in the model class first, and failures first."""
+    families = dict.fromkeys(record["family"] for record in records)
+    found = [score([r for r in records if r["family"] == family]) for family in families]
+    return sorted(found, key=_badness, reverse=True)
+
+
+def _badness(of_family: FamilyScore) -> tuple[bool, float, float, float]:
+    held = of_family.coverage["determined"]
+    missed = held.whole - held.part
+    return (
+        of_family.in_class,
+        of_family.wrong / of_family.logs,
+        of_family.failed / of_family.logs,
+        missed / max(held.whole, 1),
+    )
+
+
+def _held(some: Sequence[Claim]) -> Share:
+    return Share(sum(claim.holds for claim in some), len(some))
+
+
+def _beside_told(
+    found: Sequence[Record], of_logs: Sequence[Sequence[Claim]]
+) -> tuple[list[float], list[float], list[float]]:
+    """Errors told, errors of told least squares, and ratios of widths: determined core only."""
+    told, least, widths = [], [], []
+    for record, of_log in zip(found, of_logs, strict=True):
+        for claim in of_log:
+            if claim.name not in CORE or claim.status != "determined" or not claim.truth:
+                continue
+            if claim.name in record.get("least_squares", {}):
+                value = record["least_squares"][claim.name]
+                least.append(abs(value / claim.truth - 1.0))
+            given = record.get("told", {}).get(claim.name)
+            if given is None or isinstance(given, str):
+                continue
+            value, low, high = given[:3]
+            told.append(abs(value / claim.truth - 1.0))
+            ratio = (claim.high - claim.low) / (high - low) if high > low else float("nan")
+            if isfinite(ratio):
+                widths.append(ratio)
+    return told, least, widths
+
+
+def _term_mistakes(found: Sequence[Record]) -> tuple[dict[str, int], dict[str, int]]:
+    missed: Counter[str] = Counter()
+    extra: Counter[str] = Counter()
+    for record in found:
+        true = {_SAME.get(term, term) for term in record["terms"]}
+        chosen = {_SAME.get(term, term) for term in record["chosen"]["terms"]}
+        missed.update(true - chosen)
+        extra.update(chosen - true)
+    return dict(missed.most_common()), dict(extra.most_common())
