@@ -44,6 +44,9 @@ class Draft:
         Smallest and largest noise, in rad, of encoders that are not rounded.
     visible : tuple of float
         Smallest and largest deflection in multiples of the encoder's error.
+    faint : float
+        Deflection in multiples of the error of encoders that are chosen for that; zero if the
+        encoders are drawn.
     smallest : float
         Smallest deflection in rad.
     jitter : float
@@ -75,6 +78,7 @@ class Draft:
     bits: tuple[int, int] = (13, 18)
     noise: tuple[float, float] = (2e-5, 3e-4)
     visible: tuple[float, float] = (20.0, np.inf)
+    faint: float = 0.0
     smallest: float = 1e-3
     jitter: float = 0.0
     stamps: str = "true"

@@ -108,8 +108,8 @@ def _torque_noise(_: Generator, draft: Draft) -> None:
 
 def _weak_input(rng: Generator, draft: Draft) -> None:
     draft.target /= rng.uniform(5.0, 10.0)
-    draft.visible, draft.bits, draft.noise = (5.0, 20.0), (13, 15), (1e-4, 3e-4)
-    draft.smallest = 0.0
+    draft.visible, draft.smallest = (4.0, 25.0), 0.0
+    draft.faint = _log(rng, 5.0, 20.0)
 
 
 def _coulomb(rng: Generator, draft: Draft) -> None:

@@ -11,10 +11,17 @@ from benchmarks.trials.drafts import Draft, Size, acting, realised, truth
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.integrator import Drive, FloatArray, Law, Smooth, simulate
 from benchmarks.trials.motions import Motion, draw_reference, draw_torque
+from benchmarks.trials.sensors import (
+    Noise,
+    Sensors,
+    draw_noise,
+    draw_sensors,
+    faint,
+    with_losses,
+)
 
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 
-_RATES = (500, 625, 800, 1000, 1250, 1600, 2000)  # samples per second
 _TABLE_STEP = 1e-4  # s, of a smooth torque
 _COARSE, _FINE = 2.5e-4, 5e-5  # s, steps while the amplitude is sought, and for the log
 _TRIES, _MOTIONS, _PLAYS = 500, 4, 7
@@ -72,53 +79,6 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Sensors:
-    """Clock and encoders.
-
-    Parameters
-    ----------
-    sample_time, duration, lead : float
-        In s; the lead is played before the log begins.
-    count : float
-        Step of the encoders in rad, or zero.
-    noise : float
-        Standard deviation of the noise in rad, where there are no steps.
-    zeros : tuple of float
-        Where in a step the zeros of link and motor encoder lie.
-    """
-
-    sample_time: float
-    duration: float
-    lead: float
-    count: float
-    noise: float
-    zeros: tuple[float, float]
-
-    @property
-    def error(self) -> float:
-        """Standard deviation of a reading."""
-        return self.count / np.sqrt(12.0) if self.count else self.noise
-
-    @property
-    def before(self) -> int:
-        """Samples of the lead."""
-        return round(self.lead / self.sample_time)
-
-    @property
-    def instants(self) -> FloatArray:
-        """Nominal times, lead included, shape (n,); the log begins at zero."""
-        count = round(self.duration / self.sample_time) + 1
-        return self.sample_time * np.arange(-self.before, count)
-
-    def read(self, angles: FloatArray, noise: FloatArray, side: int) -> FloatArray:
-        """What an encoder says."""
-        if not self.count:
-            return angles + noise
-        zero = self.zeros[side]
-        return np.rint((angles + zero) / self.count) * self.count - zero
-
-
-@dataclass(frozen=True)
 class Play:
     """A motion with its size, ready to be run.
 
@@ -167,56 +127,22 @@ def make_trial(family: str, seed: int) -> Trial:
     rng = np.random.default_rng((seed, zlib.crc32(family.encode())))
     for _ in range(_TRIES):
         draft = chosen.draw(rng)
-        sensors = _draw_sensors(rng, draft)
+        sensors = draw_sensors(rng, draft)
         for _ in range(_MOTIONS):
             play, size = _draw_play(rng, draft, sensors)
-            noise = _draw_noise(rng, draft, sensors)
+            noise = draw_noise(rng, draft, sensors)
             found = _sized(draft, sensors, play, size, noise)
             if found is None:
                 continue
             play, size, drive = found
+            if draft.faint:
+                sensors = faint(draft, sensors, size.deflection / draft.faint)
+                noise = draw_noise(rng, draft, sensors)
             times = sensors.instants + sensors.sample_time * noise.jitter
             run = _run(draft, drive, play, times, noise, size.torque, _FINE)
             if _accepted(draft, drive, sensors, run):
                 return _trial(rng, chosen.name, seed, draft, drive, sensors, play, size, noise, run)
     raise RuntimeError(f"{family} {seed}: no motion found")
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Random numbers of a run, in units of what they are scaled by; all of shape (n,)."""
-
-    link: FloatArray
-    motor: FloatArray
-    torque: FloatArray
-    jitter: FloatArray
-
-
-def _draw_sensors(rng: np.random.Generator, draft: Draft) -> Sensors:
-    low, high = draft.bits
-    count = 2.0 * np.pi / 2.0 ** int(rng.integers(low, high + 1))
-    noise = float(np.exp(rng.uniform(*np.log(draft.noise))))
-    rounded = rng.random() < 0.6
-    zeros = rng.uniform(0.0, count, 2)
-    return Sensors(
-        sample_time=1.0 / float(rng.choice(_RATES)),
-        duration=float(rng.uniform(12.0, 30.0)),
-        lead=float(rng.uniform(0.05, 1.0)),
-        count=count if rounded else 0.0,
-        noise=0.0 if rounded else noise,
-        zeros=(float(zeros[0]), float(zeros[1])),
-    )
-
-
-def _draw_noise(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> Noise:
-    count = len(sensors.instants)
-    link, motor, torque = rng.standard_normal((3, count))
-    return Noise(
-        sensors.noise * link,
-        sensors.noise * motor,
-        draft.torque_noise * torque,
-        draft.jitter * rng.uniform(-1.0, 1.0, count),
-    )
 
 
 def _draw_play(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> tuple[Play, Size]:
@@ -253,6 +179,12 @@ def _sized(
     """The amplitude that makes the link move as far as it should; None if there is none."""
     for turn in range(_PLAYS):
         drive = realised(draft, size)
+        drive = drive._replace(  # LuGre's friction takes short steps, and moves as far as Coulomb's
+            motor_coulomb_up=drive.motor_coulomb_up + drive.bristle_coulomb,
+            motor_coulomb_down=drive.motor_coulomb_down + drive.bristle_coulomb,
+            bristle_stiffness=0.0,
+            bristle_damping=0.0,
+        )
         held = Play(play.motion, play.amplitude, play.law, "zero")
         run = _run(draft, drive, held, sensors.instants, noise, 0.0, _COARSE)
         kept = run.states[sensors.before :]
@@ -263,7 +195,7 @@ def _sized(
         settled = abs(size.torque / before.torque - 1.0) < 0.1
         settled &= abs(size.deflection / before.deflection - 1.0) < 0.1
         if turn > 1 and settled and 0.8 < reached < 1.25:
-            if not _visible(draft, sensors, size):
+            if not draft.faint and not _visible(draft, sensors, size):
                 return None
             return play, size, realised(draft, size)
         factor = np.clip(1.0 / max(reached, 1e-6), 0.2, 5.0) ** 0.8
@@ -376,7 +308,7 @@ def _trial(
             run.torque[log] + draft.torque_zero * size.torque,
         )
     )
-    columns = _with_losses(rng, draft.lost, columns)
+    columns = with_losses(rng, draft.lost, columns)
     values = truth(draft, drive, size)
     return Trial(
         family,
@@ -388,19 +320,6 @@ def _trial(
         in_class=FAMILIES[family].in_class,
         metadata=_metadata(draft, drive, sensors, play, size),
     )
-
-
-def _with_losses(rng: np.random.Generator, lost: str, columns: FloatArray) -> FloatArray:
-    """A few rows left out, or holding what the row before holds."""
-    if not lost:
-        return columns
-    places = rng.choice(np.arange(100, len(columns) - 100), int(rng.integers(2, 7)), replace=False)
-    if lost == "stale":
-        stale = columns.copy()
-        stale[places, 1:] = columns[places - 1, 1:]
-        return stale
-    gone = [place + step for place in places for step in range(int(rng.integers(1, 5)))]
-    return np.delete(columns, gone, axis=0)
 
 
 def _metadata(

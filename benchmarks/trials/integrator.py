@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 _BISECTIONS = 45  # of a step: to the last digits
 _BEFORE = 1e-3  # s, from rest to the first sample
-_BRISTLE_SHARE = 0.25  # of the bristle's decay time: the longest step of LuGre friction
+_BRISTLE_SHARE = 0.5  # of the bristle's decay time: the longest step of LuGre friction
 
 
 class Drive(NamedTuple):
@@ -278,6 +278,24 @@ def _advance(drive, smooth, value, time, end, state, link_mode, motor_mode, long
 
 
 @njit(cache=True)
+def _controlled(law, course, position, sample, memory):
+    """The controller's torque, and what it keeps: summed error, speed, and what it read."""
+    summed, speed, before = memory
+    read = position + course[2]
+    if law.count > 0.0:
+        read = np.rint((read + law.zero) / law.count) * law.count - law.zero
+    if sample > 0.0:
+        speed += law.smoothing * ((read - before) / sample - speed)
+        summed += sample * (course[0] - read)
+    torque = (
+        law.proportional * (course[0] - read)
+        + law.derivative * (course[1] - speed)
+        + law.integral * summed
+    )
+    return torque, (summed, speed, read)
+
+
+@njit(cache=True)
 def simulate(
     drive, times, link_times, switch_times, held, disturbance, smooth, law, course, start, longest
 ):
@@ -322,7 +340,7 @@ def simulate(
     if drive.motor_coulomb_up + drive.motor_coulomb_down == 0.0:
         motor_mode = 1
     reads, links, switches = 0, 0, 0
-    summed, speed, before = 0.0, 0.0, np.nan
+    memory = (0.0, 0.0, 0.0)
     while reads < count or links < count:
         at = times[reads] if reads < count else np.inf
         at = min(at, link_times[links] if links < count else np.inf)
@@ -334,19 +352,8 @@ def simulate(
         if reads < count and times[reads] <= time:
             states[reads] = state[0], state[1], state[2], state[3]
             if law.proportional > 0.0:
-                read = state[2] + course[reads, 2]
-                if law.count > 0.0:
-                    read = np.rint((read + law.zero) / law.count) * law.count - law.zero
-                if reads > 0:
-                    sample = times[reads] - times[reads - 1]
-                    speed += law.smoothing * ((read - before) / sample - speed)
-                    summed += sample * (course[reads, 0] - read)
-                before = read
-                held[reads] = (
-                    law.proportional * (course[reads, 0] - read)
-                    + law.derivative * (course[reads, 1] - speed)
-                    + law.integral * summed
-                )
+                sample = times[reads] - times[reads - 1] if reads > 0 else 0.0
+                held[reads], memory = _controlled(law, course[reads], state[2], sample, memory)
             reads += 1
         if links < count and link_times[links] <= time:
             link[links] = state[0]
