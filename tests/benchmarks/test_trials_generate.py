@@ -1,0 +1,123 @@
+"""Blind trials are repeatable, independent of flexid, and what they say they are."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.trials.drafts import Draft, Size, acting, truth
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.generate import HEADER, make_trial
+from benchmarks.trials.integrator import Drive
+from benchmarks.trials.told_least_squares import told_least_squares
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def trial():
+    """A log of the paper's joint."""
+    return make_trial("basic", 0)
+
+
+def columns(trial):
+    """What is recorded, as one array."""
+    return np.column_stack((trial.time, trial.link_position, trial.motor_position, trial.torque))
+
+
+def test_the_generator_does_not_import_flexid():
+    """Assert that a log is drawn without a line of flexid."""
+    code = (
+        "import sys, benchmarks.trials.generate\n"
+        "assert not [name for name in sys.modules if name.split('.')[0] == 'flexid']"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+@pytest.mark.parametrize("family", ["basic", "closed_loop_friction", "dropped_sample"])
+def test_a_seed_is_a_log(family):
+    """Assert that family and seed give the same log again, and another seed another log."""
+    first, again, other = make_trial(family, 3), make_trial(family, 3), make_trial(family, 4)
+    np.testing.assert_array_equal(columns(first), columns(again))
+    assert first.truth == again.truth
+    assert first.truth != other.truth
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_draws_a_drive_that_moves(family):
+    """Assert that each family yields a log of 12 to 30 s with a visible deflection."""
+    trial = make_trial(family, 0)
+    assert 11.9 < trial.time[-1] < 30.1
+    assert 450 < 1.0 / trial.metadata["sample_time"] < 2050
+    assert np.all(np.diff(trial.time) > 0.0)
+    assert np.all(np.isfinite(columns(trial)))
+    deflection = trial.link_position - trial.motor_position
+    assert deflection.std() > 2e-4
+    assert trial.in_class is FAMILIES[family].in_class
+    assert set(trial.terms) == set(acting(dict(trial.truth)))
+
+
+def test_what_is_drawn_lies_where_it_should():
+    """Assert that the basic drives keep to the ranges that the page names."""
+    for seed in range(8):
+        trial = make_trial("basic", seed)
+        link, motor = trial.truth["link_inertia"], trial.truth["motor_inertia"]
+        assert 0.02 <= link <= 2.0
+        assert 0.2 <= motor / link <= 5.0
+        stiffness = trial.truth["joint_stiffness"]
+        assert 8.0 <= np.sqrt(stiffness * (1.0 / link + 1.0 / motor)) <= 45.0
+        assert 0.2 <= 0.5 * np.ptp(trial.link_position) <= 2.2
+        assert set(trial.terms) == {"gravity", "motor_viscous"}
+
+
+def test_the_file_holds_the_log(trial, tmp_path):
+    """Assert that the CSV has the four columns to within its digits, and nothing of the truth."""
+    trial.write_csv(tmp_path / "log.csv")
+    text = (tmp_path / "log.csv").read_text(encoding="utf-8")
+    assert text.splitlines()[0] == HEADER
+    read = np.loadtxt(tmp_path / "log.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(read, columns(trial), rtol=1e-8, atol=1e-9)
+
+
+def test_offsets_and_masses_become_what_the_log_shows():
+    """Assert the algebra: two masses are one, and offsets of encoders stretch the spring."""
+    drive = Drive(1.0, 0.5, 100.0, gravity_torque=3.0, payload_torque=4.0, payload_angle=np.pi / 2)
+    drive = drive._replace(motor_coulomb_up=1.0, motor_coulomb_down=3.0, motor_offset=0.5)
+    draft = Draft(drive, 20.0, 20.0, 1.0, link_zero=0.02, motor_zero=-0.01, torque_zero=0.1)
+    values = truth(draft, drive, Size(2.0, 3.0, 0.1, 0.2))
+    assert values["gravity_torque"] == pytest.approx(5.0)
+    assert values["gravity_angle"] == pytest.approx(np.arctan2(4.0, 3.0) + 0.02)
+    assert values["motor_coulomb_friction"] == 2.0
+    assert values["link_offset_torque"] == pytest.approx(3.0)
+    assert values["motor_offset_torque"] == pytest.approx(0.5 + 1.0 - 0.2 - 3.0)
+
+
+@pytest.mark.parametrize(
+    "family", ["basic", "both_delays", "damping_link_friction", "offsets_tilted_friction"]
+)
+def test_the_truth_explains_the_log(family):
+    """Assert that plain least squares, told the structure, comes near the truth in the median."""
+    errors = []
+    for seed in range(5):
+        trial = make_trial(family, seed)
+        found = told_least_squares(trial)
+        for name in ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness"):
+            errors.append(abs(found[name] / trial.truth[name] - 1.0))
+    assert np.median(errors) < 0.02
+
+
+def test_stale_samples_keep_their_times_and_missing_ones_do_not():
+    """Assert that a log that lost samples shows a gap, or a row twice."""
+    kinds = set()
+    for seed in range(12):
+        trial = make_trial("dropped_sample", seed)
+        steps = np.diff(trial.time) / trial.metadata["sample_time"]
+        repeated = np.all(np.diff(columns(trial)[:, 1:], axis=0) == 0.0, axis=1)
+        kinds.add(trial.metadata["lost"])
+        if trial.metadata["lost"] == "missing":
+            assert steps.max() > 1.5
+        else:
+            assert steps.max() < 1.01
+            assert repeated.any()
+    assert kinds == {"missing", "stale"}
