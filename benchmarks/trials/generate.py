@@ -4,6 +4,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class Trial:
     terms: tuple[str, ...]
     hold: str
     in_class: bool
-    metadata: Mapping[str, float | str]
+    metadata: Mapping[str, Any]  # numbers and words
 
     def write_csv(self, path: Path) -> None:
         """Write the log alone."""

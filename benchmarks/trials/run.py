@@ -67,8 +67,9 @@ def run(tasks: Sequence[Task], jobs: int, command: str, out: Path | None) -> Res
 def merged(parts: Sequence[Results]) -> Results:
     """Several results as one; of a log that is in two of them, the later record counts."""
     records = {(r["family"], r["seed"]): r for part in parts for r in part["records"]}
+    runs = [about for part in parts for about in part["runs"]]
     return {
-        "runs": [about for part in parts for about in part["runs"]],
+        "runs": [about for i, about in enumerate(runs) if about not in runs[:i]],
         "records": [records[key] for key in sorted(records)],
     }
 

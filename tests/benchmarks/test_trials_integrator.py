@@ -47,6 +47,18 @@ def loads(drive, torque, time, state):
     return link, spring - drive.motor_viscous * v + torque(time)
 
 
+class Event:
+    """A function whose zero ends a run, crossed in one direction."""
+
+    terminal = True
+
+    def __init__(self, function, direction):
+        self.function, self.direction = function, direction
+
+    def __call__(self, time, state):
+        return self.function(time, state)
+
+
 def by_scipy(drive, torque, times, state):
     """The same drive by solve_ivp: it starts anew at each event of stick and slip."""
     levels = ((drive.link_coulomb,) * 2, (drive.motor_coulomb_up, drive.motor_coulomb_down))
@@ -68,24 +80,19 @@ def by_scipy(drive, torque, times, state):
     def crossings():
         for side in (0, 1):
             if modes[side]:
-                event = lambda _, x, i=2 * side + 1: x[i]  # noqa: E731
-                event.direction = -modes[side]
-                yield side, None, event
-            else:
-                for level, sign in zip(levels[side], (1, -1), strict=True):
-                    event = lambda t, x, i=side, s=sign, f=level: (  # noqa: E731
-                        s * loads(drive, torque, t, x)[i] - f
-                    )
-                    event.direction = 1
-                    yield side, sign, event
+                yield side, None, Event(lambda _, x, i=2 * side + 1: x[i], -modes[side])
+                continue
+            for level, sign in zip(levels[side], (1, -1), strict=True):
+                over = lambda t, x, i=side, s=sign, f=level: (  # noqa: E731
+                    s * loads(drive, torque, t, x)[i] - f
+                )
+                yield side, sign, Event(over, 1)
 
     modes = [at_rest(i, load) for i, load in enumerate(loads(drive, torque, times[0], state))]
     now, found, events = times[0], np.empty((len(times), 4)), 0
     found[0] = state
     while now < times[-1]:
         watched = list(crossings())
-        for *_, event in watched:
-            event.terminal = True
         ahead = times[times > now]
         run = solve_ivp(
             slope,

@@ -87,9 +87,10 @@ def test_a_page_without_marks_is_refused():
 
 def test_results_are_put_together():
     """Assert that runs are kept, logs are joined, and the later record of a log counts."""
-    later = {"runs": [ABOUT], "records": [record(seconds=5.0), record("coulomb", 1001)]}
+    again = ABOUT | {"date": "2026-01-02"}
+    later = {"runs": [ABOUT, again], "records": [record(seconds=5.0), record("coulomb", 1001)]}
     together = merged([RESULT, later])
-    assert len(together["runs"]) == 2
+    assert together["runs"] == [ABOUT, again]
     assert [(r["family"], r["seed"]) for r in together["records"]] == [
         ("basic", 1000),
         ("coulomb", 1001),
