@@ -56,6 +56,7 @@ class Event:
         self.function, self.direction = function, direction
 
     def __call__(self, time, state):
+        """Its value."""
         return self.function(time, state)
 
 
