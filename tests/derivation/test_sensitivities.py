@@ -40,7 +40,9 @@ def test_variations_are_derivatives_of_the_right_hand_side(plain, name):
     u, p = generator.standard_normal(len(system.inputs)), generator.uniform(0.5, 2.0, k)
     c = np.array(list(system.constants.values()))
     rates = np.full_like(z, np.nan)
-    variations["variation_rates"](z, u, p, c, 1 + n + np.arange(k), rates)
+    variations["variation_rates"](
+        z, u, 0.0 * u, np.sign(z[1::2, 0]), p, c, 1 + n + np.arange(k), 0, rates
+    )
 
     def right_hand_side(x, p):
         dx = np.empty(n)
@@ -68,7 +70,8 @@ def test_a_coefficient_without_a_column_leaves_the_others_alone(plain):
     c = np.array(list(system.constants.values()))
     full, part = np.empty_like(z), np.empty_like(z[:, :-1])
     at = 1 + n + np.arange(k)
-    rates_of(z, u, p, c, at, full)
+    modes = np.ones(len(system.rows))
+    rates_of(z, u, 0.0 * u, modes, p, c, at, 0, full)
     dropped = np.concatenate(([0], at[:-1]))
-    rates_of(np.delete(z, 1 + n, axis=1), u, p, c, dropped, part)
+    rates_of(np.delete(z, 1 + n, axis=1), u, 0.0 * u, modes, p, c, dropped, 0, part)
     assert np.array_equal(part, np.delete(full, 1 + n, axis=1))

@@ -19,9 +19,9 @@ from segment_bound import cramer_rao_bound, segment_derivatives
 
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators import threads
-from flexid.estimators.gauss_newton import Point, segmented_motion
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, Timing, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
@@ -66,7 +66,7 @@ def correlated(seed: int, rho: float = 0.9) -> Samples:
 def test_derivatives_along_a_segment():
     """Assert that a segment's normal matrix is that of derivatives by finite differences."""
     segments = divide([joint_samples()], 1.0)
-    problem = segmented_motion(JOINT, segments, "linear")
+    problem = segmented_motion(JOINT, segments, Timing("linear"))
     equations = problem.equations(Point(VALUES, clean_motion()[1][segments.starts]))
     part = slice(segments.starts[7], segments.starts[8])
     columns = segment_derivatives(part)
@@ -78,7 +78,7 @@ def test_derivatives_along_a_segment():
 def test_gradient_is_that_of_the_sum_of_squares():
     """Assert that the right-hand side is minus half the slope of the sum of squares."""
     segments = divide([joint_samples(1)], 3.0)
-    problem = segmented_motion(JOINT, segments, "linear")
+    problem = segmented_motion(JOINT, segments, Timing("linear"))
     states = clean_motion()[1][segments.starts]
     gradient = problem.equations(Point(VALUES, states)).gradient[:, 4:].sum(axis=0)
     for place, value in enumerate(VALUES):

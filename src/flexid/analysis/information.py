@@ -12,8 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexid.errors import SimulationError
-from flexid.estimators.gauss_newton import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.samples import FloatArray
+from flexid.estimators.segmented_motion import (
+    Point,
+    SegmentedMotion,
+    Timing,
+    segmented_motion,
+)
 from flexid.estimators.segments import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -116,7 +121,9 @@ def segmented_information(
         If the motion diverges.
     """
     point = Point(np.asarray(values, dtype=np.float64), initial_states)
-    return information_at(segmented_motion(system, segments, hold).at(point, 1.0 / noise), point)
+    return information_at(
+        segmented_motion(system, segments, Timing(hold)).at(point, 1.0 / noise), point
+    )
 
 
 def information_at(problem: SegmentedMotion, point: Point) -> Information:

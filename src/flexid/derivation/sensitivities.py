@@ -6,9 +6,14 @@ and to the coefficients p obey
     (∂x/∂s)' = (∂f/∂x) ∂x/∂s,    (∂x/∂p)' = (∂f/∂x) ∂x/∂p + ∂f/∂p.
 
 All of them are the columns of one matrix: first x, then ∂x/∂s, then ∂x/∂p. Coefficients that
-are not sought need no column.
+are not sought need no column. One more column may hold the derivative by the delay of the inputs,
+whose source is (∂f/∂u) du, with du the derivative of the inputs by that delay.
+
+The sign of a row's own velocity is the row's *mode*, which the kernel sets: a dry friction is
+smooth while the joint slides to one side.
 """
 
+from dataclasses import replace
 from typing import cast
 
 import sympy as sp
@@ -18,9 +23,12 @@ from flexid.derivation.source import assignments, function, unpack
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
+KNOWN = -1
+"""Stands in ``DRY`` for a known part with dry friction, which has no coefficient."""
+
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header and ``variation_rates(z, u, p, c, at, dz)``.
+    """Header, ``DRY`` and ``variation_rates(z, u, du, m, p, c, at, delay, dz)``.
 
     Parameters
     ----------
@@ -33,15 +41,45 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     -------
     str
         A module with the sizes of the model and the function, which fills dz = z' for the matrix
-        z of shape (N_STATES, n_columns); at[i] is the column of coefficient i, or 0 if it has none.
+        z of shape (N_STATES, n_columns); at[i] is the column of coefficient i, or 0 if it has none,
+        `delay` that of the inputs' delay, m[j] the mode of row j. ``DRY[j]`` holds the places of the
+        coefficients of row j that multiply its mode, and `KNOWN` if its known part does.
     """
-    return module_header(system, purpose) + "\n\n" + _variation_rates(symbolic_system(system))
+    symbolic = _with_modes(symbolic_system(system))
+    return "\n\n".join((module_header(system, purpose), _dry(symbolic), _variation_rates(symbolic)))
+
+
+def _mode(place: int) -> sp.Symbol:
+    return sp.Symbol(f"_m{place}", real=True)
+
+
+def _with_modes(symbolic: SymbolicSystem) -> SymbolicSystem:
+    """The same with the mode of each row in the place of its velocity's sign."""
+    modes = {sp.sign(row.velocity): _mode(j) for j, row in enumerate(symbolic.rows)}
+    rows = tuple(
+        replace(
+            row,
+            regressor=tuple(cast(sp.Expr, r.subs(modes)) for r in row.regressor),
+            known=cast(sp.Expr, row.known.subs(modes)),
+        )
+        for row in symbolic.rows
+    )
+    return replace(symbolic, rows=rows)
+
+
+def _dry(symbolic: SymbolicSystem) -> str:
+    places, first = [], 0
+    for j, row in enumerate(symbolic.rows):
+        own = [first + i for i, r in enumerate(row.regressor) if r.has(_mode(j))]
+        places.append((*own, *([KNOWN] if row.known.has(_mode(j)) else [])))
+        first += len(row.regressor)
+    return f"DRY = {tuple(places)!r}\n"
 
 
 def _variation_rates(symbolic: SymbolicSystem) -> str:
     targets: list[str] = []
     expressions: list[sp.Expr] = []
-    loop, sources = [], []
+    loop, sources, delayed = [], [], []
     coefficient = 0
     for j, row in enumerate(symbolic.rows):
         jacobian = {
@@ -51,6 +89,11 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
         }
         targets += [f"_dz[{2 * j + 1}, 0]", *(f"_a{j}_{place}" for place in jacobian)]
         expressions += [row.acceleration, *jacobian.values()]
+        gains = {i: _derivative(row.acceleration, u) for i, u in enumerate(symbolic.inputs)}
+        gains = {i: gain for i, gain in gains.items() if gain != 0}
+        targets += [f"_g{j}_{i}" for i in gains]
+        expressions += list(gains.values())
+        delayed += [f"        _dz[{2 * j + 1}, _delay] += _g{j}_{i} * _du[{i}]" for i in gains]
         products = [f"_a{j}_{place} * _z[{place}, _j]" for place in jacobian]
         loop.append(f"        _dz[{2 * j}, _j] = _z[{2 * j + 1}, _j]")
         loop.append(f"        _dz[{2 * j + 1}, _j] = {' + '.join(products) or '0.0'}")
@@ -64,9 +107,10 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
             coefficient += 1
     states = [f"    {name} = _z[{place}, 0]" for place, name in enumerate(symbolic.states)]
     return function(
-        "variation_rates(_z, _u, _p, _c, _at, _dz)",
+        "variation_rates(_z, _u, _du, _m, _p, _c, _at, _delay, _dz)",
         "_dz = _z' for the columns x, ∂x/∂s, ∂x/∂p of _z.  # Huang (2003), eq. (1)",
         "\n".join(states),
+        unpack("_m", [_mode(j) for j in range(len(symbolic.rows))]),
         unpack("_u", symbolic.inputs),
         unpack("_p", symbolic.coefficients),
         unpack("_c", symbolic.constants),
@@ -75,6 +119,7 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
         "    for _j in range(1, _z.shape[1]):",
         "\n".join(loop),
         "\n".join(sources),
+        "    if _delay:\n" + ("\n".join(delayed) or "        pass"),
     )
 
 

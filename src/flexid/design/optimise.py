@@ -21,8 +21,8 @@ from flexid.design.drive import HIGHEST, Case, Drive
 from flexid.design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.design.waveform import Waveform, waveform
 from flexid.errors import SimulationError
-from flexid.estimators.gauss_newton import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.samples import FloatArray
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.simulation.played_run import Command
 
@@ -115,7 +115,7 @@ class Search:
         # Fewer samples tell less each by as much as there are fewer.
         noise = self.drive.position_noise * np.sqrt(self.drive.sample_time / step)
         point = Point(self.nominal.values, run.states[segments.starts])
-        problem = segmented_motion(self.nominal.system, segments, "zero")
+        problem = segmented_motion(self.nominal.system, segments, Timing("zero"))
         return problem.at(point, np.full(2, 1.0 / noise))
 
     def command(self, tones: Waveform, weights: FloatArray) -> Command:

@@ -24,20 +24,20 @@ from flexid.estimators.beside_least_squares import (
     state_layout,
 )
 from flexid.estimators.block_covariance import Blocks, block_covariance
-from flexid.estimators.gauss_newton import (
-    Equations,
-    Minimum,
-    Point,
-    SegmentedMotion,
-    approach,
-    segmented_motion,
-)
+from flexid.estimators.gauss_newton import Minimum, approach
 from flexid.estimators.recursive_least_squares import (
     LEAST_INFORMATION,
     N_BLOCKS,
     recursive_least_squares,
 )
 from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.segmented_motion import (
+    Equations,
+    Point,
+    SegmentedMotion,
+    Timing,
+    segmented_motion,
+)
 from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -148,7 +148,7 @@ class BlockPredictionError(BesideLeastSquares):
         positions = parts["buffer"][:, :n_rows].copy()
         samples = Samples(positions, None, parts["buffer"][:, n_rows:].copy(), h)
         segments = divide([samples], h * self.block_samples)
-        plain = segmented_motion(system, segments, hold)
+        plain = segmented_motion(system, segments, Timing(hold))
         prior = parts["values"].copy(), parts["information"].copy()
         problem = _MotionWithPrior(**vars(plain), prior_values=prior[0], prior_information=prior[1])
         point = Point(prior[0], first_states(segments))

@@ -102,7 +102,8 @@ def _check(unknowns: Unknowns, bounds: Bounds) -> None:
 
 def _ends(fit: Fit, unknowns: Unknowns, bounds: Bounds) -> dict[str, float]:
     """Coefficients that end at a bound in the quadratic programme, with the bound."""
-    own = {name: bounds.get(name, bounds.get(c)) for name, c in unknowns.coefficient_of.items()}
+    coefficient_of = unknowns.coefficient_of  # what else a fit seeks has no bounds
+    own = {name: bounds.get(name, bounds.get(coefficient_of.get(name, name))) for name in fit.names}
     unbounded = (-np.inf, np.inf)
     lower, upper = np.array([own[name] or unbounded for name in fit.names], dtype=np.float64).T
     if np.all((fit.values >= lower) & (fit.values <= upper)):

@@ -14,16 +14,10 @@ import numpy as np
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.filter_rate import choose_filter_rate
-from flexid.estimators.gauss_newton import (
-    Minimum,
-    Point,
-    SegmentedMotion,
-    approach,
-    minimise,
-    segmented_motion,
-)
+from flexid.estimators.gauss_newton import Minimum, approach, minimise
 from flexid.estimators.rowwise import RowwiseFit
 from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
 from flexid.estimators.segments import divide, first_states
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns, unknowns_of
@@ -77,7 +71,7 @@ class PredictionErrorFit:
         Length of the step that was not taken any more, in standard deviations.
     segment_duration : float
         Wanted length of a segment in s.
-    hold : {"linear", "zero"}
+    hold : {"linear", "zero", "cubic"}
         Hold of the inputs.
     """
 
@@ -127,8 +121,8 @@ def prediction_error(
     segment_duration : float, optional
         Wanted length of a segment in s. Longer segments tell more and forgive less: what the model
         leaves out adds up over a segment.
-    hold : {"linear", "zero"}, optional
-        Whether the inputs run linearly between samples or are constant until the next one.
+    hold : {"linear", "zero", "cubic"}, optional
+        Whether the inputs run linearly between samples, are constant until the next one, or smooth.
     use_velocities : bool, optional
         Fit measured velocities beside the positions. Do so only if a sensor gave them.
     unknowns : Unknowns, optional
@@ -150,7 +144,7 @@ def prediction_error(
     unknowns = unknowns_of(system, len(pieces), unknowns)
     segments = divide(pieces, segment_duration, use_velocities)
     check = _least_squares(pieces, unknowns, hold) if isinstance(start, Mapping) else start
-    problem = segmented_motion(system, segments, hold, unknowns)
+    problem = segmented_motion(system, segments, Timing(hold), unknowns)
     problem, found, iterations = _best_fit(problem, _start_values(unknowns, start))
     if isinstance(start, Mapping):
         rival_problem, rival, _ = _best_fit(problem, _start_values(unknowns, check))
@@ -161,41 +155,48 @@ def prediction_error(
                 "lead to: start from a least-squares fit",
             )
     _compare(unknowns, found.point.values, check)
-    return _described(unknowns, problem, found, iterations, float(segment_duration), hold)
+    return described(problem, found, iterations, float(segment_duration))
 
 
-def _described(
-    unknowns: Unknowns,
-    problem: SegmentedMotion,
-    found: Minimum,
-    iterations: int,
-    segment_duration: float,
-    hold: Hold,
+def described(
+    problem: SegmentedMotion, found: Minimum, iterations: int, segment_duration: float
 ) -> PredictionErrorFit:
-    """What a minimum says about the coefficients."""
+    """What a minimum says about what was sought.
+
+    Parameters
+    ----------
+    problem : SegmentedMotion
+        What was fitted.
+    found : Minimum
+        Its solution.
+    iterations : int
+        Steps it took.
+    segment_duration : float
+        Wanted length of a segment in s.
+    """
     reduced, segments, residuals = found.reduced, problem.segments, found.equations.residuals
-    influences, freedom = cluster_influences(problem.clusters(found))
+    influences, freedom = cluster_influences(problem.clusters(found.equations, reduced))
     unknown = reduced.free | (freedom == 0.0)
     states = found.point.initial_states
     return PredictionErrorFit(
-        names=unknowns.names,
+        names=problem.names,
         values=found.point.values,
         covariance=_infinite(influences @ influences.T, unknown),
         gauss_newton_covariance=_infinite(reduced.inverse * found.variance(problem), reduced.free),
-        whiteness=whiteness(segments.of(residuals), states.size + len(unknowns.names)),
+        whiteness=whiteness(segments.of(residuals), states.size + len(problem.names)),
         degrees_of_freedom=tuple(np.where(unknown, 0.0, freedom).tolist()),
         undetermined=tuple(
-            name for name, free in zip(unknowns.names, reduced.free, strict=True) if free
+            name for name, free in zip(problem.names, reduced.free, strict=True) if free
         ),
         information=reduced.information,
         noise=found.noise(problem),
         initial_states=states,
         start_times=segments.start_times,
-        residuals=residuals,
+        residuals=residuals[segments.within],
         iterations=iterations,
         last_step=found.last_step,
         segment_duration=segment_duration,
-        hold=hold,
+        hold=problem.timing.hold,
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ class Segments:
     ----------
     starts, lengths : array of int, shape (n_segments,)
         First sample and number of samples of every segment; none crosses from piece to piece.
+    piece_starts : array of int, shape (n_pieces + 1,)
+        First sample of every piece that was cut, and the number of samples.
     sample_times : array, shape (n_segments,)
         Time between samples in s.
     start_times : array, shape (n_segments,)
@@ -40,6 +43,7 @@ class Segments:
 
     starts: NDArray[np.int64]
     lengths: NDArray[np.int64]
+    piece_starts: NDArray[np.int64]
     sample_times: FloatArray
     start_times: FloatArray
     pieces: NDArray[np.int64]
@@ -79,8 +83,32 @@ class Segments:
         """Rows of an array over samples, segment by segment."""
         return [samples[a : a + n] for a, n in zip(self.starts, self.lengths, strict=True)]
 
+    @cached_property
+    def within(self) -> NDArray[np.bool_]:
+        """Samples that belong to a segment, shape (n_samples,)."""
+        inside = np.zeros(len(self.outputs), dtype=np.bool_)
+        for first, length in zip(self.starts, self.lengths, strict=True):
+            inside[first : first + length] = True
+        return inside
 
-def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = False) -> Segments:
+    def by_piece(self) -> list[tuple[slice, float]]:
+        """Samples of every piece, and its sample time."""
+        pieces = self.pieces
+        firsts = np.flatnonzero(np.diff(pieces, prepend=-1))
+        return [
+            (slice(a, b), h)
+            for a, b, h in zip(
+                self.piece_starts[:-1].tolist(),
+                self.piece_starts[1:].tolist(),
+                self.sample_times[firsts].tolist(),
+                strict=True,
+            )
+        ]
+
+
+def divide(
+    pieces: Sequence[Samples], duration: float, use_velocities: bool = False, margin: float = 0.0
+) -> Segments:
     """Cut pieces into segments of about equal length.
 
     Parameters
@@ -92,6 +120,8 @@ def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = Fa
         shorter piece is one segment.
     use_velocities : bool, optional
         Whether velocities are measured outputs too.
+    margin : float, optional
+        Seconds at both ends of each piece that belong to no segment: what is late needs them.
 
     Raises
     ------
@@ -101,7 +131,9 @@ def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = Fa
     """
     if not (np.isfinite(duration) and duration > 0.0):
         raise SettingError("segment duration", f"{duration} is no duration: give seconds above 0")
-    places = [i for i, piece in enumerate(pieces) if len(piece) >= FEWEST_SAMPLES]
+    margins = [round(margin / piece.sample_time) for piece in pieces]
+    kept = [len(piece) - 2 * m for piece, m in zip(pieces, margins, strict=True)]
+    places = [i for i, count in enumerate(kept) if count >= FEWEST_SAMPLES]
     usable = [pieces[i] for i in places]
     if not usable:
         raise SettingError(
@@ -109,10 +141,11 @@ def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = Fa
         )
     starts, lengths, sample_times, start_times, outputs = [], [], [], [], []
     first = 0
-    for piece in usable:
-        wanted = round(len(piece) * piece.sample_time / duration)
-        count = max(1, min(wanted, len(piece) // FEWEST_SAMPLES))
-        edges = np.linspace(0, len(piece), count + 1).round().astype(np.int64)
+    for place, piece in zip(places, usable, strict=True):
+        wanted = round(kept[place] * piece.sample_time / duration)
+        count = max(1, min(wanted, kept[place] // FEWEST_SAMPLES))
+        ends = margins[place], margins[place] + kept[place]
+        edges = np.linspace(*ends, count + 1).round().astype(np.int64)
         starts.append(first + edges[:-1])
         lengths.append(np.diff(edges))
         sample_times.append(np.full(count, piece.sample_time))
@@ -123,6 +156,7 @@ def divide(pieces: Sequence[Samples], duration: float, use_velocities: bool = Fa
     return Segments(
         np.concatenate(starts),
         np.concatenate(lengths),
+        np.concatenate(([0], np.cumsum([len(piece) for piece in usable]))),
         np.concatenate(sample_times),
         np.concatenate(start_times),
         np.repeat(np.array(places, dtype=np.int64), [len(part) for part in starts]),

@@ -35,6 +35,9 @@ class Unknowns:
         Coefficients that are sought separately for each group of pieces.
     groups : tuple of int, optional
         Group of each piece, counted from 0: the run that it belongs to. Empty: all are of one.
+    tied : mapping of str to tuple of str, optional
+        Coefficients that follow from three others, ``"c": ("a", "b", "d")`` meaning c = a b / d.
+        They are not linear in what is sought, so only the prediction error heeds them.
 
     Raises
     ------
@@ -58,6 +61,7 @@ class Unknowns:
     fixed: Mapping[str, float] = field(default_factory=dict)
     per_group: tuple[str, ...] = ()
     groups: tuple[int, ...] = ()
+    tied: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "fixed", {c: float(v) for c, v in self.fixed.items()})
@@ -69,6 +73,8 @@ class Unknowns:
         labels = {label for row in self.system.rows for label in self._all(row)}
         _check_known("per-group", self.per_group, coefficients)
         _check_known("fixed", self.fixed, (*coefficients, *sorted(labels - {*coefficients})))
+        named = (c for source in self.tied.values() for c in source)
+        _check_known("tied", (*self.tied, *named), coefficients)
         for name, value in self.fixed.items():
             if not np.isfinite(value):
                 raise SettingError("fixed", f"the value of {name!r} is not finite: correct it")
@@ -92,7 +98,7 @@ class Unknowns:
             label
             for c in row.coefficients
             for label in self._labels(c)
-            if c in self.fixed or label in self.fixed
+            if c in self.fixed or label in self.fixed or c in self.tied
         }
         return tuple(name for name in self._all(row) if name not in fixed_names)
 
@@ -106,7 +112,48 @@ class Unknowns:
         """Coefficients of a piece, shape (n_coefficients,), from what is sought, (n_names,)."""
         columns = self.columns(piece_index)
         sought = np.asarray(values, dtype=np.float64)[columns]
-        return np.where(columns == FIXED, self._fixed_values(piece_index), sought)
+        found = np.where(columns == FIXED, self._fixed_values(piece_index), sought)
+        for target, sources in self._ties:
+            a, b, d = (float(found[source]) for source in sources)
+            found[target] = a * b / d if a else 0.0
+        return found
+
+    def derivatives(self, values: FloatArray | Sequence[float], piece_index: int) -> FloatArray:
+        """Derivatives, shape (n_coefficients, n_names), of a piece's coefficients."""
+        columns = self.columns(piece_index)
+        found = self.coefficients(values, piece_index)
+        slopes = np.zeros((len(columns), len(self.names)))
+        sought = np.flatnonzero(columns != FIXED)
+        slopes[sought, columns[sought]] = 1.0
+        for target, (a, b, d) in self._ties:
+            by_source = (found[b] / found[d], found[a] / found[d], -found[target] / found[d])
+            slopes[target] = by_source @ slopes[[a, b, d]]
+        return slopes
+
+    def depends(self, piece_index: int) -> NDArray[np.bool_]:
+        """Which of a piece's coefficients depend on what is sought, (n_coefficients, n_names)."""
+        columns = self.columns(piece_index)
+        pattern = np.zeros((len(columns), len(self.names)), dtype=np.bool_)
+        sought = np.flatnonzero(columns != FIXED)
+        pattern[sought, columns[sought]] = True
+        fixed = self._fixed_values(piece_index)
+        for target, (a, b, d) in self._ties:
+            if columns[a] != FIXED or fixed[a] != 0.0:  # a term that is off stays off
+                pattern[target] = pattern[a] | pattern[b] | pattern[d]
+        return pattern
+
+    def untied(self) -> "Unknowns":
+        """The same without ties: each coefficient for itself, where its sources are sought."""
+        off = {c: 0.0 for c, (source, _, _) in self.tied.items() if source not in self.names}
+        return replace(self, tied={}, fixed={**off, **self.fixed})
+
+    @cached_property
+    def _ties(self) -> tuple[tuple[int, tuple[int, ...]], ...]:
+        place = {name: i for i, name in enumerate(self.system.coefficients)}
+        return tuple(
+            (place[target], tuple(place[c] for c in sources))
+            for target, sources in self.tied.items()
+        )
 
     def absent(self, piece_index: int) -> frozenset[str]:
         """Coefficients of the system that are fixed at 0 in a piece: their terms are off."""

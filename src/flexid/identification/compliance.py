@@ -1,45 +1,37 @@
 """Is the compliance visible in this log? The rigid joint as a rival."""
 
-from contextlib import suppress
-from dataclasses import replace
-
 import numpy as np
 
-from flexid.errors import ConvergenceError
-from flexid.estimators.prediction_error import PredictionErrorFit
-from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.identification.candidate import Candidate, Fitted
+from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.segmented_motion import Timing
+from flexid.identification.full_model import Structure, climb, data_of, least_squares_start, lengths
 from flexid.identification.joint import rigid
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import Compliance, Validation
 from flexid.identification.validation import validate
-from flexid.identification.verdict import WEAK_FIT
 from flexid.models.rigid_joint import rigid_terms
 from flexid.recording.velocities import position_noise
 
-_MANY_SAMPLES = 100_000  # from which on the rival is fitted by least squares alone
+WEAK_FIT = 50.0
+"""Part of the deflection, in per cent, that the spring has to explain in a free run to be one."""
+
+_DURATION = 1.0  # s, segments of the rival's fit: a wrong model follows no longer ones
 _BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
 
 
-def compare_with_rigid(candidate: Candidate, pieces: Pieces, flexible: Validation) -> Compliance:
+def compare_with_rigid(structure: Structure, pieces: Pieces, flexible: Validation) -> Compliance:
     """Hold the rigid joint against the same data as the flexible one.
 
     Parameters
     ----------
-    candidate : Candidate
+    structure : Structure
         The flexible joint with what was chosen about it.
     pieces : Pieces
         With two encoders.
     flexible : Validation
         Of the flexible joint over the held-out ends.
     """
-    rival = replace(
-        candidate, joint=rigid(), terms=rigid_terms(candidate.terms), fixed={}, bounds={}
-    ).with_own_filter_rate(pieces)
-    if sum(pieces.starts) > _MANY_SAMPLES:  # a wrong model's prediction error takes long
-        rival = replace(rival, segment_duration=0.0)
-    coefficients = _fitted(rival, pieces).coefficients(len(pieces.recorded))
-    fits = validate(rival.joint, pieces, coefficients, rival.hold).fit_percent
+    fits = _rigid_fits(structure, pieces)
     ends = [p.deflection[s:] for p, s in zip(pieces.recorded, pieces.starts, strict=True)]
     squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
     moved = float(np.sqrt(squares / sum(map(len, ends))))
@@ -51,14 +43,21 @@ def compare_with_rigid(candidate: Candidate, pieces: Pieces, flexible: Validatio
     return Compliance(visible, reason, fits, moved, noise)
 
 
-def _fitted(
-    rival: Candidate, pieces: Pieces
-) -> Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit]:
-    """Prediction error where it is wanted and converges, else least squares."""
-    if rival.segment_duration > 0:
-        with suppress(ConvergenceError):
-            return rival.prediction_error(pieces.fitted, pieces.groups)
-    return rival.least_squares(pieces.fitted, pieces.groups)
+def _rigid_fits(structure: Structure, pieces: Pieces) -> dict[str, float]:
+    """Free run of the rigid joint with the same terms; NaN where it cannot be fitted."""
+    joint = rigid()
+    terms = rigid_terms(structure.terms)
+    absent = joint.optional - {c for term in terms for c in joint.terms[term]}
+    timing = Timing(structure.timing.hold, dict(structure.timing.delays), ("input_delay",))
+    training = data_of(joint, pieces.fitted, pieces.groups)
+    rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
+    try:
+        start, _ = least_squares_start(rival, training, 20.0)
+        found = climb(rival, training, start, lengths(training, _DURATION))
+    except (ConvergenceError, SettingError):
+        return dict.fromkeys(joint.channels, np.nan)
+    whole = data_of(joint, pieces.whole, pieces.groups)
+    return dict(validate(found[-1], whole, pieces.starts).fit_percent)
 
 
 def one_encoder() -> Compliance:

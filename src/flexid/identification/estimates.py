@@ -1,157 +1,118 @@
-"""Intervals and verdicts: from a fit to coefficients and physical parameters."""
+"""Intervals and verdicts: from an estimate to coefficients and physical parameters."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation
-from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.estimators.streamed_least_squares import StreamedFit
+from flexid.estimators.rowwise import RowSums
 from flexid.estimators.unknowns import FIXED, Unknowns
-from flexid.identification.intervals import Fitted, interval, propagated
+from flexid.identification.estimate import Estimate
+from flexid.identification.intervals import interval, propagated
 from flexid.identification.joint import Joint
+from flexid.identification.judgement import THRESHOLDS, Thresholds, Verdict, verdict
 from flexid.identification.result import CoefficientEstimate, ParameterEstimate
-from flexid.identification.verdict import Evidence, verdict, worst
+from flexid.models.physical import Product
 
-# One is enough: where the model lacks something, the same lack widens the standard deviations.
-_NOISE_DEVIATIONS = 1.0
-_ESTIMATOR_DEVIATIONS = 2.0  # two estimators share less of their noise than two filter rates
+POSITIVE = ("theta2", "alpha1", "beta1")
 
-_HELPERS = ("alpha_holding",)  # carries the uncertainty of the stopping time to the others
+
+def row_sizes(rows: Sequence[RowSums]) -> dict[str, float]:
+    """Root mean square of each coefficient's regressor over that of its row's acceleration."""
+    sizes = {}
+    for row in rows:
+        total = max(row.total_sum, np.finfo(float).tiny)
+        for name, square in zip(row.coefficients, np.diag(row.gram).tolist(), strict=True):
+            sizes[name] = (square / total) ** 0.5
+    return sizes
 
 
 def coefficient_estimates(
-    fit: Fitted,
-    evidence: Mapping[str, Evidence],
-    units: Mapping[str, str],
+    estimate: Estimate,
+    joint: Joint,
+    unknowns: Unknowns,
+    sizes: Mapping[str, float],
     fixed: Mapping[str, tuple[float, str]],
     input_unit: str,
+    thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, CoefficientEstimate]:
     """Estimate with interval and verdict for every coefficient; what is fixed has no width.
 
     Parameters
     ----------
-    fit : Fitted
-        Values with their covariance.
-    evidence : mapping of str to Evidence
-        By coefficient, that of its row.
-    units : mapping of str to str
-        Units of the coefficients, groups not told apart.
+    estimate : Estimate
+        Values with their covariance, of coefficients and of what else was sought.
+    joint : Joint
+        Units, and coefficients that follow from others.
+    unknowns : Unknowns
+        What was sought.
+    sizes : mapping of str to float
+        What each coefficient does to its row; see `row_sizes`.
     fixed : mapping of str to tuple of float and str
         What was not estimated, and why.
     input_unit : str
         Unit of the input.
+    thresholds : Thresholds, optional
+        Where the verdicts end.
     """
     estimates = {}
-    deviations = np.sqrt(np.diag(fit.covariance))
-    for place, name in enumerate(fit.names):
-        if name not in evidence:  # of no meaning but for the uncertainty of the others
+    deviations = estimate.deviations
+    for place, name in enumerate(estimate.names):
+        if _base(name) not in joint.units:  # a delay
             continue
-        value, std = float(fit.values[place]), float(deviations[place])
-        ends = interval(value, std, fit.degrees_of_freedom[place])
-        unit = _unit(units[_base(name)], input_unit)
-        status, reason = verdict(name, evidence[name])
-        estimates[name] = CoefficientEstimate(name, unit, value, std, ends, status, reason)
+        value, std = float(estimate.values[place]), float(deviations[place])
+        ends = interval(value, std, estimate.degrees_of_freedom[place])
+        unit = _unit(joint.units[_base(name)], input_unit)
+        half = 0.5 * (ends[1] - ends[0])
+        effect = half * sizes[name] if name in sizes else np.inf
+        judged = _possible(name, value, verdict(value, ends, effect, thresholds))
+        estimates[name] = CoefficientEstimate(name, unit, value, std, ends, *judged)
     for name, (value, reason) in fixed.items():
-        unit = _unit(units[_base(name)], input_unit)
+        unit = _unit(joint.units[_base(name)], input_unit)
         estimates[name] = CoefficientEstimate(
             name, unit, value, 0.0, (value, value), "determined", reason
         )
-    order = list(units)
+    estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
+    order = list(joint.units)
     return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
 
 
-def row_evidence(
-    fit: Fitted,
-    start: LeastSquaresFit | StreamedFit,
-    shifts: Mapping[str, float],
-    residual_excess: Mapping[str, float],
-    excitation: Mapping[str, Excitation],
-    fit_percent: Mapping[str, float],
-    deflection_doubt: float,
-) -> dict[str, Evidence]:
-    """What is known about each coefficient: the evidence of its row.
-
-    Parameters
-    ----------
-    fit : Fitted
-        Values and covariance that are reported.
-    start : LeastSquaresFit or StreamedFit
-        Of the same unknowns; its rows say what each coefficient does to the motion.
-    shifts : mapping of str to float
-        How far each coefficient moves, beyond noise, with what should not move it.
-    residual_excess, excitation, fit_percent : mapping
-        By row, by row, by channel.
-    deflection_doubt : float
-        Share of the deflection that another delay between the encoders could make.
-    """
-    deviations = dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)).tolist(), strict=True))
-    values = dict(zip(fit.names, np.asarray(fit.values).tolist(), strict=True))
+def _tied(
+    estimate: Estimate,
+    joint: Joint,
+    unknowns: Unknowns,
+    known: Mapping[str, CoefficientEstimate],
+    input_unit: str,
+    thresholds: Thresholds,
+) -> dict[str, CoefficientEstimate]:
+    """Coefficients that follow from others, by the delta method."""
+    values = {name: found.value for name, found in known.items()}
     found = {}
-    for row in start.rows:
-        names = tuple(name for name in row.coefficients if name not in _HELPERS)
-        if not names:
+    for name, (a, b, d) in unknowns.tied.items():
+        if a not in known or b not in known or d not in known:
             continue
-        squares = dict(zip(row.coefficients, np.diag(row.gram).tolist(), strict=True))
-        total = max(row.total_sum, np.finfo(float).tiny)
-        evidence = Evidence(
-            {name: values[name] for name in names},
-            {name: deviations[name] for name in names},
-            {name: shifts.get(name, 0.0) for name in names},
-            {name: (squares[name] / total) ** 0.5 for name in names},
-            residual_excess[row.name],
-            excitation[row.name],
-            fit_percent,
-            deflection_doubt,
-        )
-        found |= dict.fromkeys(names, evidence)
+        unit = _unit(joint.units[name], input_unit)
+        tied = propagated(Product(name, unit, {a: 1, b: 1, d: -1}), values, estimate)
+        judged = verdict(tied.value, tied.interval, thresholds=thresholds)
+        if known[a].status == "determined":  # be it as none
+            judged = ("determined", "")
+        found[name] = CoefficientEstimate(name, unit, tied.value, tied.std, tied.interval, *judged)
     return found
 
 
-def filter_shifts(fit: LeastSquaresFit, others: Sequence[LeastSquaresFit]) -> dict[str, float]:
-    """How far each coefficient moves from a fit to fits at other filter rates, beyond noise.
-
-    Parameters
-    ----------
-    fit, others : LeastSquaresFit
-        Of the same data and model. Their noise is partly the same, so the root of the sum of their
-        variances is a cautious bound on what noise alone can do to the difference.
-
-    Returns
-    -------
-    dict of str to float
-        In the coefficients' units; 0 where noise explains it all.
-    """
-    excess = np.zeros(len(fit.names))
-    for other in others:
-        with np.errstate(invalid="ignore"):
-            noise = np.sqrt(fit.standard_deviations**2 + other.standard_deviations**2)
-        beyond = np.abs(other.values - fit.values) - _NOISE_DEVIATIONS * noise
-        excess = np.fmax(excess, np.where(np.isfinite(beyond), beyond, 0.0))
-    return dict(zip(fit.names, map(float, excess), strict=True))
-
-
-def estimator_shifts(fit: Fitted, start: LeastSquaresFit) -> dict[str, float]:
-    """How far each coefficient moves from least squares to the fit that is reported, beyond noise.
-
-    Returns
-    -------
-    dict of str to float
-        In the coefficients' units; 0 where noise explains it all.
-    """
-    with np.errstate(invalid="ignore"):
-        noise = np.sqrt(start.standard_deviations**2 + np.diag(fit.covariance))
-        beyond = np.abs(fit.values - start.values) - _ESTIMATOR_DEVIATIONS * noise
-    excess = np.where(np.isfinite(beyond), np.maximum(beyond, 0.0), 0.0)
-    return dict(zip(fit.names, map(float, excess), strict=True))
+def _possible(name: str, value: float, judged: Verdict) -> Verdict:
+    if name in POSITIVE and value <= 0.0:
+        return "undetermined", "it came out negative, which no spring or inertia can be"
+    return judged
 
 
 def parameter_estimates(
     joint: Joint,
-    fit: Fitted,
+    estimate: Estimate,
     unknowns: Unknowns,
     coefficients: Mapping[str, CoefficientEstimate],
     input_unit: str,
+    thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, ParameterEstimate]:
     """Physical parameters that the coefficients determine, by the delta method.
 
@@ -164,28 +125,26 @@ def parameter_estimates(
         for parameter in joint.parameters(labels, input_is_torque=input_unit == "N m"):
             own = [labels[c] for c in parameter.coefficients]
             of_group = next((label[label.index("[") :] for label in own if "[" in label), "")
-            found = propagated(parameter, values, _Renamed(fit, labels))
+            found = propagated(parameter, values, _renamed(estimate, labels))
             name = parameter.name + of_group
+            unit = _unit(parameter.unit, input_unit)
+            status, reason = verdict(found.value, found.interval, thresholds=thresholds)
+            made = [coefficients[label] for label in own]
+            impossible = [c for c in made if c.name in POSITIVE and c.value <= 0.0]
+            if impossible:
+                status, reason = "undetermined", impossible[0].reason
+            elif status != "determined" and all(c.status == "determined" for c in made):
+                status, reason = "determined", ""  # as small as it is
             estimates[name] = ParameterEstimate(
-                name,
-                _unit(parameter.unit, input_unit),
-                found.value,
-                found.std,
-                found.interval,
-                worst(coefficients[label].status for label in own),
+                name, unit, found.value, found.std, found.interval, status, reason
             )
     return estimates
 
 
-class _Renamed:
-    """A fit under the names that the coefficients have in one piece."""
-
-    def __init__(self, fit: Fitted, labels: Mapping[str, str]) -> None:
-        base = {label: c for c, label in labels.items()}
-        self.names = tuple(base.get(name, name) for name in fit.names)
-        self.values = fit.values
-        self.covariance = fit.covariance
-        self.degrees_of_freedom = fit.degrees_of_freedom
+def _renamed(estimate: Estimate, labels: Mapping[str, str]) -> Estimate:
+    """An estimate under the names that the coefficients have in one piece."""
+    base = {label: c for c, label in labels.items()}
+    return replace(estimate, names=tuple(base.get(name, name) for name in estimate.names))
 
 
 def _one_piece_of_each_group(unknowns: Unknowns) -> list[int]:
@@ -201,6 +160,8 @@ def _labels(
     group = unknowns.groups[piece] + 1 if unknowns.groups else 1
     labels = {}
     for c, column in zip(unknowns.system.coefficients, columns, strict=True):
+        if c in unknowns.tied:
+            continue
         own = unknowns.names[column] if column != FIXED else f"{c}[{group}]"
         label = own if own in coefficients else c
         if label in coefficients:

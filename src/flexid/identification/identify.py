@@ -1,42 +1,59 @@
-"""The main job: logs and a model become an estimate with intervals and a verdict."""
+"""The main job: logs and a model become an estimate with intervals and a verdict.
+
+One path: recordings, full model, structure, estimate, judgement, result.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import dataclass, replace
 
-import flexid
 from flexid.errors import ConvergenceError
-from flexid.estimators.prediction_error import PredictionErrorFit
+from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.identification import intervals
-from flexid.identification.alignment import Alignment, aligned, estimate_alignment
-from flexid.identification.candidate import Candidate, Fitted
-from flexid.identification.choose import Choice, choose
+from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.compliance import compare_with_rigid, one_encoder
-from flexid.identification.estimates import coefficient_estimates, parameter_estimates
-from flexid.identification.findings import findings
-from flexid.identification.friction_shape import with_friction_shape
-from flexid.identification.joint import SMOOTHED_FRICTION, Joint, flexible, rigid
+from flexid.identification.estimate import Estimate
+from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
+from flexid.identification.excitations import row_excitation
+from flexid.identification.full_model import (
+    LINK,
+    Data,
+    Fitted,
+    Structure,
+    data_of,
+    fit_to,
+    least_squares_start,
+)
+from flexid.identification.intervals import interval
+from flexid.identification.joint import Joint, flexible, rigid
+from flexid.identification.judgement import THRESHOLDS, Thresholds
+from flexid.identification.knowledge import contradictions, with_prior_knowledge
+from flexid.identification.model_error import model_error, widened
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import Pieces, prepare
-from flexid.identification.prior_knowledge import Known, informed
-from flexid.identification.result import Choices, Identification, ObserverTrace
-from flexid.identification.settings import Auto, Settings, check_for
+from flexid.identification.provenance import provenance
+from flexid.identification.result import (
+    Choices,
+    Identification,
+    ModelError,
+    ObserverTrace,
+    ParameterEstimate,
+)
+from flexid.identification.settings import Settings, check_for
+from flexid.identification.structure import Choice, choose_structure
 from flexid.identification.summary import summary
-from flexid.identification.term_choice import with_stopping_time
 from flexid.identification.validation import validate
 from flexid.identification.warnings import (
     compliance_warnings,
-    residual_warnings,
+    model_warnings,
     sign_warnings,
     validation_warnings,
 )
-from flexid.models.flexible_joint import STOPPING
 from flexid.models.terms import SMOOTHING
-from flexid.recording.recording import Log, Recording
+from flexid.recording.recording import Log
 
 Progress = Callable[[str], None]
 
-AnyFitted = Fitted[LeastSquaresFit] | Fitted[PredictionErrorFit]
+_FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
 
 
 def _silent(_: str) -> None:
@@ -44,13 +61,16 @@ def _silent(_: str) -> None:
 
 
 def identify(
-    logs: Sequence[Log], settings: Settings | None = None, progress: Progress = _silent
+    logs: Sequence[Log],
+    settings: Settings | None = None,
+    progress: Progress = _silent,
+    thresholds: Thresholds = THRESHOLDS,
 ) -> Identification:
     """Identify a joint from one or several logs.
 
-    The channels are aligned in time; terms, segment length and estimator are chosen on the data
-    before the held-out end of each piece; the model is fitted to that data and run freely over the
-    ends; and it is fitted once more, to all data, for the report.
+    The full model is fitted to the data before the held-out end of each piece; what these do not
+    show is taken away; what is left predicts the ends, and is fitted once more, to all data, for
+    the report.
 
     Parameters
     ----------
@@ -61,6 +81,8 @@ def identify(
         Choices; see there.
     progress : callable, optional
         Told of each step in words.
+    thresholds : Thresholds, optional
+        What is decided by.
 
     Returns
     -------
@@ -73,184 +95,234 @@ def identify(
     SettingError
         If a setting does not suit the logs.
     ConvergenceError
-        If prediction error is insisted upon and does not converge.
+        If the model cannot be fitted from any start.
     """
     settings = settings or Settings()
     pieces, dropped = prepare(logs, settings.validation_share)
-    input_unit = pieces.recorded[0].input_unit
-    joint = rigid() if pieces.recorded[0].link_position is None else flexible()
-    check_for(joint, settings)
-    fixed = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
-
-    pieces, alignment, choice = _best_choice(joint, pieces, fixed, settings, progress)
-    candidate = choice.candidate
-
-    progress("free run over the held-out data")
-    trained, _ = _fit(candidate, pieces.fitted, pieces.groups, settings)
-    coefficients = trained.coefficients(len(pieces.recorded))
-    trained_joint = _as_fitted(candidate, trained).joint
-    validation = validate(trained_joint, pieces, coefficients, candidate.hold)
+    job = _job(logs, pieces, settings)
+    training = data_of(job.joint, pieces.fitted, pieces.groups)
+    whole = data_of(job.joint, pieces.whole, pieces.groups)
+    choice = job.chosen(training, progress, thresholds)
+    progress("predicting the held-out data")
+    validation = validate(choice.fitted, whole, pieces.starts)
 
     progress("fit to all data")
-    reported, retreat = _fit(candidate, pieces.whole, pieces.groups, settings)
-    candidate = _as_fitted(candidate, reported)
-    widened = with_friction_shape(candidate, reported, pieces.whole, pieces.groups)
-    given = {**fixed, **reported.at_bound}
-    fit, contradictions, known = with_prior_knowledge(joint, widened, given, settings, input_unit)
-    found = findings(
-        candidate,
-        pieces,
-        reported,
-        fit,
-        known,
-        choice.shifts,
-        validation.fit_percent,
-        alignment.deflection_doubt,
+    reported, retreat = _reported(choice, whole)
+    error = model_error(reported, thresholds)
+    estimate = widened(reported, error, thresholds)
+    progress("what the model does without")
+    contradicted = contradictions(job.given, choice.full, whole, thresholds)
+    given = {**job.given, **reported.at_bound}
+    estimate, against = with_prior_knowledge(
+        job.joint, estimate, given, settings, job.input_unit, thresholds
     )
-    estimates = coefficient_estimates(
-        fit,
-        found.evidence,
-        candidate.joint.units,
-        without_estimate(reported.at_bound, fixed),
-        input_unit,
+    squares = _least_squares(choice.structure, pieces, reported)
+    unknowns = reported.problem.unknowns
+    coefficients = coefficient_estimates(
+        estimate,
+        job.joint,
+        unknowns,
+        row_sizes(squares.rows),
+        without_estimate(reported.at_bound, job.given),
+        job.input_unit,
+        thresholds,
+    )
+    coefficients = {
+        name: replace(found, status="undetermined", reason=contradicted[0])
+        if contradicted
+        else found
+        for name, found in coefficients.items()
+    }
+    parameters = parameter_estimates(
+        job.joint, estimate, unknowns, coefficients, job.input_unit, thresholds
     )
     progress("the rigid joint as a rival")
     compliance = (
-        compare_with_rigid(candidate, pieces, validation)
-        if joint.kind == "flexible"
+        compare_with_rigid(choice.structure, pieces, validation)
+        if job.joint.kind == "flexible"
         else one_encoder()
     )
-    choices = _choices(candidate, choice, pieces, alignment, reported)
+    full = _full(choice, whole, reported)
+    choices = _choices(job, choice, reported, estimate, full, settings)
     return Identification(
-        model=joint.kind,
-        coefficients=estimates,
-        parameters=parameter_estimates(
-            candidate.joint, fit, reported.unknowns, estimates, input_unit
-        ),
-        least_squares={
-            name: value
-            for name, value in zip(found.start.names, found.start.values.tolist(), strict=True)
-            if name in estimates
-        },
-        excitation=found.excitation,
-        residual_excess=found.residual_excess,
+        model=job.joint.kind,
+        coefficients=coefficients,
+        parameters=parameters,
+        least_squares={n: v for n, v in _values(squares).items() if n in coefficients},
+        excitation={r.name: row_excitation(r, ()) for r in squares.rows if r.coefficients},
+        residual_excess=_residual_excess(reported),
+        model_error=error,
         validation=validation,
         compliance=compliance,
-        observer=_stream(candidate, pieces),
-        fit=fit,
+        observer=_stream(choice.structure, pieces, choices.alignment),
+        removed=_removed(job, full, parameters, thresholds),
+        fit=estimate,
         choices=choices,
-        summary=summary(choices, reported.fit, found.start),
+        summary=summary(choices),
         warnings=(
             *(warning for log in logs for warning in log.warnings),
             *dropped,
             *retreat,
-            *contradictions,
-            *sign_warnings(estimates),
-            *residual_warnings(found.residual_excess),
+            *contradicted,
+            *against,
+            *sign_warnings(coefficients),
+            *model_warnings(error),
             *validation_warnings(validation.fit_percent),
             *compliance_warnings(compliance),
         ),
-        provenance=_provenance(logs, settings, choices),
+        provenance=provenance(logs, settings, choices),
     )
 
 
-def _best_choice(
-    joint: Joint,
-    recorded: Pieces,
-    fixed: Mapping[str, float],
-    settings: Settings,
-    progress: Progress,
-) -> tuple[Pieces, Alignment, Choice]:
-    """Align the channels and choose the rest; a delay of the input must pay in the free run.
+@dataclass(frozen=True)
+class _Job:
+    """What the logs and the settings leave to be found.
 
-    What the model lacks can look like a delay. So where one is found, all is chosen once more
-    without it, and the better of both repeats the data better.
+    Parameters
+    ----------
+    joint : Joint
+        Flexible or rigid.
+    input_unit : str
+        Of the input.
+    given : mapping of str to float
+        Coefficients known exactly.
+    settings : Settings
+        What the user decides.
     """
 
-    def chosen(input_delay: float | Auto) -> tuple[Pieces, Alignment, Choice]:
-        progress("time alignment")
-        alignment = estimate_alignment(
-            recorded.fitted, settings.hold, input_delay, settings.link_delay
+    joint: Joint
+    input_unit: str
+    given: Mapping[str, float]
+    settings: Settings
+
+    def chosen(self, training: Data, progress: Progress, thresholds: Thresholds) -> Choice:
+        """The structure that some data show."""
+        settings = self.settings
+        smooth = settings.coulomb_velocity
+        joint = self.joint.scaled(training.samples)
+        if smooth != "auto":
+            joint = joint.with_coulomb_velocity(smooth)
+        if settings.terms == "auto":
+            absent = joint.shapes
+            stay = {*settings.known, *settings.bounds}
+        else:
+            on = {c for term in settings.terms for c in joint.terms[term]}
+            absent = joint.optional - on
+            stay = on
+        base = Structure(joint, frozenset(absent), self._timing(), self.given, settings.bounds)
+        duration = settings.segment_duration
+        return choose_structure(
+            base,
+            training,
+            ("zero", "cubic") if settings.hold == "auto" else (settings.hold,),
+            stay,
+            settings.terms == "auto",
+            () if duration == "auto" else (duration,),
+            progress,
+            thresholds,
         )
-        pieces = recorded.changed(
-            lambda piece: aligned(piece, alignment), settings.validation_share
-        )
-        return pieces, alignment, choose(joint, pieces, alignment, fixed, settings, progress)
 
-    first = chosen(settings.input_delay)
-    if first[1].input_delay.status != "found":
-        return first
-    second = chosen(0.0)
-    if first[2].error <= second[2].error:
-        return first
-    doubted = replace(
-        first[1].input_delay,
-        value=0.0,
-        status="none",
-        reason="with the delay that fits best, the free run repeats the held-out motion worse",
-    )
-    return second[0], replace(second[1], input_delay=doubted), second[2]
+    def _timing(self) -> Timing:
+        settings = self.settings
+        asked = {INPUT: settings.input_delay}
+        if self.joint.kind == "flexible":
+            asked[LINK] = settings.link_delay
+        given = {name: value for name, value in asked.items() if not isinstance(value, str)}
+        return Timing("zero", given, tuple(name for name in asked if name not in given))
 
 
-def _fit(
-    candidate: Candidate,
-    recordings: Sequence[Recording],
-    groups: Sequence[int],
-    settings: Settings,
-) -> tuple[AnyFitted, tuple[str, ...]]:
-    """Fit as chosen; where that fails and was not asked for, least squares with a warning."""
-    if candidate.segment_duration == 0:
-        return candidate.least_squares(recordings, groups), ()
+def _job(logs: Sequence[Log], pieces: Pieces, settings: Settings) -> _Job:
+    input_unit = pieces.recorded[0].input_unit
+    joint = rigid() if pieces.recorded[0].link_position is None else flexible()
+    check_for(joint, settings)
+    given = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
+    return _Job(joint, input_unit, given, settings)
+
+
+def _reported(choice: Choice, whole: Data) -> tuple[Fitted, tuple[str, ...]]:
+    """The structure fitted to all data; where that fails, as it was fitted to choose."""
     try:
-        fitted = with_stopping_time(candidate, recordings, groups)
-        return fitted.prediction_error(recordings, groups), ()
-    except ConvergenceError as error:
-        if settings.estimator == "prediction-error":
-            raise
-        return candidate.least_squares(recordings, groups), (
-            f"{error}; the values are those of least squares",
+        start = {**choice.structure.timing.delays, **choice.fitted.by_name}
+        return fit_to(choice.structure, whole, start, choice.duration), ()
+    except ConvergenceError:
+        return choice.fitted, (
+            "the fit to all data does not converge, so the values are those of the data before "
+            "the held-out end: check what happened there",
         )
 
 
-def _as_fitted(candidate: Candidate, fitted: AnyFitted) -> Candidate:
-    """The candidate with the constants of a fit: friction's stopping time is fitted each time."""
-    return replace(candidate, joint=replace(candidate.joint, system=fitted.unknowns.system))
+def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
+    """The model with all usual terms again, fitted to all data: how large could they be?"""
+    shapes = choice.structure.joint.shapes & choice.structure.absent
+    usual = replace(choice.full, absent=choice.full.absent | shapes)
+    try:
+        return fit_to(usual, whole, reported.by_name, choice.duration)
+    except ConvergenceError:
+        return reported
 
 
-def _stream(candidate: Candidate, pieces: Pieces) -> ObserverTrace:
+def _removed(
+    job: _Job, full: Fitted, kept: Mapping[str, ParameterEstimate], thresholds: Thresholds
+) -> dict[str, ParameterEstimate]:
+    """Parameters of the full model that the reported one does without."""
+    estimate = widened(full, model_error_of(full), thresholds)
+    unknowns = full.problem.unknowns
+    every = coefficient_estimates(
+        estimate, job.joint, unknowns, {}, without_estimate({}, job.given), job.input_unit
+    )
+    found = parameter_estimates(job.joint, estimate, unknowns, every, job.input_unit, thresholds)
+    return {name: p for name, p in found.items() if name not in kept}
+
+
+def model_error_of(full: Fitted) -> ModelError:
+    """Nothing is looked for beyond a model that has everything."""
+    return ModelError(full.excess, 0.0, 0.0)
+
+
+def _least_squares(structure: Structure, pieces: Pieces, reported: Fitted) -> LeastSquaresFit:
+    """Least squares of the same unknowns on aligned data: what each does to its row."""
+    alignment = _alignment(structure, reported.delays)
+    recordings = [aligned(piece, alignment) for piece in pieces.whole]
+    joint = structure.joint
+    data = data_of(joint, recordings, pieces.groups)
+    bare = replace(structure, fixed={**structure.fixed, **reported.at_bound})
+    return least_squares_start(bare, data, _FILTER_RATE)[1]
+
+
+def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
+    """Delays as they are to be corrected, no more."""
+    input_delay, link_delay = (
+        Delay(delays.get(name, 0.0), 0.0, (0.0, 0.0), "given") for name in (INPUT, LINK)
+    )
+    return Alignment(structure.timing.hold, input_delay, link_delay, "")
+
+
+def _values(fit: LeastSquaresFit) -> dict[str, float]:
+    return dict(zip(fit.names, fit.values.tolist(), strict=True))
+
+
+def _residual_excess(reported: Fitted) -> dict[str, float]:
+    """Residual of each position over its sensor's noise, as root mean squares."""
+    ratios = reported.minimum.noise(reported.problem) / reported.data.noise
+    rows = [row.name for row in reported.problem.unknowns.system.rows]
+    names = ["motor" if name == "rigid" else name for name in rows]
+    return {f"{name}_position": float(r) for name, r in zip(names, ratios, strict=True)}
+
+
+def _stream(structure: Structure, pieces: Pieces, alignment: Alignment) -> ObserverTrace:
     """The paper's observer with the same terms, as far as it needs no derivative of the input."""
-    joint, terms = candidate.joint, candidate.terms
-    if "motor_stiction" in terms:
-        joint = flexible().with_coulomb_velocity(joint.system.constants[SMOOTHING])
-        terms = tuple("motor_coulomb" if t == "motor_stiction" else t for t in terms)
-    unknowns = joint.unknowns(terms, candidate.fixed)
-    return stream(candidate.samples(pieces.whole), unknowns, candidate.hold)
-
-
-def with_prior_knowledge(
-    joint: Joint,
-    fit: intervals.Fitted,
-    given: Mapping[str, float],
-    settings: Settings,
-    input_unit: str,
-) -> tuple[intervals.Fitted, tuple[str, ...], frozenset[str]]:
-    """The fit with what is known uncertainly joined to it.
-
-    Beside it where the two contradict each other, and the coefficients that are known by that.
-    """
-    uncertain = [
-        Known(name, settings.known[name], std)
-        for name, std in settings.known_deviations.items()
-        if std > 0
-    ]
-    if not uncertain:
-        return fit, (), frozenset()
-    parameters = joint.parameters({*fit.names, *given}, input_unit == "N m")
-    both = informed(fit, uncertain, parameters, given)
-    of = {p.name: [c for c in p.coefficients if c in fit.names] for p in parameters}
-    known = [of.get(item.name, [item.name]) for item in uncertain]
-    # What is known of several coefficients together leaves each of them to be sought.
-    return both, both.warnings, frozenset(c for names in known if len(names) == 1 for c in names)
+    joint = structure.joint
+    recordings = [aligned(piece, alignment) for piece in pieces.whole]
+    smooth = replace(joint, system=joint.smooth, shapes=frozenset(), ties={})
+    known = {c for c in joint.smooth.coefficients if c in structure.absent}
+    known |= {
+        c
+        for c, (source, _, _) in joint.ties.items()
+        if source in structure.absent and c in joint.smooth.coefficients
+    }
+    unknowns = smooth.unknowns(known, structure.fixed, pieces.groups)
+    hold = "zero" if structure.timing.hold == "zero" else "linear"
+    return stream([joint.samples(piece) for piece in recordings], unknowns, hold)
 
 
 def without_estimate(
@@ -262,42 +334,43 @@ def without_estimate(
 
 
 def _choices(
-    candidate: Candidate, choice: Choice, pieces: Pieces, alignment: Alignment, reported: AnyFitted
+    job: _Job,
+    choice: Choice,
+    reported: Fitted,
+    estimate: Estimate,
+    full: Fitted,
+    settings: Settings,
 ) -> Choices:
-    constants = candidate.joint.system.constants
-    finished = isinstance(reported.fit, PredictionErrorFit)
-    smoothed = bool(SMOOTHED_FRICTION & set(candidate.terms))
-    holding = "motor_stiction" in candidate.terms
-    longest = max(len(piece) * piece.sample_time for piece in pieces.recorded)
+    delays = {name: _delay(name, settings, reported, full) for name in (INPUT, LINK)}
+    joint = choice.structure.joint
+    smooth = settings.coulomb_velocity
     return Choices(
-        terms=candidate.terms,
-        alignment=alignment,
-        hold=candidate.hold,
-        coulomb_velocity=constants[SMOOTHING] if smoothed else None,
-        stopping_time=constants[STOPPING] if holding else None,
-        filter_rate=candidate.filter_rate,
-        estimator="prediction-error" if finished else "least-squares",
-        # No segment is longer than its piece.
-        segment_duration=min(candidate.segment_duration, longest) if finished else None,
+        terms=choice.structure.terms,
+        alignment=Alignment(
+            choice.structure.timing.hold, delays[INPUT], delays[LINK], choice.hold_reason
+        ),
+        hold=choice.structure.timing.hold,
+        coulomb_velocity=joint.smooth.constants[SMOOTHING] if smooth != "auto" else None,
+        filter_rate=_FILTER_RATE,
+        estimator="prediction-error",
+        segment_duration=choice.duration,
         term_evidence=choice.terms,
-        segment_evidence=choice.segments,
+        segment_evidence=choice.lengths,
     )
 
 
-def _provenance(logs: Sequence[Log], settings: Settings, choices: Choices) -> dict[str, object]:
-    return {
-        "flexid_version": flexid.__version__,
-        "settings": asdict(settings),
-        "chosen": {
-            "terms": list(choices.terms),
-            "hold": choices.hold,
-            "input_delay": choices.alignment.input_delay.value,
-            "link_delay": choices.alignment.link_delay.value,
-            "coulomb_velocity": choices.coulomb_velocity,
-            "stopping_time": choices.stopping_time,
-            "filter_rate": round(choices.filter_rate, 6),
-            "estimator": choices.estimator,
-            "segment_duration": choices.segment_duration,
-        },
-        "inputs": [{"file": log.source, "sha256": log.sha256} for log in logs],
-    }
+def _delay(name: str, settings: Settings, reported: Fitted, full: Fitted) -> Delay:
+    """A delay as it was found, or, of one that is none, as large as it could be."""
+    asked = settings.input_delay if name == INPUT else settings.link_delay
+    if not isinstance(asked, str):
+        return Delay(asked, 0.0, (asked, asked), "given")
+    found = reported if name in reported.names else full
+    if name not in found.names:
+        return Delay(0.0, 0.0, (0.0, 0.0), "none")
+    place = found.names.index(name)
+    fit = found.fit
+    value, std = float(fit.values[place]), float(fit.standard_deviations[place])
+    ends = interval(value, std, fit.degrees_of_freedom[place])
+    if found is reported:
+        return Delay(value, std, ends, "found")
+    return Delay(0.0, std, ends, "none")

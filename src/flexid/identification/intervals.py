@@ -11,12 +11,12 @@ the other, and what may be zero has no logarithm: both keep the symmetrical inte
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from flexid.identification.estimate import Fit
 from flexid.models.physical import PhysicalParameter
 
 FloatArray = NDArray[np.float64]
@@ -29,30 +29,6 @@ POSITIVE = frozenset({"theta2", "alpha1", "beta1"})
 """Coefficients that no spring and no inertia has negative or zero."""
 
 _ROUNDING = 1e-6  # of the largest share, below which a degree is none
-
-
-class Fitted(Protocol):
-    """What intervals need to know of a fit."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Coefficients."""
-        ...
-
-    @property
-    def values(self) -> FloatArray:
-        """Their values, shape (k,)."""
-        ...
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Covariance of the values, shape (k, k); infinite variance where the data leave free."""
-        ...
-
-    @property
-    def degrees_of_freedom(self) -> tuple[float, ...]:
-        """Degrees of freedom of each value's variance."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -114,9 +90,7 @@ def logarithmic_interval(value: float, std: float, degrees_of_freedom: float) ->
     return value / factor, value * factor
 
 
-def propagated(
-    parameter: PhysicalParameter, values: Mapping[str, float], fit: Fitted
-) -> Propagated:
+def propagated(parameter: PhysicalParameter, values: Mapping[str, float], fit: Fit) -> Propagated:
     """Physical parameter with the interval that the coefficients' covariance gives it.
 
     Parameters
@@ -125,7 +99,7 @@ def propagated(
         What to compute.
     values : mapping of str to float
         Value of every coefficient, those of the fit and those that were given.
-    fit : Fitted
+    fit : Fit
         Covariance and degrees of freedom of the fitted ones; the fewest of those involved count.
 
     Returns

@@ -1,37 +1,44 @@
 """The two models that a log is held against: the flexible joint, and the rigid one.
 
-Both are compiled once, with every term there is. A term that is off is a coefficient fixed at 0,
-so that terms can be tried and dropped without a kernel of their own.
+Each is compiled twice with every term there is: as most drives are, and with terms for what a drive
+may have beside. A term that is off is a coefficient fixed at 0, so that terms can be tried and
+dropped without a kernel of their own.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.errors import SettingError
 from flexid.estimators.samples import Samples, rigid_samples, samples_of_recording
 from flexid.estimators.unknowns import Unknowns
-from flexid.models.flexible_joint import COEFFICIENT_UNITS, TERMS, flexible_joint
+from flexid.models.flexible_joint import (
+    BACKLASH_WIDTH,
+    COEFFICIENT_UNITS,
+    HYSTERESIS_VELOCITY,
+    SHAPE_TERMS,
+    STRIBECK_VELOCITY,
+    TERMS,
+    TIES,
+    flexible_joint,
+)
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import PhysicalParameter, physical_parameters, rigid_parameters
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
-from flexid.models.terms import SMOOTHING
+from flexid.models.terms import SMOOTHING, with_dry_friction
 from flexid.recording.recording import Recording
 
 FloatArray = NDArray[np.float64]
 
 Kind = Literal["flexible", "rigid"]
 
-SMOOTHED_FRICTION = frozenset({"motor_coulomb", "link_coulomb", "coulomb"})
-"""Terms of friction that changes sign with the velocity, over `SMOOTHING`."""
-
-DRY_FRICTION = SMOOTHED_FRICTION | {"motor_stiction"}
-"""Terms of friction that does not grow with the velocity."""
-
 _OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
+
+# Widths of shapes, relative to the root mean square of what they depend on: a quarter and four
+# times as wide describe nearly the same friction, since the log is fitted with the amplitude.
+_STRIBECK_SHARE, _HYSTERESIS_SHARE, _BACKLASH_SHARE, _SMOOTHING_SHARE = 0.05, 0.1, 0.1, 0.1
 
 
 @dataclass(frozen=True)
@@ -43,24 +50,61 @@ class Joint:
     kind : {"flexible", "rigid"}
         Two encoders and a spring between them, or one encoder.
     system : ParametricSystem
-        The model with every term.
+        The model with every usual term, and dry friction.
+    extended : ParametricSystem
+        The same with `SHAPE_TERMS`.
+    smooth : ParametricSystem
+        The first with smoothed friction: what least squares and the paper's observer take.
     terms : mapping of str to tuple of str
         Coefficients that each term adds.
+    shapes : frozenset of str
+        Coefficients that only the extended model has.
     units : mapping of str to str
         Unit of every coefficient; ``{input}`` stands for the unit of the input.
     channels : tuple of str
         What a free run is compared in.
+    ties : mapping of str to tuple of str
+        Coefficients that follow from others.
     """
 
     kind: Kind
     system: ParametricSystem
+    extended: ParametricSystem
+    smooth: ParametricSystem
     terms: Mapping[str, tuple[str, ...]]
+    shapes: frozenset[str]
     units: Mapping[str, str]
     channels: tuple[str, ...]
+    ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+
+    @property
+    def optional(self) -> frozenset[str]:
+        """Coefficients that a term brings, and that may be absent."""
+        return frozenset(c for names in self.terms.values() for c in names)
+
+    def scaled(self, pieces: Sequence[Samples]) -> "Joint":
+        """The same with shapes as wide as suits the motion of some pieces, with velocities."""
+        motor = _root_mean_square([_velocities(p)[:, -1] for p in pieces])
+        smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * motor, 1e-6)})
+        if self.kind == "rigid":
+            return replace(self, smooth=smooth)
+        rate = _root_mean_square([np.subtract(*_velocities(p).T) for p in pieces])
+        deflection = _root_mean_square([np.subtract(*p.positions.T) for p in pieces])
+        widths = {
+            STRIBECK_VELOCITY: max(_STRIBECK_SHARE * motor, 1e-6),
+            HYSTERESIS_VELOCITY: max(_HYSTERESIS_SHARE * rate, 1e-6),
+            BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9),
+        }
+        return replace(self, smooth=smooth, extended=self.extended.with_constants(widths))
 
     def with_coulomb_velocity(self, velocity: float) -> "Joint":
-        """The same with another smoothing of Coulomb friction, in rad/s."""
-        return replace(self, system=self.system.with_constants({SMOOTHING: velocity}))
+        """The same with friction smoothed over a velocity in rad/s instead of dry."""
+        smooth = self.smooth.with_constants({SMOOTHING: velocity})
+        return replace(self, smooth=smooth, system=smooth, extended=smooth, shapes=frozenset())
+
+    def of_coefficient(self, name: str) -> str | None:
+        """The term that a coefficient belongs to; None for those that are always there."""
+        return next((term for term, names in self.terms.items() if name in names), None)
 
     def samples(self, piece: Recording) -> Samples:
         """A piece as the estimators take it."""
@@ -78,40 +122,36 @@ class Joint:
 
     def unknowns(
         self,
-        terms: Collection[str],
+        absent: Collection[str],
         fixed: Mapping[str, float],
         groups: Sequence[int] = (),
     ) -> Unknowns:
-        """What is sought with some terms on.
+        """What is sought where some coefficients are zero.
 
         Parameters
         ----------
-        terms : collection of str
-            Those that are on; the spring, the inertias and the input's gain always are.
+        absent : collection of str
+            Coefficients whose terms are off; others, the inertias and the spring, are always there.
         fixed : mapping of str to float
             Coefficients whose value is given.
         groups : sequence of int, optional
             The log that each piece comes from: offsets are sought log by log.
-
-        Raises
-        ------
-        SettingError
-            If a given coefficient belongs to a term that is off, or nothing is left to seek.
         """
-        off = [c for term, names in self.terms.items() if term not in terms for c in names]
-        for name, value in fixed.items():
-            if name in off and value != 0.0:
-                (term,) = (t for t, names in self.terms.items() if name in names)
-                raise SettingError(
-                    "known", f"{name} belongs to the term {term!r}, which is off: switch it on"
-                )
-        offsets = [c for t in terms if t in _OFFSET_TERMS for c in self.terms[t] if c not in fixed]
-        return Unknowns(
-            self.system,
-            {**dict.fromkeys(off, 0.0), **fixed},
-            tuple(offsets),
-            tuple(groups),
-        )
+        system = self.system if self.shapes <= {*absent} else self.extended
+        off = {c: 0.0 for c in system.coefficients if c in absent}
+        ties = {
+            c: sources
+            for c, sources in self.ties.items()
+            if c in system.coefficients and c not in fixed
+        }
+        given = {c: v for c, v in fixed.items() if c in system.coefficients}
+        offsets = [
+            c
+            for t in _OFFSET_TERMS
+            for c in self.terms.get(t, ())
+            if c not in fixed and c not in absent
+        ]
+        return Unknowns(system, {**off, **given}, tuple(offsets), tuple(groups), ties)
 
     def terms_with(self, coefficients: Collection[str]) -> tuple[str, ...]:
         """Terms that some coefficients belong to, in the models' order."""
@@ -126,31 +166,43 @@ class Joint:
         return rigid_parameters(coefficients, input_is_torque)
 
 
-def flexible(friction: Literal["motor_coulomb", "motor_stiction"] = "motor_coulomb") -> Joint:
-    """The flexible joint of Huang (2003), eq. (4), with every further term.
-
-    Parameters
-    ----------
-    friction : {"motor_coulomb", "motor_stiction"}, optional
-        Which of the two models of the motor's dry friction there is; they share a coefficient.
-    """
-    other = {"motor_coulomb", "motor_stiction"} - {friction}
-    terms = {name: term for name, term in TERMS.items() if name not in other}
+def flexible() -> Joint:
+    """The flexible joint of Huang (2003), eq. (4), with every further term."""
+    smooth = flexible_joint(tuple(TERMS))
+    every = TERMS | SHAPE_TERMS
     return Joint(
         "flexible",
-        flexible_joint(tuple(terms)),
-        {name: (*term.link, *term.motor) for name, term in terms.items()},
+        with_dry_friction(smooth),
+        with_dry_friction(flexible_joint(tuple(every))),
+        smooth,
+        {name: (*term.link, *term.motor) for name, term in every.items()},
+        frozenset(c for term in SHAPE_TERMS.values() for c in (*term.link, *term.motor)),
         COEFFICIENT_UNITS,
         ("link_position", "motor_position", "deflection"),
+        TIES,
     )
 
 
 def rigid() -> Joint:
     """The rigid joint with every term."""
+    smooth = rigid_joint(tuple(RIGID_TERMS))
+    dry = with_dry_friction(smooth)
     return Joint(
         "rigid",
-        rigid_joint(tuple(RIGID_TERMS)),
+        dry,
+        dry,
+        smooth,
         {name: tuple(regressors) for name, regressors in RIGID_TERMS.items()},
+        frozenset(),
         RIGID_UNITS,
         ("motor_position",),
     )
+
+
+def _velocities(piece: Samples) -> FloatArray:
+    assert piece.velocities is not None
+    return piece.velocities
+
+
+def _root_mean_square(parts: Sequence[FloatArray]) -> float:
+    return float(np.sqrt(sum(float(x @ x) for x in parts) / sum(map(len, parts))))

@@ -1,9 +1,8 @@
 """Logs become pieces of motion, each with an end that is kept out of the fit."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from operator import is_
 
 from flexid.errors import RecordingError, SettingError
 from flexid.recording.recording import Log, Recording
@@ -43,28 +42,6 @@ class Pieces:
         Their velocities are derived apart, so that none knows of the held-out positions.
         """
         return tuple(with_velocities(part) for part in self._parts())
-
-    def inner(self, share: float, most_samples: int) -> "Pieces":
-        """The parts before the held-out ends, cut in turn: what choices may look at.
-
-        Of very long records the first samples are enough for that. A part that is too short to be
-        cut again is left out, unless all are.
-        """
-        seen, left = [], most_samples
-        for part, group in zip(self._parts(), self.groups, strict=True):
-            if left > 0:
-                seen.append((group, part.window(0, min(len(part), left))))
-            left -= len(part)
-        groups, parts = zip(*(_long_enough(seen, share) or seen), strict=True)
-        return Pieces(parts, tuple(_held_out_start(part, share) for part in parts), groups)
-
-    def changed(self, change: Callable[[Recording], Recording], share: float) -> "Pieces":
-        """The same with every piece changed, and cut anew."""
-        pieces = tuple(change(piece) for piece in self.recorded)
-        starts = tuple(_held_out_start(piece, share) for piece in pieces)
-        if starts == self.starts and all(map(is_, pieces, self.recorded)):
-            return self  # which has its velocities
-        return Pieces(pieces, starts, self.groups)
 
     def _parts(self) -> tuple[Recording, ...]:
         return tuple(

@@ -20,11 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
-from flexid.identification.intervals import POSITIVE, Fitted, FloatArray
+from flexid.identification.estimate import Estimate, Fit, FloatArray
+from flexid.identification.intervals import POSITIVE
+from flexid.identification.judgement import THRESHOLDS
 from flexid.models.physical import PhysicalParameter
-
-CONTRADICTION = 3.0
-"""Standard deviations between knowledge and log beyond which there is a warning."""
 
 _STEPS = 100
 _CONVERGED = 1e-10  # relative change of the values by a step
@@ -62,43 +61,18 @@ class Known:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class Informed:
-    """A fit with what was known beforehand joined to it.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Coefficients.
-    values : array, shape (k,)
-        Their values.
-    covariance : array, shape (k, k)
-        Their covariance.
-    degrees_of_freedom : tuple of float
-        Of each variance. What was known counts as known exactly in its uncertainty, so the more a
-        value rests on it, the more degrees of freedom (Welch and Satterthwaite).
-    warnings : tuple of str
-        Where log and knowledge contradict each other.
-    """
-
-    names: tuple[str, ...]
-    values: FloatArray
-    covariance: FloatArray
-    degrees_of_freedom: tuple[float, ...]
-    warnings: tuple[str, ...]
-
-
 def informed(
-    fit: Fitted,
+    fit: Fit,
     known: Sequence[Known],
     parameters: Sequence[PhysicalParameter] = (),
     given: Mapping[str, float] | None = None,
-) -> Informed:
+    contradiction: float = THRESHOLDS.contradiction,
+) -> tuple[Estimate, tuple[str, ...]]:
     """Join knowledge to a fit.
 
     Parameters
     ----------
-    fit : Fitted
+    fit : Fit
         Of the log alone.
     known : sequence of Known
         Coefficients of the fit, or physical parameters; independent of the log and of one another.
@@ -106,10 +80,17 @@ def informed(
         Those that `known` may name.
     given : mapping of str to float, optional
         Coefficients that were not fitted, if a physical parameter needs them.
+    contradiction : float, optional
+        Standard deviations between log and knowledge beyond which they contradict each other. The
+        covariance then spans both.
 
     Returns
     -------
-    Informed
+    estimate : Estimate
+        Of both. What was known counts as known exactly in its uncertainty, so the more a value
+        rests on it, the more degrees of freedom (Welch and Satterthwaite).
+    contradicted : tuple of str
+        What is known otherwise than the log says.
 
     Raises
     ------
@@ -139,8 +120,12 @@ def informed(
     )
     freedom[~finite] = 0.0
     total[~finite, ~finite] = np.inf
-    warnings = _contradictions(alone, covariance, known)
-    return Informed(fit.names, both.point, total, tuple(freedom.tolist()), warnings)
+    estimate = Estimate(fit.names, both.point, total, tuple(freedom.tolist()))
+    contradicted = _contradictions(alone, covariance, known, contradiction)
+    if contradicted:
+        change = both.point - alone.point
+        estimate = estimate.widened(np.outer(change, change))
+    return estimate, contradicted
 
 
 @dataclass(frozen=True)
@@ -161,9 +146,7 @@ class _Itself:
         return np.array([float(name == self.name) for name in names])
 
 
-def _parameter(
-    name: str, fit: Fitted, parameters: Sequence[PhysicalParameter]
-) -> PhysicalParameter:
+def _parameter(name: str, fit: Fit, parameters: Sequence[PhysicalParameter]) -> PhysicalParameter:
     """What a name stands for; refused if the log leaves free what it depends on."""
     known = {p.name: p for p in parameters} | {c: _Itself(c) for c in fit.names}
     if name not in known:
@@ -231,20 +214,24 @@ def _joined(
 
 
 def _contradictions(
-    alone: _Linearised, covariance: FloatArray, known: Sequence[Known]
+    alone: _Linearised, covariance: FloatArray, known: Sequence[Known], limit: float
 ) -> tuple[str, ...]:
     slopes = alone.slopes
-    warnings = []
+    found = []
     for item, value, slope in zip(known, alone.values.tolist(), slopes, strict=True):
         variance = float(slope @ covariance @ slope)
-        apart = abs(item.value - value)
-        allowed = np.sqrt(variance + item.std**2)
-        if apart > CONTRADICTION * allowed:
-            warnings.append(
-                f"{item.name} is known as {item.value:.4g} ± {item.std:.2g}, but the log alone "
-                f"says {value:.4g} ± {np.sqrt(variance):.2g}: check the value and the log's units"
-            )
-    return tuple(warnings)
+        if abs(item.value - value) > limit * np.sqrt(variance + item.std**2):
+            found.append(contradiction_warning(item, value, float(np.sqrt(variance))))
+    return tuple(found)
+
+
+def contradiction_warning(known: Known, value: float, std: float) -> str:
+    """One sentence on a known value that the log contradicts."""
+    stated = f"{known.value:.4g}" + (f" ± {known.std:.2g}" if known.std else "")
+    return (
+        f"{known.name} is known as {stated}, which contradicts the log: it says {value:.4g} ± "
+        f"{std:.2g} by itself; check the value and the log's units"
+    )
 
 
 def _welch_satterthwaite(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexid.analysis.excitation import Excitation
 from flexid.identification.alignment import Alignment
-from flexid.identification.intervals import Fitted
+from flexid.identification.estimate import Estimate
 from flexid.identification.joint import Kind
 from flexid.recording.recording import Hold
 
@@ -49,7 +49,7 @@ class CoefficientEstimate:
 
 @dataclass(frozen=True)
 class ParameterEstimate:
-    """A physical parameter with its 95 % interval; it is as well determined as its coefficients."""
+    """A physical parameter with its 95 % interval; fields are those of `CoefficientEstimate`."""
 
     name: str
     unit: str
@@ -57,6 +57,7 @@ class ParameterEstimate:
     std: float
     interval: tuple[float, float]
     status: Status
+    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,13 @@ class Validation:
         motor_position alone where the joint is rigid.
     runs : tuple of FreeRun
         One per held-out stretch.
+    horizons : mapping of float to mapping of str to float
+        The same for predictions that begin anew every so many seconds.
     """
 
     fit_percent: Mapping[str, float]
     runs: tuple[FreeRun, ...]
+    horizons: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -142,22 +146,25 @@ class Compliance:
 
 @dataclass(frozen=True)
 class TermEvidence:
-    """What a term buys.
+    """What the full model says of a coefficient that may be absent, or of a delay.
 
     Parameters
     ----------
-    term : str
-        Its name.
-    chosen : bool
+    name : str
+        Coefficient or delay.
+    kept : bool
         Whether it is part of the model.
-    with_term, without_term : float
-        Error of the free run, relative to the motion, with it and without it.
+    value, std : float
+        Beside all that was not taken away before it.
+    probability : float
+        Of a value as large, were it zero.
     """
 
-    term: str
-    chosen: bool
-    with_term: float
-    without_term: float
+    name: str
+    kept: bool
+    value: float
+    std: float
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -167,16 +174,36 @@ class SegmentEvidence:
     Parameters
     ----------
     duration : float
-        In s; 0 stands for least squares without any.
-    error : float
-        Error of the free run relative to the motion.
-    converged : bool
-        Whether prediction error did; if not, least squares ran in its place. True without segments.
+        In s.
+    excess : float
+        Mean square of the residuals over that of the sensors' noise.
+    std : float
+        Geometric mean of the relative standard deviations of inertias, stiffness and gravity.
     """
 
     duration: float
-    error: float
-    converged: bool
+    excess: float
+    std: float
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """What speaks for a drive that no model here describes, and what it adds to the intervals.
+
+    Parameters
+    ----------
+    excess : float
+        Mean square of the residuals over that of the sensors' noise.
+    evidence : float
+        Mean square of what terms beyond the model find, in their standard deviations: about 1 if
+        the residuals are noise, however large.
+    share : float
+        Part of the largest error that the residuals allow which is added, from 0 to 1.
+    """
+
+    excess: float
+    evidence: float
+    share: float
 
 
 @dataclass(frozen=True)
@@ -189,12 +216,11 @@ class Choices:
         Terms of the model.
     alignment : Alignment
         Hold and delays.
-    hold : {"zero", "linear"}
+    hold : {"zero", "linear", "cubic"}
         Behaviour of the input between samples.
     coulomb_velocity : float or None
-        Velocity in rad/s over which Coulomb friction changes sign; None where there is none.
-    stopping_time : float or None
-        Time in s in which friction brings the motor to rest; None without ``motor_stiction``.
+        Velocity in rad/s over which Coulomb friction changes sign, if that was given; None where
+        friction is dry.
     filter_rate : float
         Rate λ of the state-variable filter in 1/s.
     estimator : {"prediction-error", "least-squares"}
@@ -202,7 +228,7 @@ class Choices:
     segment_duration : float or None
         Length of the segments in s; None for least squares.
     term_evidence : tuple of TermEvidence
-        What each term buys; empty where the user gave the terms.
+        What the full model says of each coefficient that may be absent.
     segment_evidence : tuple of SegmentEvidence
         What each length of the segments gives.
     """
@@ -211,7 +237,6 @@ class Choices:
     alignment: Alignment
     hold: Hold
     coulomb_velocity: float | None
-    stopping_time: float | None
     filter_rate: float
     estimator: Estimator
     segment_duration: float | None
@@ -236,14 +261,18 @@ class Identification:
     excitation : mapping of str to Excitation
         By row name.
     residual_excess : mapping of str to float
-        By row name: residual over what the noise of the positions explains, as root mean squares.
+        By position: residual over the noise of its sensor, as root mean squares.
+    model_error : ModelError
+        What the residuals say about the model.
     validation : Validation
         Free run over the held-out end of each piece, with coefficients fitted without it.
     compliance : Compliance
         Whether the log shows that the joint is flexible.
     observer : ObserverTrace
         The paper's observer over the same log.
-    fit : Fitted
+    removed : mapping of str to ParameterEstimate
+        How large parameters could be that the model does without.
+    fit : Estimate
         Names, values, covariance and degrees of freedom of what was estimated.
     choices : Choices
         What was chosen, with the evidence.
@@ -261,10 +290,12 @@ class Identification:
     least_squares: Mapping[str, float]
     excitation: Mapping[str, Excitation]
     residual_excess: Mapping[str, float]
+    model_error: ModelError
     validation: Validation
     compliance: Compliance
     observer: ObserverTrace
-    fit: Fitted
+    removed: Mapping[str, ParameterEstimate]
+    fit: Estimate
     choices: Choices
     summary: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -272,5 +303,5 @@ class Identification:
 
     @property
     def supported(self) -> bool:
-        """Whether the data can tell every coefficient."""
+        """Whether the data determine every coefficient, be it weakly."""
         return all(c.status != "undetermined" for c in self.coefficients.values())

@@ -7,13 +7,14 @@ from typing import Literal
 
 from flexid.errors import SettingError
 from flexid.identification.joint import Joint
-from flexid.models.flexible_joint import COEFFICIENT_UNITS, TERMS
+from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
 _COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
-_TERMS = dict.fromkeys([*TERMS, *RIGID_TERMS])
+_FLEXIBLE = TERMS | SHAPE_TERMS
+_TERMS = dict.fromkeys([*_FLEXIBLE, *RIGID_TERMS])
 
 Auto = Literal["auto"]
 
@@ -25,7 +26,7 @@ class Settings:
     Parameters
     ----------
     terms : tuple of str, optional
-        Terms of the model; see `flexid.models.flexible_joint.TERMS`, and
+        Terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
         `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder.
     known : mapping of str to float, optional
         ``motor_inertia`` in kg m² (with a torque input), or coefficients by name.
@@ -34,16 +35,14 @@ class Settings:
         any physical parameter too.
     bounds : mapping of str to tuple of float, optional
         Lower and upper end for coefficients, infinite where there is none.
-    hold : {"auto", "zero", "linear"}, optional
+    hold : {"auto", "zero", "linear", "cubic"}, optional
         How the input behaves between samples.
     input_delay : float, optional
         By how many seconds the input acts later than it was recorded.
     link_delay : float, optional
         By how many seconds the link's encoder lags behind the motor's.
     coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes sign.
-    stopping_time : float, optional
-        Time in s in which the friction of ``motor_stiction`` stops the motor.
+        Velocity in rad/s over which Coulomb friction changes sign; at once if not given.
     filter_rate : float, optional
         Rate of the state-variable filter in 1/s.
     estimator : {"auto", "prediction-error", "least-squares"}, optional
@@ -67,7 +66,6 @@ class Settings:
     input_delay: float | Auto = "auto"
     link_delay: float | Auto = "auto"
     coulomb_velocity: float | Auto = "auto"
-    stopping_time: float | Auto = "auto"
     filter_rate: float | Auto = "auto"
     estimator: Literal["auto", "prediction-error", "least-squares"] = "auto"
     segment_duration: float | Auto = "auto"
@@ -86,11 +84,9 @@ class Settings:
             raise SettingError("known", "motor_inertia and beta1 fix the same: give one of them")
         for name, (lower, upper) in self.bounds.items():
             _check_bounds(name, lower, upper)
-        _check_choice("hold", self.hold, ("auto", "zero", "linear"))
+        _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
         _check_choice("estimator", self.estimator, ("auto", "prediction-error", "least-squares"))
         _check_positive("coulomb-velocity", self.coulomb_velocity, "rad/s")
-        _check_positive("stopping-time", self.stopping_time, "s")
-        self._check_friction()
         _check_positive("filter-rate", self.filter_rate, "1/s")
         _check_positive("segment-duration", self.segment_duration, "s")
         for name in ("input_delay", "link_delay"):
@@ -100,27 +96,6 @@ class Settings:
         if not 0 < self.validation_share <= _LARGEST_SHARE:
             raise SettingError(
                 "validation-share", f"give a share of the log between 0 and {_LARGEST_SHARE}"
-            )
-
-    def _check_friction(self) -> None:
-        holds = self.terms != "auto" and "motor_stiction" in self.terms
-        if self.coulomb_velocity != "auto" and holds:
-            raise SettingError(
-                "coulomb-velocity",
-                "that of motor_stiction follows from its stopping time: give that, or take the "
-                "term motor_coulomb",
-            )
-        if self.stopping_time == "auto":
-            return
-        if self.coulomb_velocity != "auto":
-            raise SettingError(
-                "stopping-time",
-                "motor_stiction has it, motor_coulomb has a Coulomb velocity, and a drive has one "
-                "of these frictions: leave one out",
-            )
-        if self.terms != "auto" and not holds:
-            raise SettingError(
-                "stopping-time", "belongs to the term motor_stiction, which is off: switch it on"
             )
 
     def fixed_coefficients(self, input_is_torque: bool) -> dict[str, float]:
@@ -145,7 +120,7 @@ class Settings:
 def check_for(joint: Joint, settings: Settings) -> None:
     """Raise `SettingError` for what a joint does not have, or what contradicts itself."""
     what = "two encoders show" if joint.kind == "flexible" else "is all that one encoder shows"
-    terms = TERMS if joint.kind == "flexible" else RIGID_TERMS
+    terms = _FLEXIBLE if joint.kind == "flexible" else RIGID_TERMS
     chosen = () if settings.terms == "auto" else settings.terms
     for term in chosen:
         if term not in terms:
@@ -177,10 +152,8 @@ def check_for(joint: Joint, settings: Settings) -> None:
 
 def _is_on(coefficient: str, joint: Joint, terms: tuple[str, ...]) -> bool:
     """Whether some terms bring a coefficient in, or it is always there."""
-    both = ("motor_coulomb", "motor_stiction")  # the one stands for the other in a joint
-    on = {*terms, *both} if set(terms) & set(both) else {*terms}
-    owners = joint.terms_with([coefficient])
-    return not owners or bool(on & set(owners))
+    owner = joint.of_coefficient(coefficient)
+    return owner is None or owner in terms
 
 
 def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:

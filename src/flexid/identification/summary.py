@@ -1,57 +1,51 @@
 """What was chosen and why, in three sentences."""
 
-import numpy as np
-
-from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.alignment import Alignment, Delay
-from flexid.identification.intervals import Fitted
-from flexid.identification.result import Choices, TermEvidence
+from flexid.identification.result import Choices
+
+_HOLDS = {"zero": "held between samples", "linear": "on straight lines", "cubic": "smoothly"}
 
 
-def summary(choices: Choices, fit: Fitted, start: LeastSquaresFit) -> tuple[str, str, str]:
+def summary(choices: Choices) -> tuple[str, str, str]:
     """Terms, alignment and estimator, a sentence each.
 
     Parameters
     ----------
     choices : Choices
         What was chosen.
-    fit : Fitted
-        What is reported.
-    start : LeastSquaresFit
-        Least squares of the same data.
     """
     return (
         _model_sentence(choices),
         _alignment_sentence(choices.alignment),
-        _estimator_sentence(choices, fit, start),
+        _estimator_sentence(choices),
     )
 
 
 def _model_sentence(choices: Choices) -> str:
     named = ", ".join(choices.terms) or "no further term"
-    chosen = [e for e in choices.term_evidence if e.chosen]
-    rejected = [e for e in choices.term_evidence if not e.chosen]
-    if not choices.term_evidence:
-        return f"Model: {named}, as given."
     sentence = f"Model: {named}"
-    if chosen:
-        least = min(chosen, key=_saved)
-        sentence += f"; each saves {_percent(_saved(least))} or more of the free run's error"
-    if rejected:
-        best = max(rejected, key=_saved)
-        saved = _saved(best)
-        gain = f"would save {_percent(saved)}" if saved > 0 else "would save none"
-        sentence += f", the next best, {best.term}, {gain}"
+    kept = [e for e in choices.term_evidence if e.kept and not e.name.endswith("delay")]
+    gone = [e for e in choices.term_evidence if not e.kept and not e.name.endswith("delay")]
+    if kept and choices.term_evidence:
+        least = min(kept, key=lambda e: abs(e.value) / e.std)
+        sentence += f"; of these {least.name} is {_deviations(least.value, least.std)} from zero"
+    if gone:
+        most = max(gone, key=lambda e: abs(e.value) / e.std)
+        sentence += f", of those left out {most.name} was {_deviations(most.value, most.std)}"
     return sentence + "."
 
 
+def _deviations(value: float, std: float) -> str:
+    ratio = abs(value) / std if std else float("inf")
+    return f"{ratio:.2g} standard deviations" if ratio < 100.0 else "over 100 standard deviations"
+
+
 def _alignment_sentence(alignment: Alignment) -> str:
-    hold = "held between samples" if alignment.hold == "zero" else "on straight lines"
     delays = [
         _delay("input", alignment.input_delay),
         _delay("link encoder", alignment.link_delay),
     ]
-    return f"Time: the input runs {hold}; {', '.join(delays)}."
+    return f"Time: the input runs {_HOLDS[alignment.hold]}; {', '.join(delays)}."
 
 
 def _delay(channel: str, delay: Delay) -> str:
@@ -59,36 +53,17 @@ def _delay(channel: str, delay: Delay) -> str:
         return f"{channel} {1e3 * delay.value:.3g} ms late, as given"
     if delay.status == "found":
         lower, upper = (1e3 * end for end in delay.interval)
-        return f"{channel} {1e3 * delay.value:.3g} [{lower:.3g}, {upper:.3g}] ms late, corrected"
-    return f"{channel} delay {'unknown' if delay.status == 'unknown' else 'none'}"
+        return f"{channel} {1e3 * delay.value:.3g} [{lower:.3g}, {upper:.3g}] ms late"
+    return f"{channel} delay none"
 
 
-def _estimator_sentence(choices: Choices, fit: Fitted, start: LeastSquaresFit) -> str:
-    rate = f"filter rate {choices.filter_rate:.3g} 1/s"
+def _estimator_sentence(choices: Choices) -> str:
     if choices.estimator == "least-squares":
-        return f"Estimator: least squares on filtered positions, {rate}."
-    sentence = f"Estimator: prediction error over segments of {choices.segment_duration:g} s"
-    if len(choices.segment_evidence) > 2:
-        sentence += f", the best of {len(choices.segment_evidence) - 1} lengths in a free run"
-    return f"{sentence}; least squares ({rate}) {_agreement(fit, start)}."
-
-
-def _agreement(fit: Fitted, start: LeastSquaresFit) -> str:
-    """How far least squares is from what is reported, in its own standard deviations."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        distances = np.abs(fit.values - start.values) / start.standard_deviations
-    usable = np.isfinite(distances)
-    if not usable.any():
-        return "cannot be compared"
-    place = int(np.argmax(np.where(usable, distances, -1.0)))
-    if distances[place] <= 3.0:
-        return "agrees"
-    return f"puts {fit.names[place]} {distances[place]:.0f} standard deviations off"
-
-
-def _saved(evidence: TermEvidence) -> float:
-    return 1 - evidence.with_term / evidence.without_term
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
+        return (
+            f"Estimator: least squares on filtered positions, filter rate "
+            f"{choices.filter_rate:.3g} 1/s."
+        )
+    sentence = f"Estimator: prediction error over segments of {choices.segment_duration:.3g} s"
+    if len(choices.segment_evidence) > 1:
+        sentence += f", of {len(choices.segment_evidence)} lengths the one with narrowest intervals"
+    return sentence + "."

@@ -1,48 +1,42 @@
-"""Free runs: how well the model alone repeats a stretch that was kept out of the fit."""
+"""How well the model alone predicts a stretch that was kept out of the fit, and for how long.
 
-from collections.abc import Callable, Sequence
+The state at the start of a prediction is taken from the half second of data before it: the model is
+fitted to that with its initial states as the only unknowns and runs on from there. Nothing of the
+stretch itself but the input is used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexid.errors import SimulationError
-from flexid.estimators.samples import Samples
+from flexid.estimators.samples import FloatArray
+from flexid.estimators.segmented_motion import Point
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
+from flexid.identification.full_model import Data, Fitted
 from flexid.identification.joint import Joint
-from flexid.identification.preparation import Pieces
 from flexid.identification.result import FreeRun, Validation
-from flexid.recording.recording import Hold
-from flexid.simulation.free_run import FreeRunner
 
-_WARM_UP = 0.5  # s of data before the held-out stretch from which its first state is taken
-_FEWEST_SAMPLES = 20
-_STEP = 1e-4  # rad and rad/s, for the Jacobian
-_MOST_STEPS = 20
-_CONVERGED = 1e-9  # relative fall of the sum of squares by a step that ends the search
+HORIZONS = (0.05, 0.2, 1.0, 5.0)
+"""Seconds after which predictions begin anew."""
+
+_WARM_UP = 0.5  # s of data before a prediction from which its first state is taken
+_MOST_STEPS = 10
+_CONVERGED = 1e-6  # relative fall of the sum of squares by a step that ends the search
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
-_CHOICE_STARTS = (0.0, 0.2, 0.4, 0.6)  # of a stretch, from which runs start where a choice is made
-
-FloatArray = NDArray[np.float64]
 
 
-def validate(
-    joint: Joint, pieces: Pieces, coefficients: Sequence[FloatArray], hold: Hold
-) -> Validation:
-    """Run the model freely over the held-out end of each piece.
-
-    The state at the start of a held-out stretch is taken from the half second of data before it:
-    the model is fitted to it with its initial state as the only unknown and runs on from there.
-    Nothing of the held-out stretch but the input is used.
+def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
+    """Predict the held-out end of each piece.
 
     Parameters
     ----------
-    joint : Joint
-        The model.
-    pieces : Pieces
-        The recorded motion and where its held-out ends begin.
-    coefficients : sequence of array, shape (n_coefficients,)
-        Of each piece, fitted on the data before the held-out stretches.
-    hold : {"zero", "linear"}
-        Behaviour of the input between samples.
+    fitted : Fitted
+        To the data before the held-out ends.
+    data : Data
+        The pieces with their ends.
+    starts : sequence of int
+        Where the held-out end of each begins.
 
     Returns
     -------
@@ -50,110 +44,125 @@ def validate(
         With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
         hardly moves in the held-out stretches, where a fit would test nothing.
     """
-    runs = _runs(joint, pieces, coefficients, hold, (0.0,))
-    fits = 100 * (1 - _relative_errors(joint, pieces, runs))
-    return Validation(dict(zip(joint.channels, map(float, fits), strict=True)), tuple(runs))
+    joint = fitted.structure.joint
+    spreads = _spreads(joint, data, starts)
+    runs = _predictions(fitted, data, [[start] for start in starts], np.inf)
+    horizons = {}
+    for horizon in HORIZONS:
+        origins = [
+            _origins(len(piece), start, piece.sample_time, horizon)
+            for piece, start in zip(data.samples, starts, strict=True)
+        ]
+        if all(origins):
+            predicted = _predictions(fitted, data, origins, horizon)
+            horizons[horizon] = _percent(joint, predicted, spreads)
+    return Validation(_percent(joint, runs, spreads), tuple(runs), horizons)
 
 
-def free_run_error(
-    joint: Joint, pieces: Pieces, coefficients: Sequence[FloatArray], hold: Hold
-) -> float:
-    """Mean over the channels of the error that free runs make, relative to the motion.
-
-    A single run says as much about its first state as about the model, so each stretch is run from
-    several instants on. Parameters are those of `validate`.
-
-    Returns
-    -------
-    float
-        Infinite if a run diverges or nothing moves.
-    """
-    runs = _runs(joint, pieces, coefficients, hold, _CHOICE_STARTS)
-    errors = _relative_errors(joint, pieces, runs)
-    tested = errors[~np.isnan(errors)]
-    return float(tested.mean()) if len(tested) else np.inf
+def _origins(length: int, start: int, sample_time: float, horizon: float) -> list[int]:
+    """First samples of predictions that end before the next one needs its data."""
+    span = round(horizon / sample_time)
+    # Windows that are fitted to must not overlap with what another one predicts.
+    pitch = span + _warm_up(sample_time)
+    return list(range(start, length - span, pitch))
 
 
-def _runs(
-    joint: Joint,
-    pieces: Pieces,
-    coefficients: Sequence[FloatArray],
-    hold: Hold,
-    places: Sequence[float],
+def _warm_up(sample_time: float) -> int:
+    return max(FEWEST_SAMPLES, round(_WARM_UP / sample_time))
+
+
+def _predictions(
+    fitted: Fitted, data: Data, origins: Sequence[Sequence[int]], horizon: float
 ) -> list[FreeRun]:
+    """Predicted motion from each origin on, for a horizon in s or to the end of its piece."""
+    whole = divide(data.samples, data.duration)  # one segment for each piece
+    firsts, warm, total, pieces, places = [], [], [], [], []
+    for piece, (samples, own) in enumerate(zip(data.samples, origins, strict=True)):
+        offset = int(whole.piece_starts[piece])
+        for origin in own:
+            first = max(0, origin - _warm_up(samples.sample_time))
+            last = len(samples)
+            if np.isfinite(horizon):
+                last = min(last, origin + round(horizon / samples.sample_time))
+            firsts.append(offset + first)
+            warm.append(origin - first)
+            total.append(last - first)
+            pieces.append(piece)
+            places.append(origin)
+    before = _windows(whole, firsts, warm, pieces)
+    states = _states(fitted, before)
+    windows = _windows(whole, firsts, total, pieces)
+    problem = replace(fitted.problem, segments=windows)
+    equations = problem.equations(Point(fitted.values, states))
+    measured = problem.timely(fitted.values)
+    joint = fitted.structure.joint
     runs = []
-    for piece, start, values in zip(pieces.recorded, pieces.starts, coefficients, strict=True):
-        samples = joint.samples(piece)
-        measured = joint.channels_of(samples.positions)
-        for place in places:
-            first = start + round(place * (len(piece) - start))
-            try:
-                simulated = _run(joint, samples, first, values, hold)
-            except SimulationError:
-                simulated = np.full_like(measured[first:], np.inf)
-            runs.append(FreeRun(piece.time[first:], measured[first:], simulated))
+    for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):
+        part = slice(first + skipped, first + length)
+        seen = measured[part]
+        predicted = seen - equations.residuals[part]
+        if not np.isfinite(equations.cost):
+            predicted = np.full_like(seen, np.inf)
+        samples = data.samples[pieces[s]]
+        time = samples.time[places[s] : places[s] + len(seen)]
+        runs.append(FreeRun(time, joint.channels_of(seen), joint.channels_of(predicted)))
     return runs
 
 
-def _run(joint: Joint, samples: Samples, start: int, values: FloatArray, hold: Hold) -> FloatArray:
-    """Channels of a free run from a sample on; its first state is that of the data before."""
-    coefficients = dict(zip(joint.system.coefficients, map(float, values), strict=True))
-    length = max(_FEWEST_SAMPLES, round(_WARM_UP / samples.sample_time))
-    first = max(0, start - length)
-    positions, inputs = samples.positions[first:start], samples.inputs
-    guess = _initial_guess(positions, samples.sample_time)
-    runner = FreeRunner.near(
-        joint.system, coefficients, guess, inputs[first], samples.sample_time, hold
+def _windows(
+    whole: Segments, firsts: Sequence[int], spans: Sequence[int], pieces: Sequence[int]
+) -> Segments:
+    """Stretches of pieces as segments; `whole` has one segment for each piece."""
+    own = np.array(pieces, dtype=np.int64)
+    return replace(
+        whole,
+        starts=np.array(firsts, dtype=np.int64),
+        lengths=np.array(spans, dtype=np.int64),
+        sample_times=whole.sample_times[own],
+        start_times=whole.start_times[own],
+        pieces=own,
     )
 
-    def misfit(state: FloatArray) -> FloatArray:
-        return (runner.run(state, inputs[first:start])[:, ::2] - positions).ravel()
 
-    state = runner.run(_least(misfit, guess), inputs[first : start + 1])[-1]
-    return joint.channels_of(runner.run(state, inputs[start:])[:, ::2])
-
-
-def _least(misfit: Callable[[FloatArray], FloatArray], guess: FloatArray) -> FloatArray:
-    """State of the least sum of squares of a misfit that is nearly linear in it.
-
-    Over the warm-up the motion is, so one Jacobian is enough.
-    """
-    state, left = guess, misfit(guess)
-    slopes = [(misfit(guess + step) - left) / _STEP for step in _STEP * np.eye(len(guess))]
-    inverse = np.linalg.pinv(np.column_stack(slopes))
+def _states(fitted: Fitted, windows: Segments) -> FloatArray:
+    """First states for which the model follows its windows best, its coefficients given."""
+    problem = replace(fitted.problem, segments=windows)
+    states = first_states(windows)
+    equations = problem.equations(Point(fitted.values, states))
+    n = states.shape[1]
     for _ in range(_MOST_STEPS):
-        trial = state - inverse @ left
-        rest = misfit(trial)
-        if not rest @ rest < left @ left:
+        firsts = problem.first_blocks[:-1]
+        normal = np.add.reduceat(equations.normal, firsts, axis=0)[:, :n, :n]
+        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)[:, :n]
+        scale = np.sqrt(np.einsum("sii->si", normal))
+        scale = np.where(scale > 0.0, scale, 1.0)
+        inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), rcond=1e-9)
+        step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
+        trial = problem.equations(Point(fitted.values, states + step))
+        if not trial.cost < equations.cost:
             break
-        done = rest @ rest > (1.0 - _CONVERGED) * (left @ left)
-        state, left = trial, rest
+        done = trial.cost > (1.0 - _CONVERGED) * equations.cost
+        states, equations = states + step, trial
         if done:
             break
-    return state
+    return states
 
 
-def _initial_guess(positions: FloatArray, sample_time: float) -> FloatArray:
-    n = min(len(positions), _FEWEST_SAMPLES)
-    parabola = np.polynomial.polynomial.polyfit(np.arange(n) * sample_time, positions[:n], 2)
-    return np.asarray(parabola[:2].T.ravel(), dtype=np.float64)
-
-
-def _relative_errors(joint: Joint, pieces: Pieces, runs: Sequence[FreeRun]) -> FloatArray:
-    """Root mean square error over that of the motion, channel by channel; NaN at rest."""
-    measured = [run.measured for run in runs]
-    error = np.sum([np.sum((r.measured - r.simulated) ** 2, axis=0) for r in runs], axis=0)
-    spread = _spread(measured)
-    fitted = [
-        joint.outputs(piece)[:start]
-        for piece, start in zip(pieces.recorded, pieces.starts, strict=True)
-    ]
-    moved = spread / sum(map(len, measured))
-    resting = moved < _REST**2 * _spread(fitted) / sum(map(len, fitted))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(resting, np.nan, np.sqrt(error / spread))
+def _spreads(joint: Joint, data: Data, starts: Sequence[int]) -> FloatArray:
+    """Root mean square of the held-out motion about its mean, per channel; NaN where it rests."""
+    every = [joint.channels_of(piece.positions) for piece in data.samples]
+    held = _spread([y[start:] for y, start in zip(every, starts, strict=True)])
+    fitted = _spread([y[:start] for y, start in zip(every, starts, strict=True)])
+    return np.where(held < _REST * fitted, np.nan, held)
 
 
 def _spread(stretches: Sequence[FloatArray]) -> FloatArray:
-    """Sum of squares about each stretch's mean, per channel."""
-    return np.asarray(sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in stretches))
+    squares = sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in stretches)
+    return np.sqrt(np.asarray(squares) / sum(map(len, stretches)))
+
+
+def _percent(joint: Joint, runs: Sequence[FreeRun], spreads: FloatArray) -> dict[str, float]:
+    squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
+    error = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in runs))
+    fits = 100.0 * (1.0 - error / spreads)
+    return dict(zip(joint.channels, map(float, fits), strict=True))

@@ -1,13 +1,10 @@
 """What the user should know before trusting the numbers."""
 
 from collections.abc import Iterator, Mapping
-from math import isnan
+from math import isfinite, isnan
 
-from flexid.identification.result import CoefficientEstimate, Compliance
-from flexid.identification.verdict import WEAK_FIT
-
-WARNED_EXCESS = 1.5
-"""Residual over what noise explains from which a row earns a warning."""
+from flexid.identification.compliance import WEAK_FIT
+from flexid.identification.result import CoefficientEstimate, Compliance, ModelError
 
 _SIGN_ADVICE = {
     "theta2": "the sign of the deflection is probably wrong",
@@ -32,21 +29,21 @@ def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
                 f"another --validation-share, or record motion to the end"
             )
         elif fit < WEAK_FIT:
+            what = f"repeats {fit:.0f} %" if fit > 0 and isfinite(fit) else "repeats nothing"
             yield (
-                f"the free run repeats {max(fit, 0):.0f} % of the held-out {channel}: the model "
-                f"lacks something the drive has (try further terms), or the coefficients are off"
+                f"the free run {what} of the held-out {channel}: over so long a time the model "
+                f"lacks something the drive has; see how far it predicts over shorter horizons"
             )
 
 
-def residual_warnings(residual_excess: Mapping[str, float]) -> Iterator[str]:
-    """Warn of rows that leave more unexplained than the noise of the positions accounts for."""
-    for row, excess in residual_excess.items():
-        if excess > WARNED_EXCESS:
-            yield (
-                f"the {row} row leaves {excess:.1f} times the residual that sensor noise explains: "
-                f"a term is missing, or the input as recorded is not what acted (delayed, noisy, "
-                f"filtered); the intervals do not cover that"
-            )
+def model_warnings(error: ModelError) -> Iterator[str]:
+    """Warn of residuals that show a drive which no model here describes."""
+    if error.share > 0.0:
+        yield (
+            f"the residuals are {error.excess**0.5:.3g} times as large as the sensors' noise and "
+            f"not by chance: the drive has something that no term here describes, or the input as "
+            f"recorded is not what acted; the intervals make allowance for that"
+        )
 
 
 def compliance_warnings(compliance: Compliance) -> Iterator[str]:

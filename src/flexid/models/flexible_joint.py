@@ -10,7 +10,6 @@ gear, u is the motor torque (or the voltage or current that causes it).
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import (
@@ -21,24 +20,6 @@ from flexid.models.terms import (
     declared_row,
     model_constants,
 )
-
-STOPPING = "stopping_time"
-"""The constant of that name in the friction of the term ``motor_stiction``, in s."""
-
-_HOLDING = {
-    "alpha1": "x1 - x3",
-    "alpha2": "-x4",
-    "alpha_damping": "x2 - x4",
-    "alpha_cubic": "(x1 - x3)**3",
-    "alpha_offset": "1",
-    "beta1": "u",
-}  # what accelerates the motor beside Coulomb friction
-
-_NO_HOLDING = {STOPPING: 0.0, **{f"nominal_{coefficient}": 0.0 for coefficient in _HOLDING}}
-_LOAD = " + ".join(f"nominal_{coefficient}*({r})" for coefficient, r in _HOLDING.items())
-_ARGUMENT = f"(x4 + {STOPPING}*({_LOAD}))/{SMOOTHING}"
-# Minus the derivative of the tanh by the logarithm of the stopping time; its width goes along.
-_SPREAD = f"(1 - tanh({_ARGUMENT})**2)*x4/{SMOOTHING}"
 
 _COMPLIANCE = Term("joint spring", {"theta2": "-(x1 - x3)"}, {"alpha1": "x1 - x3"})
 
@@ -57,15 +38,10 @@ TERMS: dict[str, Term] = {
         {"alpha_damping": "x2 - x4"},
     ),
     "motor_coulomb": Term(
-        "Coulomb friction of the motor, smoothed", {}, {"alpha_coulomb": f"-tanh(x4/{SMOOTHING})"}
-    ),
-    "motor_stiction": Term(
-        "Coulomb friction of the motor that holds it at rest; takes the place of motor_coulomb",
-        {},
-        {"alpha_coulomb": f"-tanh({_ARGUMENT})", "alpha_holding": _SPREAD},
+        "Coulomb friction of the motor", {}, {"alpha_coulomb": f"-tanh(x4/{SMOOTHING})"}
     ),
     "link_coulomb": Term(
-        "Coulomb friction of the link, smoothed", {"theta_coulomb": f"-tanh(x2/{SMOOTHING})"}, {}
+        "Coulomb friction of the link", {"theta_coulomb": f"-tanh(x2/{SMOOTHING})"}, {}
     ),
     "cubic_stiffness": Term(
         "cubic hardening of the joint spring",
@@ -77,6 +53,65 @@ TERMS: dict[str, Term] = {
 }
 """Terms that can be switched on beside the joint spring, which is always there."""
 
+STRIBECK_VELOCITY = "stribeck_velocity"
+HYSTERESIS_VELOCITY = "hysteresis_velocity"
+BACKLASH_WIDTH = "backlash_width"
+
+SHAPE_TERMS: dict[str, Term] = {
+    "motor_stribeck": Term(
+        "friction of the motor that falls off its static value",
+        {},
+        {"alpha_stribeck": f"-sign(x4)*exp(-abs(x4)/{STRIBECK_VELOCITY})"},
+    ),
+    "motor_drag": Term(
+        "friction of the motor that grows with the square of its velocity",
+        {},
+        {"alpha_drag": "-x4*abs(x4)"},
+    ),
+    "link_drag": Term(
+        "friction of the link that grows with the square of its velocity",
+        {"theta_drag": "-x2*abs(x2)"},
+        {},
+    ),
+    "torque_saturation": Term(
+        "torque that falls behind the recorded input where that is large",
+        {},
+        {"alpha_saturation": "-u**3"},
+    ),
+    "eccentricity": Term(
+        "error of the transmission that repeats with each turn",
+        {"theta_ecc_sine": "sin(x3)", "theta_ecc_cosine": "cos(x3)"},
+        {"alpha_ecc_sine": "-sin(x3)", "alpha_ecc_cosine": "-cos(x3)"},
+    ),
+    "spring_hysteresis": Term(
+        "friction within the joint spring",
+        {"theta_hysteresis": f"-tanh((x2 - x4)/{HYSTERESIS_VELOCITY})"},
+        {"alpha_hysteresis": f"tanh((x2 - x4)/{HYSTERESIS_VELOCITY})"},
+    ),
+    "backlash": Term(
+        "play of the joint about its rest",
+        {"theta_backlash": f"tanh((x1 - x3)/{BACKLASH_WIDTH})"},
+        {"alpha_backlash": f"-tanh((x1 - x3)/{BACKLASH_WIDTH})"},
+    ),
+    "lopsided_spring": Term(
+        "joint spring that is stiffer to one side",
+        {"theta_lopsided": "-(x1 - x3)**2"},
+        {"alpha_lopsided": "(x1 - x3)**2"},
+    ),
+}
+"""Terms for what a drive may have beside those of `TERMS`; each stands for a family of shapes."""
+
+SHAPES = (STRIBECK_VELOCITY, HYSTERESIS_VELOCITY, BACKLASH_WIDTH)
+"""Constants of these terms: how wide their shapes are, in rad/s and rad."""
+
+TIES: dict[str, tuple[str, str, str]] = {
+    f"theta_{name}": (f"alpha_{name}", "theta2", "alpha1")
+    for name in (
+        *("damping", "cubic", "ecc_sine", "ecc_cosine", "hysteresis", "backlash", "lopsided"),
+    )
+}
+"""Coefficients of one spring, which acts on both sides: a/Jl = (a/Jr) theta2/alpha1."""
+
 COEFFICIENT_UNITS: dict[str, str] = {
     "theta1": "1/s^2",
     "theta2": "1/s^2",
@@ -86,16 +121,35 @@ COEFFICIENT_UNITS: dict[str, str] = {
     "theta_coulomb": "rad/s^2",
     "theta_cubic": "1/(rad^2 s^2)",
     "theta_offset": "rad/s^2",
+    "theta_drag": "1/rad",
+    "theta_ecc_sine": "rad/s^2",
+    "theta_ecc_cosine": "rad/s^2",
+    "theta_hysteresis": "rad/s^2",
+    "theta_backlash": "rad/s^2",
+    "theta_lopsided": "1/(rad s^2)",
     "alpha1": "1/s^2",
     "alpha2": "1/s",
     "alpha_damping": "1/s",
     "alpha_coulomb": "rad/s^2",
-    "alpha_holding": "rad/s^2",
     "alpha_cubic": "1/(rad^2 s^2)",
     "alpha_offset": "rad/s^2",
+    "alpha_stribeck": "rad/s^2",
+    "alpha_drag": "1/rad",
+    "alpha_saturation": "rad/s^2/({input})^3",
+    "alpha_ecc_sine": "rad/s^2",
+    "alpha_ecc_cosine": "rad/s^2",
+    "alpha_hysteresis": "rad/s^2",
+    "alpha_backlash": "rad/s^2",
+    "alpha_lopsided": "1/(rad s^2)",
     "beta1": "rad/s^2/{input}",
 }
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
+
+DISSIPATIVE = frozenset(
+    {"alpha2", "theta_viscous", "alpha_damping", "theta_coulomb", "alpha_coulomb"}
+    | {"alpha_hysteresis", "alpha_drag", "theta_drag", "gamma_viscous", "gamma_coulomb"}
+)
+"""Frictions and dampings, which no drive has negative."""
 
 PAPER_TERMS = ("gravity", "motor_viscous")
 """The terms of Huang (2003), eq. (4)."""
@@ -111,7 +165,7 @@ def flexible_joint(
     Parameters
     ----------
     terms : collection of str, optional
-        Names out of `TERMS`; their order does not matter.
+        Names out of `TERMS` and `SHAPE_TERMS`; their order does not matter.
     known : mapping of str to float, optional
         Coefficients whose value is known, for example ``{"beta1": 1 / 0.3}``; they move from the
         unknown coefficients to the known part.
@@ -131,10 +185,11 @@ def flexible_joint(
         If a term or a known coefficient does not exist, or the velocity is not positive.
     """
     known = dict(known or {})
-    check_terms(terms, TERMS)
+    every = TERMS | SHAPE_TERMS
+    check_terms(terms, every)
     # Huang (2003) numbers theta1 before theta2, so gravity comes before the spring.
     chosen = [TERMS["gravity"]] * ("gravity" in terms) + [_COMPLIANCE]
-    chosen += [term for name, term in TERMS.items() if name in terms and name != "gravity"]
+    chosen += [term for name, term in every.items() if name in terms and name != "gravity"]
     link = {c: r for term in chosen for c, r in term.link.items()}
     motor = {c: r for term in chosen for c, r in term.motor.items()} | {"beta1": "u"}
     return ParametricSystem(
@@ -144,42 +199,5 @@ def flexible_joint(
             declared_row("motor", "x3", "x4", motor, known),
         ),
         constants=model_constants(link | motor, known, coulomb_velocity)
-        | (_NO_HOLDING if "motor_stiction" in terms else {}),
-    )
-
-
-def with_stopping_time(
-    system: ParametricSystem, stopping_time: float, values: Mapping[str, float]
-) -> ParametricSystem:
-    """Give the friction of the term ``motor_stiction`` the time in which it stops the motor.
-
-    Coulomb friction that depends on the velocity alone lets a joint creep under a load that it
-    should hold. Here it is the torque that would bring the motor to rest within the stopping time
-    T, whatever else accelerates the motor, up to the Coulomb friction: at rest it opposes the load,
-    as in Karnopp (1985), and at speed it is Coulomb's,
-
-        alpha_coulomb tanh((x4 + T a) / (alpha_coulomb T)),
-
-    where a is the motor's acceleration without it, computed from the values of an earlier fit.
-    The coefficient alpha_holding is alpha_coulomb times a small change of ln T: zero if T is right,
-    and sought to have the uncertainty of T in that of the other coefficients.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        A flexible joint with that term.
-    stopping_time : float
-        In s.
-    values : mapping of str to float
-        Coefficients of the motor's row; alpha_coulomb among them, others that are missing are 0.
-
-    Returns
-    -------
-    ParametricSystem
-        With the same equations and other constants, so that no kernel is made anew.
-    """
-    nominal = {f"nominal_{c}": values.get(c, system.constants.get(c, 0.0)) for c in _HOLDING}
-    width = {SMOOTHING: stopping_time * abs(values["alpha_coulomb"])}
-    return replace(
-        system, constants={**system.constants, STOPPING: stopping_time, **width, **nominal}
+        | {shape: 1.0 for shape in SHAPES if any(shape in r for r in (link | motor).values())},
     )

@@ -181,6 +181,12 @@ _INERTIA_RATIO = {"alpha1": 1, "theta2": -1}
 
 _GRAVITY_ANGLE = ZeroAngle("gravity_angle", "theta1", "theta_cosine")
 
+_SHAPE_RATIOS: tuple[PhysicalParameter, ...] = (
+    Product("half_backlash", "rad", {"alpha_backlash": 1, "alpha1": -1}),
+    Product("eccentricity_sine", "rad", {"alpha_ecc_sine": 1, "alpha1": -1}),
+    Product("eccentricity_cosine", "rad", {"alpha_ecc_cosine": 1, "alpha1": -1}),
+)
+
 _WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("gravity_torque", "N m", {"theta1": 1, **_LINK_INERTIA}),
     Amplitude("gravity_torque", "N m", "theta1", "theta_cosine", _LINK_INERTIA),
@@ -193,6 +199,13 @@ _WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("motor_offset_torque", "N m", {"alpha_offset": 1, "beta1": -1}),
     Product("joint_damping", "N m s/rad", {"alpha_damping": 1, "beta1": -1}),
     Product("cubic_joint_stiffness", "N m/rad^3", {"alpha_cubic": 1, "beta1": -1}),
+    Product("motor_stribeck_friction", "N m", {"alpha_stribeck": 1, "beta1": -1}),
+    Product("motor_drag", "N m s^2/rad^2", {"alpha_drag": 1, "beta1": -1}),
+    Product("torque_saturation", "1/(N m)^2", {"alpha_saturation": 1, "beta1": -1}),
+    Product("spring_hysteresis", "N m", {"alpha_hysteresis": 1, "beta1": -1}),
+    Product("lopsided_stiffness", "N m/rad^2", {"alpha_lopsided": 1, "beta1": -1}),
+    *_SHAPE_RATIOS,
+    Product("link_drag", "N m s^2/rad^2", {"theta_drag": 1, **_LINK_INERTIA}),
     Product("link_viscous_friction", "N m s/rad", {"theta_viscous": 1, **_LINK_INERTIA}),
     Product("link_coulomb_friction", "N m", {"theta_coulomb": 1, **_LINK_INERTIA}),
     Product("link_offset_torque", "N m", {"theta_offset": 1, **_LINK_INERTIA}),
@@ -213,6 +226,7 @@ _RATIOS: tuple[PhysicalParameter, ...] = (
     Product("viscous_friction_per_motor_inertia", "1/s", {"alpha2": 1}),
     Product("coulomb_friction_per_motor_inertia", "1/s^2", {"alpha_coulomb": 1}),
     Product("joint_damping_per_motor_inertia", "1/s", {"alpha_damping": 1}),
+    *_SHAPE_RATIOS,
     Product("viscous_friction_per_link_inertia", "1/s", {"theta_viscous": 1}),
     Product("coulomb_friction_per_link_inertia", "1/s^2", {"theta_coulomb": 1}),
     Product("input_gain_per_motor_inertia", "rad/s^2/{input}", {"beta1": 1}),

@@ -44,7 +44,6 @@ _RIGID_COUNTERPART = {
     "motor_viscous": "viscous",
     "link_viscous": "viscous",
     "motor_coulomb": "coulomb",
-    "motor_stiction": "coulomb",
     "link_coulomb": "coulomb",
     "link_offset": "offset",
     "motor_offset": "offset",

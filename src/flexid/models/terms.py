@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from flexid.errors import SettingError
-from flexid.models.parametric_system import Row
+from flexid.models.parametric_system import ParametricSystem, Row
 
 COULOMB_VELOCITY = 0.1
 """Velocity in rad/s over which the smoothed Coulomb friction, a tanh, changes sign."""
@@ -72,3 +72,26 @@ def model_constants(
         raise SettingError(SMOOTHING, f"{coulomb_velocity:g} is not positive: give it in rad/s")
     smoothed = any(SMOOTHING in regressor for regressor in regressors.values())
     return dict(known) | ({SMOOTHING: coulomb_velocity} if smoothed else {})
+
+
+def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
+    """The same system with Coulomb friction that is set-valued instead of smoothed.
+
+    The sign of a velocity takes the place of its hyperbolic tangent. The prediction error locates
+    the instants at which such a friction reverses, sticks and lets go; nothing is left to choose.
+    """
+    constants = {name: value for name, value in system.constants.items() if name != SMOOTHING}
+    rows = tuple(
+        Row(
+            row.name,
+            row.coordinate,
+            row.velocity,
+            {
+                c: r.replace(f"tanh({row.velocity}/{SMOOTHING})", f"sign({row.velocity})")
+                for c, r in row.regressors.items()
+            },
+            row.known.replace(f"tanh({row.velocity}/{SMOOTHING})", f"sign({row.velocity})"),
+        )
+        for row in system.rows
+    )
+    return ParametricSystem(f"{system.name}, dry friction", rows, system.inputs, constants)

@@ -158,4 +158,5 @@ def recording_of(
         link_velocity=sampled("link_velocity") if "link_velocity" in channels else None,
         motor_velocity=sampled("motor_velocity") if "motor_velocity" in channels else None,
         source=file,
+        link_from_deflection="deflection" in channels,
     )

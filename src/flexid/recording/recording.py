@@ -12,8 +12,8 @@ from flexid.errors import RecordingError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
-Hold: TypeAlias = Literal["zero", "linear"]
-"""How an input behaves between samples: constant from its sample on, or on a straight line."""
+Hold: TypeAlias = Literal["zero", "linear", "cubic"]
+"""How an input behaves between samples: constant from its sample on, on straight lines, or smooth."""
 
 CHANNELS = ("link_position", "motor_position", "input", "link_velocity", "motor_velocity")
 
@@ -40,6 +40,9 @@ class Recording:
         Velocities in rad/s; None where they were not measured.
     source : str
         Name of the file.
+    link_from_deflection : bool
+        Whether the link position is the motor's plus a measured deflection, which alone is late if
+        it is.
 
     Raises
     ------
@@ -56,6 +59,7 @@ class Recording:
     link_velocity: FloatArray | None = None
     motor_velocity: FloatArray | None = None
     source: str = ""
+    link_from_deflection: bool = False
 
     def __post_init__(self) -> None:
         for name in CHANNELS:
@@ -141,6 +145,7 @@ class Recording:
             link_velocity=None if self.link_velocity is None else self.link_velocity[part],
             motor_velocity=None if self.motor_velocity is None else self.motor_velocity[part],
             source=self.source,
+            link_from_deflection=self.link_from_deflection,
         )
 
 

@@ -42,17 +42,23 @@ def predict(filter, inputs, settings, work):
     at = np.empty(N_COEFFICIENTS, np.int64)
     for i in range(N_COEFFICIENTS):
         at[i] = 1 + N_STATES + i
-    change = np.zeros(N_INPUTS)
-    if settings[ZERO_ORDER] == 0.0:
-        for j in range(N_INPUTS):
-            change[j] = inputs[j] - filter[INPUTS_AT + j]
+    drive = np.zeros((N_INPUTS, 4))
+    for j in range(N_INPUTS):
+        drive[j, 0] = filter[INPUTS_AT + j]
+        if settings[ZERO_ORDER] == 0.0:
+            drive[j, 1] = inputs[j] - filter[INPUTS_AT + j]
     for i in range(N_STATES):
         for j in range(1 + SIZE):
             z[i, j] = 0.0
         z[i, 0] = filter[i]
         z[i, 1 + i] = 1.0
-    first, p, c = filter[INPUTS_AT:STARTED_AT], filter[N_STATES:SIZE], settings[CONSTANTS:]
-    advance(z, first, change, p, c, at, h, 1, rate, trial, total, np.empty(N_INPUTS))
+    # A filter corrects what it predicts at every sample: no change of mode is located in between.
+    modes, dry = np.empty(N_ROWS), np.zeros(N_ROWS, np.bool_)
+    for j in range(N_ROWS):
+        modes[j] = np.sign(filter[2 * j + 1])
+    p, c = filter[N_STATES:SIZE], settings[CONSTANTS:]
+    u, du = np.empty(N_INPUTS), np.empty(N_INPUTS)
+    advance(z, drive, h, 1, modes, dry, p, c, at, 0, total, rate, trial, product, u, du)
     for i in range(N_STATES):
         for l in range(SIZE):
             value = 0.0

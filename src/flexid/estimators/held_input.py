@@ -1,0 +1,81 @@
+"""Inputs between samples: held, on straight lines or on a smooth curve, and late by any time.
+
+What a joint does within one sampling interval depends on the input's mean and first moment there;
+how the input is distributed beyond that changes its position by less than (ωh)² of what a single
+sample of input does. So whatever the input does between samples, and however late it acts, each
+interval gets the straight line that has the same mean and moment. Both depend smoothly on the
+delay, which can therefore be sought like any coefficient.
+"""
+
+import numpy as np
+
+from flexid.estimators.samples import FloatArray
+from flexid.recording.recording import Hold
+
+_OFFSETS: FloatArray = np.arange(-2.0, 4.0)  # samples that a cubic about an interval touches
+_NODES = (0.5 * (1.0 - 0.6**0.5), 0.5, 0.5 * (1.0 + 0.6**0.5))  # Gauss and Legendre, degree five
+_WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
+_INSIDE = 1e-9  # of an interval: a held input jumps at its ends
+
+
+def held_input(inputs: FloatArray, sample_time: float, hold: Hold, delay: float) -> FloatArray:
+    """Straight lines that act like a sampled input, interval by interval.
+
+    Parameters
+    ----------
+    inputs : array, shape (n, n_inputs)
+        Recorded samples; before the first and after the last one the input is constant.
+    sample_time : float
+        Time h between samples in s.
+    hold : {"zero", "linear", "cubic"}
+        Constant until the next sample; on straight lines; or on cubics with continuous slope
+        (Keys, IEEE Trans. Acoustics, Speech, and Signal Processing 29, 1981).
+    delay : float
+        By how many seconds the input acts later than it was recorded; of either sign.
+
+    Returns
+    -------
+    array, shape (n, n_inputs, 4)
+        Over the interval from each sample on: value at its start, change over it, and the
+        derivatives of both by the delay in 1/s.
+    """
+    whole = int(np.floor(delay / sample_time))
+    fraction = min(max(delay / sample_time - whole, _INSIDE), 1.0 - _INSIDE)
+    mean, moment = _moments(hold, fraction)
+    before, after = _kernel(hold, _OFFSETS - fraction), _kernel(hold, 1.0 + _OFFSETS - fraction)
+    mean_slope = (before - after) / sample_time
+    moment_slope = (mean - after) / sample_time
+    taps = np.column_stack((*_line(mean, moment), *_line(mean_slope, moment_slope)))
+    places = np.arange(len(inputs))[:, None] - whole - _OFFSETS.astype(np.int64)
+    used = np.flatnonzero(np.any(taps != 0.0, axis=1))
+    around = inputs[np.clip(places[:, used], 0, len(inputs) - 1)]
+    return np.ascontiguousarray(np.einsum("nou,ol->nul", around, taps[used]))
+
+
+def _line(mean: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Start and change of the line over [0, 1] with a mean and a first moment."""
+    return 4.0 * mean - 6.0 * moment, 12.0 * moment - 6.0 * mean
+
+
+def _moments(hold: Hold, fraction: float) -> tuple[FloatArray, FloatArray]:
+    """Mean and first moment over an interval of what each sample contributes."""
+    mean, moment = np.zeros(len(_OFFSETS)), np.zeros(len(_OFFSETS))
+    for start, stop in ((0.0, fraction), (fraction, 1.0)):
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+            place = start + node * (stop - start)
+            share = weight * (stop - start) * _kernel(hold, place + _OFFSETS - fraction)
+            mean += share
+            moment += place * share
+    return mean, moment
+
+
+def _kernel(hold: Hold, at: FloatArray) -> FloatArray:
+    """What a sample contributes at a distance in samples."""
+    if hold == "zero":
+        return ((at >= 0.0) & (at < 1.0)).astype(np.float64)
+    far = np.abs(at)
+    if hold == "linear":
+        return np.maximum(1.0 - far, 0.0)
+    near = (1.5 * far - 2.5) * far**2 + 1.0
+    outer = ((-0.5 * far + 2.5) * far - 4.0) * far + 2.0
+    return np.where(far <= 1.0, near, np.where(far < 2.0, outer, 0.0))

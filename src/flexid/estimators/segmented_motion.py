@@ -1,0 +1,390 @@
+"""A model's motion over segments beside the measured one, and the normal equations of their fit.
+
+What is sought is common to all segments (coefficients, and delays of the channels) or belongs to
+one (its initial state). Dry friction is set-valued: see the kernel.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.estimators.arrow import Reduced, solve_arrow
+from flexid.estimators.block_sandwich import block_duration
+from flexid.estimators.cluster_covariance import Clusters
+from flexid.estimators.held_input import held_input
+from flexid.estimators.samples import FloatArray
+from flexid.estimators.segments import Segments
+from flexid.estimators.threads import in_threads
+from flexid.estimators.unknowns import Unknowns
+from flexid.kernels.store import load_kernel
+from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.recording import Hold
+
+INPUT = "input_delay"
+"""Name of the inputs' delay; that of a row's position is the row's name and ``_delay``."""
+
+_SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
+_MOST_SUBSTEPS = 100.0  # per sample; a model still faster is fitted badly, and then refused
+_LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
+_SEEN_SAMPLES = 3.0  # times what one sample tells of a velocity; twenty tell 2500 times that
+_NOT_SOUGHT = -1
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How the channels lie in time.
+
+    Parameters
+    ----------
+    hold : {"zero", "linear", "cubic"}
+        Behaviour of the inputs between samples.
+    delays : mapping of str to float, optional
+        In s, by name: `INPUT`, and ``link_delay`` for the position of the row ``link``. By so much
+        the inputs act, and the position was measured, later than recorded; what is missing is 0.
+    sought : tuple of str, optional
+        Those that are sought; `delays` holds where to start.
+    relative_to : mapping of str to str, optional
+        A row whose position was measured as a difference to that of another row, which alone is
+        late: the deflection.
+    """
+
+    hold: Hold
+    delays: Mapping[str, float] = field(default_factory=dict)
+    sought: tuple[str, ...] = ()
+    relative_to: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """What is sought: coefficients, shape (k,), and initial states, (n_segments, n_states)."""
+
+    values: FloatArray
+    initial_states: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Normal equations at a point, block by block.
+
+    Parameters
+    ----------
+    cost : float
+        Weighted sum of squares; infinite if the motion diverged.
+    normal : array, shape (n_blocks, n, n)
+        Normal matrix of each block, its segment's initial state first, then what is sought.
+    gradient : array, shape (n_blocks, n)
+        Right-hand sides.
+    residuals : array, shape (n_samples, n_outputs)
+        Measured less computed outputs.
+    """
+
+    cost: float
+    normal: FloatArray
+    gradient: FloatArray
+    residuals: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedMotion:
+    """A model's motion over segments, beside the measured one; made by `segmented_motion`.
+
+    Parameters
+    ----------
+    segments : Segments
+        What was measured.
+    unknowns : Unknowns
+        Which coefficients are sought.
+    timing : Timing
+        Hold and delays.
+    constants : array
+        Values of the model's constants.
+    substeps : int
+        Steps of Runge-Kutta 4 per sampling interval.
+    weights : array, shape (n_outputs,)
+        One over the standard deviation of each output's noise.
+    """
+
+    segments: Segments
+    unknowns: Unknowns
+    timing: Timing
+    constants: FloatArray
+    substeps: int
+    weights: FloatArray
+    _kernel: ModuleType
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What is sought: coefficients, then delays."""
+        order = (INPUT, *self._output_delays)
+        return (*self.unknowns.names, *(name for name in order if name in self.timing.sought))
+
+    @cached_property
+    def _output_delays(self) -> tuple[str, ...]:
+        """Name of each output's delay; measured velocities are never late."""
+        rows = self.unknowns.system.rows
+        return tuple(
+            f"{rows[state // 2].name}_delay" if state % 2 == 0 else ""
+            for state in self.segments.measured.tolist()
+        )
+
+    @cached_property
+    def first_blocks(self) -> NDArray[np.int64]:
+        """First block of every segment, and the number of blocks: what a covariance is from."""
+        segments = self.segments
+        total = float(np.sum(segments.lengths * segments.sample_times))
+        return segments.first_blocks(block_duration(total))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Measured numbers less unknowns, at least 1."""
+        sought = len(self.segments) * self._kernel.N_STATES + len(self.names)
+        measured = int(self.segments.lengths.sum()) * len(self.segments.measured)
+        return max(1, measured - sought)
+
+    def at(self, point: Point, weights: FloatArray) -> "SegmentedMotion":
+        """The same with weights, and with steps short enough for the motion about a point."""
+        resting = point.initial_states.copy()
+        resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
+        coefficients = self._coefficients(point.values)
+        jacobians = np.array(
+            [
+                self._jacobian(state, self.segments.inputs[first], p)
+                for states in (point.initial_states, resting)
+                for first, state, p in zip(self.segments.starts, states, coefficients, strict=True)
+            ]
+        )
+        # Where the model has no linearisation, nothing is said of its poles.
+        usable = jacobians[np.isfinite(jacobians).all(axis=(1, 2))]
+        fastest = float(np.abs(np.linalg.eigvals(usable)).max(initial=0.0))
+        phase = fastest * float(self.segments.sample_times.max())
+        substeps = max(1, int(np.ceil(min(_SUBSTEPS_PER_RADIAN * phase, _MOST_SUBSTEPS))))
+        return replace(self, substeps=substeps, weights=weights)
+
+    def delays(self, values: FloatArray) -> dict[str, float]:
+        """Every delay in s at some values of what is sought."""
+        k = len(self.unknowns.names)
+        found = zip(self.names[k:], np.asarray(values)[k:].tolist(), strict=True)
+        none = dict.fromkeys((INPUT, *self._output_delays), 0.0)
+        return {**none, **self.timing.delays, **dict(found)}
+
+    def _coefficients(self, values: FloatArray) -> FloatArray:
+        """Coefficients of every segment, shape (n_segments, n_coefficients)."""
+        sought = values[: len(self.unknowns.names)]
+        return self._by_segment(lambda piece: self.unknowns.coefficients(sought, piece))
+
+    def _by_segment(self, of_piece: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
+        """What each segment takes from its piece, stacked."""
+        pieces, place = np.unique(self.segments.pieces, return_inverse=True)
+        return np.array([of_piece(piece) for piece in pieces.tolist()])[place]
+
+    def _jacobian(self, state: FloatArray, inputs: FloatArray, p: FloatArray) -> FloatArray:
+        """Derivatives of the rates by the states, about a state."""
+        kernel = self._kernel
+        states = slice(1, 1 + kernel.N_STATES)
+        columns = np.zeros((kernel.N_STATES, 1 + kernel.N_STATES))
+        columns[:, 0] = state
+        columns[:, states] = np.eye(kernel.N_STATES)
+        rates = np.empty_like(columns)
+        none = np.zeros(kernel.N_COEFFICIENTS, dtype=np.int64)
+        modes = np.sign(state[1::2])
+        kernel.variation_rates(
+            columns, inputs, np.zeros_like(inputs), modes, p, self.constants, none, 0, rates
+        )
+        return rates[:, states]
+
+    def _wanted(self) -> NDArray[np.int64]:
+        """Places of the coefficients that some segment's motion is differentiated by."""
+        pieces = np.unique(self.segments.pieces).tolist()
+        # A tie makes a coefficient matter that is not sought itself: the pattern of derivatives.
+        slopes = [self.unknowns.depends(piece) for piece in pieces]
+        return np.flatnonzero(np.any(slopes, axis=(0, 2)))
+
+    def _dry(self, coefficients: FloatArray, wanted: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Rows with dry friction, or with one that is sought."""
+        used = np.any(coefficients != 0.0, axis=0)
+        used[wanted] = True
+        # The last place stands for a known part, which has no coefficient.
+        used = np.append(used, True)
+        return np.array([used[list(places)].any() for places in self._kernel.DRY], dtype=np.bool_)
+
+    def _drives(self, delay: float) -> FloatArray:
+        """Inputs between samples, shape (n_samples, n_inputs, 4)."""
+        segments = self.segments
+        drives = np.empty((*segments.inputs.shape, 4))
+        for part, sample_time in segments.by_piece():
+            drives[part] = held_input(segments.inputs[part], sample_time, self.timing.hold, delay)
+        return drives
+
+    def timely(self, values: FloatArray) -> FloatArray:
+        """Outputs, shape (n_samples, n_outputs), moved by whole samples to when they were true."""
+        return self._timely(self.delays(values))[0]
+
+    def _timely(self, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Outputs moved by whole samples to when they were true, and what is left of each delay."""
+        segments = self.segments
+        late = np.array([delays[name] if name else 0.0 for name in self._output_delays])
+        if not late.any():
+            return segments.outputs, late
+        outputs = segments.outputs.copy()
+        shortest = float(segments.sample_times.min())
+        for a, delay in enumerate(late.tolist()):
+            whole = round(delay / shortest)
+            reference = self._reference[a] // 2  # outputs are positions in the rows' order
+            for part, _ in segments.by_piece():
+                column = segments.outputs[part, a]
+                if self._reference[a] >= 0:
+                    column = column - segments.outputs[part, reference]
+                places = np.clip(np.arange(len(column)) + whole, 0, len(column) - 1)
+                column = column[places]
+                if self._reference[a] >= 0:
+                    column = column + segments.outputs[part, reference]
+                outputs[part, a] = column
+            late[a] -= whole * shortest
+        return outputs, late
+
+    @cached_property
+    def _reference(self) -> NDArray[np.int64]:
+        """State that each output was measured relative to, or -1."""
+        rows = [row.name for row in self.unknowns.system.rows]
+        relative_to = self.timing.relative_to
+        return np.array(
+            [
+                2 * rows.index(relative_to[rows[state // 2]])
+                if rows[state // 2] in relative_to and state % 2 == 0
+                else -1
+                for state in self.segments.measured.tolist()
+            ],
+            dtype=np.int64,
+        )
+
+    def equations(self, point: Point) -> Equations:
+        """Run the model from a point and put up the normal equations."""
+        segments, kernel = self.segments, self._kernel
+        wanted = self._wanted()
+        coefficients = self._coefficients(point.values)
+        delays = self.delays(point.values)
+        outputs, late = self._timely(delays)
+        delay_sought = INPUT in self.timing.sought
+        late_columns = np.full(len(late), _NOT_SOUGHT, dtype=np.int64)
+        size = kernel.N_STATES + len(wanted) + delay_sought
+        for a, name in enumerate(self._output_delays):
+            if name in self.timing.sought:
+                late_columns[a] = size
+                size += 1
+        count = int(self.first_blocks[-1])
+        normal = np.zeros((count, size, size))
+        gradient = np.zeros((count, size))
+        residuals = np.zeros_like(segments.outputs)
+        costs = np.zeros(len(segments))
+        drives = self._drives(delays[INPUT])
+        dry = self._dry(coefficients, wanted)
+
+        def run(first: int, stop: int) -> None:
+            kernel.segment_equations(
+                first,
+                stop,
+                segments.starts,
+                segments.lengths,
+                self.first_blocks,
+                segments.sample_times,
+                point.initial_states,
+                segments.measured,
+                late,
+                late_columns,
+                self._reference,
+                outputs,
+                self.weights,
+                drives,
+                coefficients,
+                self.constants,
+                wanted,
+                delay_sought,
+                dry,
+                self.substeps,
+                normal,
+                gradient,
+                residuals,
+                costs,
+            )
+
+        in_threads(run, segments.lengths)
+        # Segment by segment in their order, so that no digit depends on the threads.
+        cost = float(np.sum(costs))
+        if not np.all(np.abs(normal) < _LARGEST):
+            cost = np.inf
+        normal, gradient = self._gathered(normal, gradient, point.values, wanted)
+        return Equations(cost, normal, gradient, residuals)
+
+    def _gathered(
+        self,
+        normal: FloatArray,
+        gradient: FloatArray,
+        values: FloatArray,
+        wanted: NDArray[np.int64],
+    ) -> tuple[FloatArray, FloatArray]:
+        """Normal equations for what is sought from those for the coefficients of each piece."""
+        n_states, k = self._kernel.N_STATES, len(self.unknowns.names)
+        n_delays = len(self.names) - k
+        firsts = self.first_blocks
+        chained, pulled = [], []
+        pieces = self.segments.pieces
+        edges = [*np.flatnonzero(np.diff(pieces, prepend=-1)).tolist(), len(pieces)]
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            blocks = slice(firsts[a], firsts[b])
+            slopes = self.unknowns.derivatives(values[:k], int(pieces[a]))[wanted]
+            chain = np.zeros((n_states + len(wanted) + n_delays, n_states + k + n_delays))
+            chain[:n_states, :n_states] = np.eye(n_states)
+            chain[n_states : n_states + len(wanted), n_states : n_states + k] = slopes
+            chain[n_states + len(wanted) :, n_states + k :] = np.eye(n_delays)
+            chained.append(chain.T @ normal[blocks] @ chain)
+            pulled.append(gradient[blocks] @ chain)
+        return np.concatenate(chained), np.concatenate(pulled)
+
+    def solve(self, equations: Equations, damping: float = 0.0) -> Reduced:
+        """The step that the equations ask for."""
+        firsts = self.first_blocks[:-1]
+        normal = np.add.reduceat(equations.normal, firsts, axis=0)
+        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
+        # The first velocity of a row that sticks at once leaves no trace and would wander off.
+        positions = np.flatnonzero(self.segments.measured % 2 == 0)
+        for a in positions.tolist():
+            velocity = int(self.segments.measured[a]) + 1
+            normal[:, velocity, velocity] += (
+                _SEEN_SAMPLES * (self.weights[a] * self.segments.sample_times) ** 2
+            )
+        return solve_arrow(normal, gradient, self._kernel.N_STATES, damping)
+
+    def clusters(self, equations: Equations, reduced: Reduced) -> Clusters:
+        """The problem at a minimum, block by block: what its covariance is computed from."""
+        blocks = np.diff(self.first_blocks)
+        return Clusters(
+            equations.normal,
+            equations.gradient,
+            np.repeat(np.arange(len(blocks)), blocks),
+            reduced.inverse,
+        )
+
+
+def segmented_motion(
+    system: ParametricSystem,
+    segments: Segments,
+    timing: Timing,
+    unknowns: Unknowns | None = None,
+) -> SegmentedMotion:
+    """The motion of a model over segments, all outputs of the same weight."""
+
+    def build() -> str:
+        from flexid.derivation.sensitivities import sensitivity_functions
+
+        return sensitivity_functions(system, "Segmented prediction error")
+
+    kernel = load_kernel("prediction_error", [system.digest], build, ["prediction_error"])
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    weights = np.ones(len(segments.measured))
+    unknowns = unknowns or Unknowns(system)
+    return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)

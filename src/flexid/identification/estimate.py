@@ -1,0 +1,96 @@
+"""An estimate: names, values, covariance and degrees of freedom, whatever it came from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Fit(Protocol):
+    """What an estimator returns, as far as an estimate is concerned."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What was sought, k of them."""
+        ...
+
+    @property
+    def values(self) -> FloatArray:
+        """Values, shape (k,)."""
+        ...
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance, shape (k, k); infinite variance where the data leave free."""
+        ...
+
+    @property
+    def degrees_of_freedom(self) -> tuple[float, ...]:
+        """Of each variance."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Values of what was sought, with their uncertainty.
+
+    Parameters
+    ----------
+    names : tuple of str
+        What was sought, k of them.
+    values : array, shape (k,)
+        Their values.
+    covariance : array, shape (k, k)
+        Of all that is doubted; infinite variance where the data leave a value free.
+    degrees_of_freedom : tuple of float
+        Of each variance, for Student's t.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: tuple[float, ...]
+
+    @classmethod
+    def of(cls, fit: Fit) -> "Estimate":
+        """What an estimator found."""
+        return cls(
+            fit.names,
+            np.asarray(fit.values),
+            np.asarray(fit.covariance),
+            tuple(fit.degrees_of_freedom),
+        )
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations, shape (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Values by name."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def only(self, names: Sequence[str]) -> "Estimate":
+        """The part about some names, in the estimate's order."""
+        places = [place for place, name in enumerate(self.names) if name in names]
+        return Estimate(
+            tuple(self.names[place] for place in places),
+            self.values[places],
+            self.covariance[np.ix_(places, places)],
+            tuple(self.degrees_of_freedom[place] for place in places),
+        )
+
+    def widened(self, more: FloatArray) -> "Estimate":
+        """The same with a further covariance, shape (k, k), added to what is finite."""
+        finite = np.isfinite(np.diag(self.covariance))
+        added = np.where(np.outer(finite, finite), more, 0.0)
+        return replace(self, covariance=self.covariance + added)
+
+    def with_values(self, known: Mapping[str, float]) -> dict[str, float]:
+        """Values by name, with others that were not sought."""
+        return {**known, **self.by_name}

@@ -1,0 +1,400 @@
+"""The model of a log and its fit: everything at once, from short segments to long ones.
+
+What is sought are the coefficients of the joint together with what describes the recording: delays
+of its channels. Over short segments the fit finds its way from least squares; each longer length
+starts where the one before it ended, with its states.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.bounded import Bounds, bounded_fit
+from flexid.estimators.gauss_newton import Minimum, minimise
+from flexid.estimators.prediction_error import PredictionErrorFit, described
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.segmented_motion import (
+    Point,
+    SegmentedMotion,
+    Timing,
+    segmented_motion,
+)
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.joint import Joint
+from flexid.recording.recording import Recording
+from flexid.recording.velocities import position_noise
+
+SHORTEST = 0.1
+"""Length in s of the segments that a fit begins with: any start is good enough for these."""
+
+LONGEST = 10.0
+"""Length in s beyond which segments tell hardly more."""
+
+ROUGH, FINE = 1.0, 1e-2
+"""Length of a step, in standard deviations, that ends an iteration: on the way, and at its end."""
+
+START_RATES = (20.0, 60.0, 7.0)
+"""Rates in 1/s of the filters whose least squares a fit may start from, in this order."""
+
+_MARGIN = 0.03  # s at both ends of a piece in which late channels have no partner
+_LARGEST_MARGIN = 0.05  # of a piece
+_FINEST = 1e-9  # noise over the largest position that is still told from none
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What a model is fitted to.
+
+    Parameters
+    ----------
+    samples : tuple of Samples
+        Pieces with velocities.
+    groups : tuple of int
+        The log of each.
+    noise : array, shape (n_rows,)
+        Standard deviation of each position's noise.
+    relative_to : mapping of str to str
+        Rows whose position was measured relative to another row's.
+    """
+
+    samples: tuple[Samples, ...]
+    groups: tuple[int, ...]
+    noise: FloatArray
+    relative_to: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def margin(self) -> float:
+        """Seconds at both ends of each piece that belong to no segment."""
+        shortest = min(len(piece) * piece.sample_time for piece in self.samples)
+        return min(_MARGIN, _LARGEST_MARGIN * shortest)
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of all pieces."""
+        return sum(map(len, self.samples))
+
+    @cached_property
+    def duration(self) -> float:
+        """Length of all pieces in s."""
+        return sum(len(piece) * piece.sample_time for piece in self.samples)
+
+
+def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]) -> Data:
+    """Recordings with velocities as a joint's fits take them."""
+    samples = tuple(joint.samples(recording) for recording in recordings)
+    longest = max(samples, key=len)
+    largest = max(float(np.abs(piece.positions).max()) for piece in samples)
+    noise = np.array([position_noise(position) for position in longest.positions.T])
+    relative = {}
+    if joint.kind == "flexible" and recordings[0].link_from_deflection:
+        relative = {"link": "motor"}
+    return Data(samples, tuple(groups), np.maximum(noise, _FINEST * largest), relative)
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A model with the choices made about it.
+
+    Parameters
+    ----------
+    joint : Joint
+        With all its terms.
+    absent : frozenset of str
+        Coefficients that are zero: terms that are off, or found to be.
+    timing : Timing
+        Hold of the input, and the delays.
+    fixed : mapping of str to float
+        Coefficients whose value is given.
+    bounds : mapping of str to tuple of float
+        Ends of coefficients.
+    """
+
+    joint: Joint
+    absent: frozenset[str]
+    timing: Timing
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    bounds: Bounds = field(default_factory=dict)
+
+    def unknowns(self, groups: Sequence[int]) -> Unknowns:
+        """What is sought of the coefficients."""
+        return self.joint.unknowns(self.absent, self.fixed, groups)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Terms that are on."""
+        follows = {*self.joint.ties}
+        return tuple(
+            term
+            for term, names in self.joint.terms.items()
+            if not {*names} - follows <= self.absent
+        )
+
+    def without(self, names: Iterable[str]) -> "Structure":
+        """The same with some coefficients and delays taken to be zero."""
+        gone = {name.partition("[")[0] for name in names}
+        timing = replace(
+            self.timing,
+            sought=tuple(name for name in self.timing.sought if name not in gone),
+            delays={name: value for name, value in self.timing.delays.items() if name not in gone},
+        )
+        delays = {*self.timing.sought}
+        return replace(self, absent=self.absent | (gone - delays), timing=timing)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A structure fitted to data over segments of one length.
+
+    Parameters
+    ----------
+    structure : Structure
+        What was fitted; what ended at a bound is fixed there.
+    data : Data
+        To what.
+    problem : SegmentedMotion
+        The motion that was fitted.
+    minimum : Minimum
+        Where it ended.
+    duration : float
+        Wanted length of a segment in s.
+    at_bound : mapping of str to float
+        What ended at a bound.
+    """
+
+    structure: Structure
+    data: Data
+    problem: SegmentedMotion
+    minimum: Minimum
+    duration: float
+    at_bound: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What was sought: coefficients, then delays."""
+        return self.problem.names
+
+    @property
+    def values(self) -> FloatArray:
+        """Its values."""
+        return self.minimum.point.values
+
+    @property
+    def information(self) -> FloatArray:
+        """The sum of squares' quadratic form about them."""
+        return self.minimum.reduced.information
+
+    @cached_property
+    def by_name(self) -> dict[str, float]:
+        """Values of all that was sought."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    @cached_property
+    def excess(self) -> float:
+        """Mean square of the residuals over that of the sensors' noise: 1 for a right model."""
+        return self.minimum.variance(self.problem)
+
+    @cached_property
+    def fit(self) -> PredictionErrorFit:
+        """The estimate with its covariances."""
+        return described(self.problem, self.minimum, self.minimum.iterations, self.duration)
+
+    @cached_property
+    def unit_deviations(self) -> FloatArray:
+        """Standard deviations if nothing but the sensors' noise were in the residuals."""
+        return np.sqrt(np.diag(self.minimum.reduced.inverse))
+
+    def coefficients(self, piece: int) -> FloatArray:
+        """All coefficients of the system in a piece."""
+        unknowns = self.problem.unknowns
+        return unknowns.coefficients(self.values[: len(unknowns.names)], piece)
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Every delay in s."""
+        return self.problem.delays(self.values)
+
+
+def least_squares_start(
+    structure: Structure, data: Data, filter_rate: float
+) -> tuple[dict[str, float], LeastSquaresFit]:
+    """Least squares of the data with smoothed friction, delays ignored: where a fit begins.
+
+    Parameters
+    ----------
+    structure : Structure
+        Terms that are on, and what is given.
+    data : Data
+        With velocities.
+    filter_rate : float
+        In 1/s.
+    """
+    joint = structure.joint
+    smooth = joint.smooth
+    absent = structure.absent
+    given = {c: v for c, v in structure.fixed.items() if c in smooth.coefficients}
+    off = {c: 0.0 for c in smooth.coefficients if c in absent}
+    # Where the source of a tie is off, so is what follows from it.
+    off |= {
+        c: 0.0
+        for c, (source, _, _) in joint.ties.items()
+        if c in smooth.coefficients and source in absent
+    }
+    sought = structure.unknowns(data.groups)
+    unknowns = Unknowns(smooth, {**off, **given}, sought.per_group, tuple(data.groups))
+    hold = "zero" if structure.timing.hold == "zero" else "linear"
+    fit = filtered_least_squares(data.samples, smooth, filter_rate, hold, unknowns)
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    return {**structure.timing.delays, **values}, fit
+
+
+def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
+    """The data cut into segments of growing length, each of two of the length before."""
+    first = divide(data.samples, min(longest, data.duration), margin=data.margin)
+    found = [first]
+    while True:
+        last = found[-1]
+        mean = float(np.mean(last.lengths * last.sample_times))
+        if mean < 1.5 * shortest or last.lengths.min() < 2 * FEWEST_SAMPLES:
+            return found[::-1]
+        found.append(last.halved())
+
+
+def climb(
+    structure: Structure,
+    data: Data,
+    start: Mapping[str, float],
+    ladder: Sequence[Segments],
+    states: FloatArray | None = None,
+) -> list[Fitted]:
+    """Fit over segments of growing length, each from where the one before it ended.
+
+    Parameters
+    ----------
+    structure : Structure
+        What to fit.
+    data : Data
+        To what.
+    start : mapping of str to float
+        Where to begin; what is missing starts at zero.
+    ladder : sequence of Segments
+        From short to long, each of twice the length of the one before.
+    states : array, shape (n_segments, n_states), optional
+        Where the states of the first length begin, if not near the measured positions.
+
+    Returns
+    -------
+    list of Fitted
+        Up to the length at which the fit no longer converges.
+
+    Raises
+    ------
+    ConvergenceError
+        If not even the shortest segments can be fitted.
+    """
+    found: list[Fitted] = []
+    values = dict(start)
+    for segments in ladder:
+        try:
+            fitted = _fit_segments(structure, data, segments, values, states, ROUGH)
+        except ConvergenceError:
+            if not found:
+                raise
+            break
+        found.append(fitted)
+        values = {**values, **fitted.by_name}
+        states = fitted.minimum.point.initial_states[::2]
+    return found
+
+
+def refit(
+    structure: Structure,
+    data: Data,
+    start: Mapping[str, float],
+    segments: Segments,
+    tolerance: float,
+    states: FloatArray | None,
+) -> Fitted:
+    """Fit over given segments, within bounds, from values and states that are nearly right.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not converge.
+    """
+    return _bounded(structure, data, segments, start, states, tolerance)
+
+
+def fit_to(structure: Structure, data: Data, start: Mapping[str, float], duration: float) -> Fitted:
+    """Fit to other data over segments of a length in s, from values that are nearly right.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not converge.
+    """
+    ladder = lengths(data, duration, min(duration, 4.0 * SHORTEST))
+    found = climb(structure, data, start, ladder)
+    if len(found) < len(ladder):
+        raise ConvergenceError(
+            "prediction error",
+            "what fits short segments does not lead on to longer ones: shorten the segments",
+        )
+    last = found[-1]
+    states = last.minimum.point.initial_states
+    return _bounded(structure, data, ladder[-1], last.by_name, states, FINE)
+
+
+def _bounded(
+    structure: Structure,
+    data: Data,
+    segments: Segments,
+    start: Mapping[str, float],
+    states: FloatArray | None,
+    tolerance: float,
+) -> Fitted:
+    def fit_with(unknowns: Unknowns) -> Fitted:
+        # What ended at a bound is fixed there.
+        fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
+        return _fit_segments(
+            replace(structure, fixed={**structure.fixed, **fixed}),
+            data,
+            segments,
+            start,
+            states,
+            tolerance,
+        )
+
+    if not structure.bounds:
+        return fit_with(structure.unknowns(data.groups))
+    sought = {c for c in structure.bounds if c not in structure.absent}
+    bounds = {c: b for c, b in structure.bounds.items() if c in sought}
+    fitted, at_bound = bounded_fit(fit_with, structure.unknowns(data.groups), bounds)
+    return replace(fitted, at_bound=at_bound)
+
+
+def _fit_segments(
+    structure: Structure,
+    data: Data,
+    segments: Segments,
+    start: Mapping[str, float],
+    states: FloatArray | None,
+    tolerance: float,
+) -> Fitted:
+    unknowns = structure.unknowns(data.groups)
+    timing = replace(structure.timing, relative_to=data.relative_to)
+    problem = segmented_motion(unknowns.system, segments, timing, unknowns)
+    states = first_states(segments) if states is None or len(states) != len(segments) else states
+    point = Point(np.array([start.get(name, 0.0) for name in problem.names]), states)
+    problem = problem.at(point, 1.0 / data.noise)
+    found = minimise(problem, point, tolerance)
+    duration = float(np.mean(segments.lengths * segments.sample_times))
+    return Fitted(structure, data, problem, found, duration)
+
+
+LINK = "link_delay"
+"""Name of the delay of the link's position."""

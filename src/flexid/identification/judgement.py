@@ -1,0 +1,113 @@
+"""The verdict on each number follows from the width of its interval, and from nothing else.
+
+Whatever is doubted, the structure, model error, correlated residuals, delays, widens the interval;
+a verdict reads its width. All thresholds of an identification stand here, with unit and reason.
+"""
+
+from dataclasses import dataclass, field, fields
+from math import isfinite
+from typing import Any
+
+from flexid.identification.result import Status
+
+Verdict = tuple[Status, str]
+
+
+def _threshold(value: float, unit: str, reason: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "reason": reason})
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What an identification decides by; pass others to see what would change.
+
+    Each field's metadata holds its unit and the reason for its value; `table` lists them.
+    """
+
+    determined_width: float = _threshold(
+        0.2, "1", "half the interval over the value, up to which a number is determined"
+    )
+    weak_width: float = _threshold(
+        1.0, "1", "half the interval over the value; beyond it not even the sign is known"
+    )
+    negligible_share: float = _threshold(
+        0.04,
+        "1",
+        "share of its row's acceleration that a term makes within its interval, up to which the "
+        "term is determined to be as small as it is",
+    )
+    term_chance: float = _threshold(
+        0.02, "1", "probability of a coefficient as large by chance, from which on its term goes"
+    )
+    shape_chance: float = _threshold(
+        0.001, "1", "the same for terms beyond the usual ones, of which there are many"
+    )
+    friction_sign: float = _threshold(
+        4.0, "standard deviations", "below zero, up to which a negative friction is none"
+    )
+    model_share: float = _threshold(
+        0.5,
+        "1",
+        "standard deviation of a model error along a coefficient, over the most that the residuals "
+        "allow: half, so that an interval reaches to that",
+    )
+    model_evidence: float = _threshold(
+        2.5,
+        "1",
+        "mean square of what terms beyond the model find, in their standard deviations, up to "
+        "which residuals are noise however large they are",
+    )
+    contradiction: float = _threshold(
+        3.0, "standard deviations", "between log and prior knowledge, beyond which they contradict"
+    )
+
+
+THRESHOLDS = Thresholds()
+"""Those that are used unless others are given."""
+
+
+def table(thresholds: Thresholds = THRESHOLDS) -> list[tuple[str, float, str, str]]:
+    """Name, value, unit and reason of every threshold."""
+    return [
+        (f.name, getattr(thresholds, f.name), f.metadata["unit"], f.metadata["reason"])
+        for f in fields(thresholds)
+    ]
+
+
+def verdict(
+    value: float,
+    interval: tuple[float, float],
+    effect: float = float("inf"),
+    thresholds: Thresholds = THRESHOLDS,
+) -> Verdict:
+    """Judge a number by its interval.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    interval : tuple of float
+        Its interval.
+    effect : float, optional
+        Share of its row's acceleration that half the interval's width makes.
+    thresholds : Thresholds, optional
+        Where the verdicts end.
+
+    Returns
+    -------
+    status : {"determined", "weak", "undetermined"}
+    reason : str
+        Empty for a determined number.
+    """
+    half = 0.5 * (interval[1] - interval[0])
+    if not isfinite(half):
+        return "undetermined", "the log holds no information on it"
+    relative = half / abs(value) if value else float("inf")
+    if relative <= thresholds.determined_width or effect <= thresholds.negligible_share:
+        return "determined", ""
+    reason = f"its interval reaches {_percent(relative)} to either side"
+    return ("weak" if relative <= thresholds.weak_width else "undetermined"), reason
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %" if share < 10.0 else "far"

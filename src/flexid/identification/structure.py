@@ -1,0 +1,369 @@
+"""Which of the terms a log shows, and over which segments it is fitted best.
+
+All that a log may show is fitted at once; then what it does not show is taken away, one by one,
+with the others following along the quadratic form of the fit. A term stays if chance would hardly
+give one as large, the residuals' correlation counted, and goes if it has a sign that no friction
+has.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import stdtr
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.samples import FloatArray
+from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.identification.full_model import (
+    FINE,
+    START_RATES,
+    Data,
+    Fitted,
+    Structure,
+    climb,
+    least_squares_start,
+    lengths,
+    refit,
+)
+from flexid.identification.judgement import THRESHOLDS, Thresholds
+from flexid.identification.result import SegmentEvidence, TermEvidence
+from flexid.models.flexible_joint import DISSIPATIVE
+from flexid.recording.recording import Hold
+
+_HOLD_DURATION = 0.5  # s of segments from which on the holds of an input are told apart
+_CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The structure of a log.
+
+    Parameters
+    ----------
+    full : Structure
+        With everything that was considered.
+    structure : Structure
+        With what the log shows.
+    fitted : Fitted
+        It, fitted to the data that it was chosen on.
+    terms : tuple of TermEvidence
+        What was kept and what was not.
+    lengths : tuple of SegmentEvidence
+        The segments that were tried.
+    hold_reason : str
+        Why the input was taken to behave as it does.
+    """
+
+    full: Structure
+    structure: Structure
+    fitted: Fitted
+    terms: tuple[TermEvidence, ...]
+    lengths: tuple[SegmentEvidence, ...]
+    hold_reason: str
+
+    @property
+    def duration(self) -> float:
+        """Length of the segments in s."""
+        return self.fitted.duration
+
+
+def choose_structure(
+    base: Structure,
+    data: Data,
+    holds: Sequence[Hold],
+    kept: Collection[str],
+    with_shapes: bool,
+    durations: tuple[float, ...],
+    progress: Progress,
+    thresholds: Thresholds = THRESHOLDS,
+) -> Choice:
+    """Fit the full model and take away what a log does not show.
+
+    Parameters
+    ----------
+    base : Structure
+        With every usual term that is to be considered; its hold is of no account.
+    data : Data
+        To fit.
+    holds : sequence of Hold
+        Behaviours of the input to choose from.
+    kept : collection of str
+        Coefficients and delays that stay whatever the log says.
+    with_shapes : bool
+        Whether terms beyond the usual ones are considered.
+    durations : tuple of float
+        The length of the segments in s, if it is given; empty where it is to be chosen.
+    progress : callable
+        Told of each step in words.
+    thresholds : Thresholds, optional
+        What counts as chance.
+
+    Raises
+    ------
+    ConvergenceError
+        If no start leads anywhere.
+    """
+    longest = durations or ()
+    ladder = lengths(data, *longest)
+    found, hold_reason = _climbed(base, data, holds, ladder, progress)
+    best = found[-1] if durations else _best(found)
+    tests = [_length_test(fitted) for fitted in found]
+    if with_shapes and base.joint.shapes:
+        progress("terms beyond the usual ones")
+        extended = replace(best.structure, absent=best.structure.absent - base.joint.shapes)
+        wider = _fit_like(extended, best)
+        if wider is not None:
+            shown, _ = eliminate(wider, kept, thresholds)
+            shapes = base.joint.shapes - set(shown.absent)
+            if shapes:
+                grown = replace(best.structure, absent=best.structure.absent - shapes)
+                more = _climb_on(grown, data, wider, ladder)
+                best = more[-1] if durations else _best(more)
+                tests = [_length_test(fitted) for fitted in more]
+                again = _fit_like(extended, best)
+                wider = again or best
+            best = wider
+    progress("taking away what the log does not show")
+    structure, evidence = eliminate(best, kept, thresholds)
+    fitted = _fit_like(structure, best)
+    if fitted is None:
+        structure, fitted = best.structure, best
+    return Choice(best.structure, structure, fitted, evidence, tuple(tests), hold_reason)
+
+
+def _climbed(
+    base: Structure,
+    data: Data,
+    holds: Sequence[Hold],
+    ladder: Sequence,
+    progress: Progress,
+) -> tuple[list[Fitted], str]:
+    """The full model over segments of growing length, with the hold that suits the log."""
+    short = [s for s in ladder if float(np.mean(s.lengths * s.sample_times)) <= _HOLD_DURATION]
+    first = max(1, len(short))
+    found: dict[Hold, list[Fitted]] = {}
+    for hold in holds:
+        progress(f"the full model, input {_HOLD_WORDS[hold]}")
+        found[hold] = _started(
+            replace(base, timing=replace(base.timing, hold=hold)), data, ladder[:first]
+        )
+    hold, reason = _best_hold(found)
+    progress("the full model over longer segments")
+    climbed = found[hold]
+    if len(climbed) == first:
+        climbed = climbed + _onward(climbed[-1], ladder[first:])
+    return climbed, reason
+
+
+def _started(structure: Structure, data: Data, ladder: Sequence) -> list[Fitted]:
+    """Climb from the least squares that leads farthest and fits best."""
+    best: list[Fitted] = []
+    error: ConvergenceError | None = None
+    for rate in START_RATES:
+        start, _ = least_squares_start(structure, data, rate)
+        try:
+            found = climb(structure, data, start, ladder)
+        except ConvergenceError as problem:
+            error = problem
+            continue
+        if len(found) > len(best) or found[-1].excess < best[-1].excess:
+            best = found
+        if len(best) == len(ladder):
+            return best
+    if not best:
+        assert error is not None
+        raise error
+    return best
+
+
+def _onward(last: Fitted, ladder: Sequence) -> list[Fitted]:
+    """Climb from a fit over longer segments."""
+    found = []
+    for segments in ladder:
+        states = last.minimum.point.initial_states[::2]
+        try:
+            (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
+        except ConvergenceError:
+            break
+        found.append(last)
+    return found
+
+
+def _climb_on(structure: Structure, data: Data, wider: Fitted, ladder: Sequence) -> list[Fitted]:
+    """Climb anew with a wider model whose values are known about."""
+    place = next((i for i, s in enumerate(ladder) if len(s) == len(wider.problem.segments)), 0)
+    found = climb(
+        structure,
+        data,
+        wider.by_name,
+        [wider.problem.segments],
+        states=wider.minimum.point.initial_states,
+    )
+    return found + _onward(found[-1], ladder[place + 1 :])
+
+
+def _fit_like(structure: Structure, fitted: Fitted) -> Fitted | None:
+    """Another structure over the same segments, from where a fit ended; None if it fails."""
+    try:
+        return refit(
+            structure,
+            fitted.data,
+            fitted.by_name,
+            fitted.problem.segments,
+            FINE,
+            fitted.minimum.point.initial_states,
+        )
+    except ConvergenceError:
+        return None
+
+
+_HOLD_WORDS = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
+
+
+def _best_hold(found: Mapping[Hold, list[Fitted]]) -> tuple[Hold, str]:
+    """The hold that explains the log best; where none does, the one that needs least delay."""
+    if len(found) == 1:
+        (hold,) = found
+        return hold, "as given"
+    farthest = max(map(len, found.values()))
+    last: dict[Hold, Fitted] = {h: fits[-1] for h, fits in found.items() if len(fits) == farthest}
+    costs: dict[Hold, float] = {hold: f.minimum.equations.cost for hold, f in last.items()}
+    least = min(costs.values())
+    scale = max(1.0, min(fitted.excess for fitted in last.values()))
+    close = [hold for hold, cost in costs.items() if cost - least <= _TIE * scale]
+    if len(close) == 1:
+        other = (
+            min(cost for hold, cost in costs.items() if hold != close[0])
+            if len(costs) > 1
+            else np.inf
+        )
+        return close[0], (
+            f"{_HOLD_WORDS[close[0]]}, the residuals' weighted sum of squares is "
+            f"{(other - least) / scale:.3g} less than otherwise"
+        )
+    nearest = min(close, key=lambda hold: abs(last[hold].delays["input_delay"]))
+    return nearest, "the log cannot tell the holds apart; this one needs the least delay"
+
+
+_TIE = 9.0  # fall of the weighted sum of squares that chance gives in one log of 400
+
+
+def relative_deviation(fitted: Fitted) -> float:
+    """Geometric mean of the relative standard deviations of inertias, stiffness and gravity."""
+    deviations = np.sqrt(np.diag(fitted.fit.covariance))
+    found = [
+        deviation / max(abs(value), 1e-300)
+        for name, value, deviation in zip(fitted.names, fitted.values, deviations, strict=True)
+        if name in _CORE
+    ]
+    usable = [d for d in found if np.isfinite(d) and d > 0.0]
+    return float(np.exp(np.mean(np.log(usable)))) if usable else np.inf
+
+
+def _best(found: Sequence[Fitted]) -> Fitted:
+    """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
+    best = found[0]
+    for fitted in found[1:]:
+        if relative_deviation(fitted) < _ALIKE * relative_deviation(best):
+            best = fitted
+    return best
+
+
+_ALIKE = 1.05  # ratio of widths that two lengths may differ by at random
+
+
+def _length_test(fitted: Fitted) -> SegmentEvidence:
+    return SegmentEvidence(fitted.duration, fitted.excess, relative_deviation(fitted))
+
+
+def eliminate(
+    full: Fitted, kept: Collection[str], thresholds: Thresholds
+) -> tuple[Structure, tuple[TermEvidence, ...]]:
+    """Take terms away while one is left that chance explains.
+
+    Parameters
+    ----------
+    full : Fitted
+        With all terms.
+    kept : collection of str
+        What stays in any case.
+    thresholds : Thresholds
+        Probabilities below which a term is no chance.
+    """
+    joint = full.structure.joint
+    names = full.names
+    base = [name.partition("[")[0] for name in names]
+    may_go = [
+        (b in joint.optional or b in full.structure.timing.sought) and b not in kept for b in base
+    ]
+    limits = np.array(
+        [thresholds.shape_chance if b in joint.shapes else thresholds.term_chance for b in base]
+    )
+    frictions = np.array([b in DISSIPATIVE for b in base])
+    quadratic = _Quadratic.of(full)
+    left = np.ones(len(names), dtype=np.bool_)
+    tests: dict[str, TermEvidence] = {}
+    while True:
+        values, deviations = quadratic.at(left)
+        chance = 2.0 * stdtr(quadratic.freedom, -np.abs(values) / deviations)
+        negative = frictions & (values < 0.0) & (values > -thresholds.friction_sign * deviations)
+        ratio = np.where(negative, 1.0, chance) / limits
+        candidates = [i for i in np.flatnonzero(left) if may_go[i] and (ratio[i] > 1.0)]
+        free = [i for i in candidates if not np.isfinite(deviations[i])]
+        tests |= {
+            names[i]: TermEvidence(names[i], True, values[i], deviations[i], chance[i])
+            for i in np.flatnonzero(left)
+            if may_go[i]
+        }
+        if not candidates:
+            break
+        # Of terms that the log cannot tell apart the less usual ones go first.
+        gone = max(free or candidates, key=lambda i: (base[i] in joint.shapes, ratio[i], i))
+        left[gone] = False
+        tests[names[gone]] = replace(tests[names[gone]], kept=False)
+    dropped = [names[i] for i in np.flatnonzero(~left)]
+    whole = {b for b, stays in zip(base, left, strict=True) if stays}
+    return full.structure.without(n for n in dropped if n.partition("[")[0] not in whole), tuple(
+        tests.values()
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Quadratic:
+    """The sum of squares about its minimum, with deviations that hold for correlated residuals."""
+
+    information: FloatArray
+    right: FloatArray
+    factors: FloatArray
+    freedom: FloatArray
+
+    @classmethod
+    def of(cls, full: Fitted) -> "_Quadratic":
+        information = full.information
+        robust = np.sqrt(np.diag(full.fit.covariance))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            factors = robust / full.unit_deviations
+        usable = np.isfinite(factors) & (factors > 0.0)
+        middle = float(np.median(factors[usable])) if usable.any() else 1.0
+        freedom = np.array(full.fit.degrees_of_freedom)
+        return cls(
+            information,
+            information @ full.values,
+            np.where(usable, factors, middle),
+            np.where(usable & (freedom > 0.0), freedom, 5.0),
+        )
+
+    def at(self, left: np.ndarray) -> tuple[FloatArray, FloatArray]:
+        """Values and deviations where only some are left; zero and infinite for the others."""
+        values, deviations = np.zeros(len(left)), np.full(len(left), np.inf)
+        places = np.flatnonzero(left)
+        part = self.information[np.ix_(places, places)]
+        scale = np.sqrt(np.diag(part))
+        inverse, free = scaled_inverse(part, np.where(scale > 0.0, scale, 1.0))
+        values[places] = inverse @ self.right[places]
+        spread = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * self.factors[places]
+        deviations[places] = np.where(free | (spread <= 0.0), np.inf, spread)
+        return values, deviations
