@@ -27,7 +27,9 @@ def identify(
     terms: Annotated[
         str, typer.Option(help="Terms of the model beside the joint spring, comma-separated.")
     ] = "auto",
-    hold: Annotated[str, typer.Option(help="Input between samples: zero (held), linear.")] = "auto",
+    hold: Annotated[
+        str, typer.Option(help="Input between samples: zero (held), linear, cubic (smooth).")
+    ] = "auto",
     input_delay: Annotated[
         str, typer.Option(help="Seconds by which the input acts later than recorded.")
     ] = "auto",
@@ -35,14 +37,13 @@ def identify(
         str, typer.Option(help="Seconds by which the link encoder lags behind the motor's.")
     ] = "auto",
     coulomb_velocity: Annotated[
-        str, typer.Option(help="Velocity in rad/s over which Coulomb friction changes sign.")
+        str,
+        typer.Option(
+            help="Velocity in rad/s over which Coulomb friction changes sign; auto: at once."
+        ),
     ] = "auto",
-    stopping_time: Annotated[
-        str, typer.Option(help="Seconds in which motor_stiction stops the motor.")
-    ] = "auto",
-    filter_rate: Annotated[str, typer.Option(help="Rate of the filter in 1/s.")] = "auto",
-    estimator: Annotated[
-        str, typer.Option(help="Where the values come from: prediction-error, least-squares.")
+    filter_rate: Annotated[
+        str, typer.Option(help="Rate in 1/s of the filter of least squares.")
     ] = "auto",
     segment_duration: Annotated[
         str, typer.Option(help="Segments of the prediction error in s.")
@@ -89,9 +90,7 @@ def identify(
         input_delay=parse_number("--input-delay", input_delay),
         link_delay=parse_number("--link-delay", link_delay),
         coulomb_velocity=parse_number("--coulomb-velocity", coulomb_velocity),
-        stopping_time=parse_number("--stopping-time", stopping_time),
         filter_rate=parse_number("--filter-rate", filter_rate),
-        estimator=estimator,  # type: ignore[arg-type] - Settings checks it
         segment_duration=parse_number("--segment-duration", segment_duration),
         validation_share=validation_share,
     )

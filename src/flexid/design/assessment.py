@@ -1,18 +1,35 @@
 """How well a motion tells each coefficient: predicted deviation, partner, verdict."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexid.analysis.excitation import Excitation, excitation_of_gram
+from flexid.analysis.excitation import (
+    LOST_CONDITION,
+    WEAK_CONDITION,
+    Excitation,
+    excitation_of_gram,
+)
 from flexid.analysis.information import Information
 from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.identification.estimates import row_sizes
+from flexid.identification.judgement import THRESHOLDS, Verdict, verdict
 from flexid.identification.result import Status
-from flexid.identification.verdict import Evidence, verdict, worst
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 
-_CHANNELS = ("link_position", "motor_position", "deflection")
+_DEVIATIONS = 2.0  # half the width of a predicted interval
+
+DETERMINED_DEVIATION = THRESHOLDS.determined_width / _DEVIATIONS
+"""Relative standard deviation up to which a coefficient is determined."""
+
+WEAK_DEVIATION = THRESHOLDS.weak_width / _DEVIATIONS
+"""Relative standard deviation up to which a coefficient is weakly determined."""
+
+_TAINTED = 0.1  # relative change along a lost direction from which on a coefficient is not known
+_TINY = 1e-300
+
+_RANK: tuple[Status, ...] = ("determined", "weak", "undetermined")
 
 
 @dataclass(frozen=True)
@@ -73,15 +90,14 @@ class Assessment:
     @property
     def status(self) -> Status:
         """The worst of all verdicts."""
-        return worst(c.status for c in self.coefficients.values())
+        return max((c.status for c in self.coefficients.values()), key=_RANK.index)
 
     @property
     def weakest(self) -> CoefficientAssessment:
         """The coefficient told worst: by verdict, then by relative deviation."""
-        rank = ("determined", "weak", "undetermined")
         return max(
             self.coefficients.values(),
-            key=lambda c: (rank.index(c.status), c.relative_deviation),
+            key=lambda c: (_RANK.index(c.status), c.relative_deviation),
         )
 
     def without_lost(self) -> "Assessment":
@@ -112,29 +128,47 @@ def assess(information: Information, fit: LeastSquaresFit, input_unit: str) -> A
         row.name: excitation_of_gram(row.name, row.coefficients, row.gram / row.count)
         for row in fit.rows
     }
-    values = dict(zip(information.names, map(float, information.values), strict=True))
-    deviations = dict(
-        zip(information.names, map(float, information.standard_deviations), strict=True)
-    )
-    verdicts = {}
-    for row in fit.rows:
-        sizes = np.sqrt(np.diag(row.gram) / max(row.total_sum, np.finfo(float).tiny))
-        evidence = Evidence(
-            {name: values[name] for name in row.coefficients},
-            {name: deviations[name] for name in row.coefficients},
-            dict.fromkeys(row.coefficients, 0.0),
-            dict(zip(row.coefficients, map(float, sizes), strict=True)),
-            1.0,
-            excitation[row.name],
-            dict.fromkeys(_CHANNELS, float("nan")),  # nothing was validated: no evidence
-            0.0,
-        )
-        verdicts |= {name: verdict(name, evidence) for name in row.coefficients}
+    verdicts = _verdicts(information, row_sizes(fit.rows), excitation.values())
     return Assessment(_coefficients(information, verdicts, input_unit), excitation)
 
 
+def _verdicts(
+    information: Information, sizes: Mapping[str, float], rows: Iterable[Excitation]
+) -> dict[str, Verdict]:
+    """The worse of what the interval and the excitation of its row say of each coefficient."""
+    values = dict(zip(information.names, map(float, information.values), strict=True))
+    found = {}
+    for name, std in zip(information.names, information.standard_deviations, strict=True):
+        half = _DEVIATIONS * float(std)
+        ends = values[name] - half, values[name] + half
+        found[name] = verdict(values[name], ends, half * sizes[name])
+    for row in rows:
+        for name in row.coefficients:
+            judged = found[name], _by_excitation(name, values, row)
+            found[name] = max(judged, key=lambda one: _RANK.index(one[0]))
+    return found
+
+
+def _by_excitation(name: str, values: Mapping[str, float], row: Excitation) -> Verdict:
+    """What a nearly lost direction leaves: a prediction holds for a right model and white noise."""
+    condition = row.condition_number
+    if condition <= WEAK_CONDITION or not _tainted(name, values, row):
+        return "determined", ""
+    others = " and ".join(c for c in row.confounded if c != name) or "zero"
+    reason = f"confounded with {others} (condition number {condition:.1e})"
+    return ("weak" if condition <= LOST_CONDITION else "undetermined"), reason
+
+
+def _tainted(name: str, values: Mapping[str, float], row: Excitation) -> bool:
+    """Whether a step that doubles a confounded coefficient unseen changes this one too."""
+    step = dict(zip(row.coefficients, row.direction.tolist(), strict=True))
+    relative = {c: abs(step[c]) / max(abs(values[c]), _TINY) for c in row.coefficients}
+    longest = max(relative[c] for c in row.confounded)
+    return name in row.confounded or relative[name] >= _TAINTED * longest
+
+
 def _coefficients(
-    information: Information, verdicts: Mapping[str, tuple[Status, str]], input_unit: str
+    information: Information, verdicts: Mapping[str, Verdict], input_unit: str
 ) -> dict[str, CoefficientAssessment]:
     names = information.names
     shown_unit = f"({input_unit})" if " " in input_unit else input_unit

@@ -153,7 +153,7 @@ def _least_squares(
     pieces: Sequence[Samples], system: ParametricSystem, settings: Settings
 ) -> LeastSquaresFit:
     """Fit with the hold that suits the log better, both at the same filter rate."""
-    hold = "linear" if settings.hold == "auto" else settings.hold
+    hold = "zero" if settings.hold == "zero" else "linear"
     rate = choose_filter_rate(pieces, system, hold)
     fit = filtered_least_squares(pieces, system, rate, hold)
     if settings.hold != "auto":

@@ -19,7 +19,6 @@ from flexid.toml_file import Refuse
 
 Table = Mapping[str, Any]
 
-_FITTED = "motor_stiction"  # its shape belongs to a fit, with an equation of its own beside it
 _INERTIAS = ("link_inertia", "motor_inertia")
 
 
@@ -30,10 +29,9 @@ def declared_system(model: Table, folder: Path, refuse: Refuse) -> ParametricSys
             return read_model(folder / model["file"])
         except (ModelError, ExpressionError) as error:
             raise refuse("model.file", f"names a model that cannot be used, {error}") from None
-    terms = [name for name in TERMS if name != _FITTED]
     for place, term in enumerate(model["terms"], start=1):
-        if term not in terms:
-            raise refuse(f"model.terms.{place}", f"is {term!r}: take one of {', '.join(terms)}")
+        if term not in TERMS:
+            raise refuse(f"model.terms.{place}", f"is {term!r}: take one of {', '.join(TERMS)}")
     known = dict.fromkeys(model["known"], 1.0)
     try:
         return flexible_joint(model["terms"], known, model["coulomb_velocity"])

@@ -44,9 +44,7 @@ class Settings:
     coulomb_velocity : float, optional
         Velocity in rad/s over which Coulomb friction changes sign; at once if not given.
     filter_rate : float, optional
-        Rate of the state-variable filter in 1/s.
-    estimator : {"auto", "prediction-error", "least-squares"}, optional
-        Where the coefficients come from.
+        Rate in 1/s of the state-variable filter of least squares, which a stream is fitted by.
     segment_duration : float, optional
         Length of the segments of the prediction error in s.
     validation_share : float, optional
@@ -67,7 +65,6 @@ class Settings:
     link_delay: float | Auto = "auto"
     coulomb_velocity: float | Auto = "auto"
     filter_rate: float | Auto = "auto"
-    estimator: Literal["auto", "prediction-error", "least-squares"] = "auto"
     segment_duration: float | Auto = "auto"
     validation_share: float = 1 / 3
 
@@ -85,7 +82,6 @@ class Settings:
         for name, (lower, upper) in self.bounds.items():
             _check_bounds(name, lower, upper)
         _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
-        _check_choice("estimator", self.estimator, ("auto", "prediction-error", "least-squares"))
         _check_positive("coulomb-velocity", self.coulomb_velocity, "rad/s")
         _check_positive("filter-rate", self.filter_rate, "1/s")
         _check_positive("segment-duration", self.segment_duration, "s")

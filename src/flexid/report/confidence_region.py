@@ -15,7 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import fdtri
 
-from flexid.identification.intervals import CONFIDENCE, Fitted, FloatArray, interval
+from flexid.identification.estimate import Fit
+from flexid.identification.intervals import CONFIDENCE, FloatArray, interval
 from flexid.report.style import BLUE, GREY, INK, ORANGE, STYLE, new_figure
 
 _COLOURS = (BLUE, ORANGE, GREY)
@@ -49,7 +50,7 @@ class Region:
     correlation: float
 
 
-def confidence_region(fit: Fitted, pair: tuple[str, str]) -> Region | None:
+def confidence_region(fit: Fit, pair: tuple[str, str]) -> Region | None:
     """Joint region of two coefficients, (p - p̂)ᵀ C⁻¹ (p - p̂) = 2 F(2, ν).
 
     F is Fisher's quantile, which takes the place of χ² for a covariance that is itself estimated;
@@ -81,7 +82,7 @@ def confidence_region(fit: Fitted, pair: tuple[str, str]) -> Region | None:
     return Region(pair, centre, boundary, (first, second), correlation)
 
 
-def most_correlated(fit: Fitted, among: Sequence[str]) -> tuple[str, str] | None:
+def most_correlated(fit: Fit, among: Sequence[str]) -> tuple[str, str] | None:
     """The two of some coefficients whose estimates correlate most; None if there are not two."""
     names = [name for name in fit.names if name in among]
     places = [fit.names.index(name) for name in names]
@@ -98,13 +99,13 @@ def most_correlated(fit: Fitted, among: Sequence[str]) -> tuple[str, str] | None
 
 
 def confidence_region_figure(
-    fits: Mapping[str, Fitted], pairs: Mapping[str, tuple[str, str]], units: Mapping[str, str]
+    fits: Mapping[str, Fit], pairs: Mapping[str, tuple[str, str]], units: Mapping[str, str]
 ) -> Figure:
     """Draw the joint region of a pair of each row, of one fit or of several beside each other.
 
     Parameters
     ----------
-    fits : mapping of str to Fitted
+    fits : mapping of str to Fit
         By what to call them; the first is drawn to fill the picture.
     pairs : mapping of str to tuple of str
         By row, the two coefficients.
@@ -132,7 +133,7 @@ def _draw(
     ax: Axes,
     row: str,
     pair: tuple[str, str],
-    fits: Mapping[str, Fitted],
+    fits: Mapping[str, Fit],
     units: Mapping[str, str],
 ) -> None:
     regions = {

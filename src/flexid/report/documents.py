@@ -17,36 +17,29 @@ from flexid.analysis.excitation import Excitation
 from flexid.errors import SettingError
 
 if TYPE_CHECKING:  # most documents are not an identification's
-    from flexid.identification.result import Choices, Identification
+    from flexid.identification.result import (
+        Choices,
+        CoefficientEstimate,
+        Identification,
+        ParameterEstimate,
+    )
 
 
 def identification_document(result: Identification) -> dict[str, Any]:
     """Everything of an identification but its time series, ready for JSON."""
     return {
-        "coefficients": {
-            name: {
-                "value": c.value,
-                "std": c.std,
-                "interval": list(c.interval),
-                "unit": c.unit,
-                "status": c.status,
-                "reason": c.reason,
-            }
-            for name, c in result.coefficients.items()
-        },
-        "parameters": {
-            name: {
-                "value": p.value,
-                "unit": p.unit,
-                "std": p.std,
-                "interval": list(p.interval),
-                "status": p.status,
-            }
-            for name, p in result.parameters.items()
-        },
+        "coefficients": _estimates_document(result.coefficients),
+        "parameters": _estimates_document(result.parameters),
+        "removed": _estimates_document(result.removed),
         "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
         "residual_excess": dict(result.residual_excess),
-        "validation": {"fit_percent": dict(result.validation.fit_percent)},
+        "model_error": asdict(result.model_error),
+        "validation": {
+            "fit_percent": dict(result.validation.fit_percent),
+            "horizons": {
+                f"{horizon:g}": dict(fits) for horizon, fits in result.validation.horizons.items()
+            },
+        },
         "observer": {
             "final": dict(
                 zip(result.observer.names, map(float, result.observer.estimates[-1]), strict=True)
@@ -69,15 +62,31 @@ def identification_document(result: Identification) -> dict[str, Any]:
     }
 
 
+def _estimates_document(
+    estimates: Mapping[str, CoefficientEstimate] | Mapping[str, ParameterEstimate],
+) -> dict[str, Any]:
+    return {
+        name: {
+            "value": e.value,
+            "std": e.std,
+            "interval": list(e.interval),
+            "unit": e.unit,
+            "status": e.status,
+            "reason": e.reason,
+        }
+        for name, e in estimates.items()
+    }
+
+
 def _choices_document(choices: Choices) -> dict[str, Any]:
     alignment = choices.alignment
     return {
         "terms": list(choices.terms),
         "hold": choices.hold,
+        "hold_reason": alignment.hold_reason,
         "input_delay": asdict(alignment.input_delay),
         "link_delay": asdict(alignment.link_delay),
         "coulomb_velocity": choices.coulomb_velocity,
-        "stopping_time": choices.stopping_time,
         "filter_rate": choices.filter_rate,
         "estimator": choices.estimator,
         "segment_duration": choices.segment_duration,

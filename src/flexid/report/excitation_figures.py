@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from flexid.design.assessment import DETERMINED_DEVIATION, WEAK_DEVIATION
 from flexid.design.excitation_report import ExcitationReport
-from flexid.identification.verdict import DETERMINED_DEVIATION, WEAK_DEVIATION
 from flexid.report.style import (
     BLUE,
     GREY,

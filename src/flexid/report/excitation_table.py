@@ -8,9 +8,8 @@ from rich.table import Table
 from rich.text import Text
 
 from flexid.design.advice import Addition, Advice
-from flexid.design.assessment import Assessment
+from flexid.design.assessment import DETERMINED_DEVIATION, Assessment
 from flexid.design.excitation_report import ExcitationReport
-from flexid.identification.verdict import DETERMINED_DEVIATION
 from flexid.report.style import STATUS_COLOURS
 from flexid.report.terminal import print_parts, titled_table
 

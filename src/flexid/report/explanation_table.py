@@ -1,6 +1,7 @@
 """The evidence behind the choices of an identification: what ``--explain`` adds."""
 
 from collections.abc import Iterator
+from math import isclose, isfinite
 
 from rich.console import RenderableType
 from rich.table import Table
@@ -9,6 +10,8 @@ from rich.text import Text
 from flexid.identification.alignment import Delay
 from flexid.identification.result import Choices, Identification
 from flexid.report.terminal import titled_table
+
+_LEAST_PROBABILITY = 1e-6  # below which a probability is no more than this
 
 
 def explanation(result: Identification) -> Iterator[RenderableType]:
@@ -21,52 +24,55 @@ def explanation(result: Identification) -> Iterator[RenderableType]:
         yield _segments(choices)
     yield _delays(choices)
     yield Text(f"Input hold {choices.hold}: {choices.alignment.hold_reason}")
-    yield Text(f"Filter rate {choices.filter_rate:.6g} 1/s, estimator {choices.estimator}")
     if choices.coulomb_velocity is not None:
         yield Text(f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s")
-    if choices.stopping_time is not None:
-        yield Text(f"Friction stops the motor within {choices.stopping_time:.3g} s")
     yield Text()
     yield _least_squares(result)
 
 
 def _terms(choices: Choices) -> Table:
-    table = titled_table("Terms: error of the free run over data to choose by, in % of the motion")
-    for heading in ("term", "in the model"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("with it", "without it"):
+    table = titled_table("Terms and delays of the full model, in SI units")
+    table.add_column("name", no_wrap=True)
+    for heading in ("value", "std"):
         table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("by chance", justify="right", no_wrap=True)
+    table.add_column("in the model", no_wrap=True)
     for e in choices.term_evidence:
-        chosen = "yes" if e.chosen else "no"
-        table.add_row(e.term, chosen, _percent(e.with_term), _percent(e.without_term))
+        kept = "yes" if e.kept else "no"
+        std = f"{e.std:.2g}" if isfinite(e.std) else "unknown"
+        table.add_row(e.name, f"{e.value:.4g}", std, _probability(e.probability), kept)
     return table
+
+
+def _probability(probability: float) -> str:
+    if probability < _LEAST_PROBABILITY:
+        return f"< {_LEAST_PROBABILITY:g}"
+    return f"{probability:.2g}" if isfinite(probability) else "unknown"
 
 
 def _segments(choices: Choices) -> Table:
     table = titled_table("Segments of the prediction error")
-    table.add_column("length", justify="right", no_wrap=True)
-    table.add_column("error of the free run in %", justify="right", no_wrap=True)
+    for heading in ("length", "residual over noise", "mean relative std"):
+        table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("", no_wrap=True)
     for e in choices.segment_evidence:
-        if e.duration == 0:
-            length, note = "none", "least squares"
-        else:
-            length = f"{e.duration:g} s"
-            note = "" if e.converged else "did not converge"
-        if e.duration == (choices.segment_duration or 0):
-            note = "chosen" if e.duration else "least squares, chosen"
-        table.add_row(length, _percent(e.error), note)
+        chosen = choices.segment_duration is not None and isclose(
+            e.duration, choices.segment_duration
+        )
+        std = f"{100 * e.std:.2g} %" if isfinite(e.std) else "unknown"
+        note = "chosen" if chosen else ""
+        table.add_row(f"{e.duration:.3g} s", f"{e.excess**0.5:.3g}", std, note)
     return table
 
 
 def _delays(choices: Choices) -> Table:
     table = titled_table("Time against the motor's encoder")
-    for heading in ("channel", "corrected", "95 % interval", "why"):
-        justify = "left" if heading in ("channel", "why") else "right"
-        table.add_column(heading, justify=justify, no_wrap=heading != "why")
+    for heading in ("channel", "late by", "95 % interval", ""):
+        justify = "left" if heading in ("channel", "") else "right"
+        table.add_column(heading, justify=justify, no_wrap=True)
     alignment = choices.alignment
     for name, delay in (("input", alignment.input_delay), ("link", alignment.link_delay)):
-        table.add_row(name, f"{1e3 * delay.value:.3g} ms", _interval(delay), delay.reason)
+        table.add_row(name, f"{1e3 * delay.value:.3g} ms", _interval(delay), delay.status)
     return table
 
 
@@ -76,14 +82,11 @@ def _interval(delay: Delay) -> str:
 
 
 def _least_squares(result: Identification) -> Table:
-    table = titled_table("Least squares beside the estimate")
+    rate = result.choices.filter_rate
+    table = titled_table(f"Least squares beside the estimate, filter rate {rate:.6g} 1/s")
     table.add_column("name", no_wrap=True)
     for heading in ("estimate", "least squares"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, value in result.least_squares.items():
         table.add_row(name, f"{result.coefficients[name].value:.6g}", f"{value:.6g}")
     return table
-
-
-def _percent(error: float) -> str:
-    return f"{100 * error:.3g}"

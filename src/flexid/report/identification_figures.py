@@ -71,7 +71,7 @@ def estimates_figure(result: Identification) -> Figure:
     figure = new_figure(height=1.7 * lines + 0.5)
     axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
     for ax, name in zip(axes.flat, names, strict=False):
-        _draw_estimate(ax, result, result.coefficients[name])
+        _draw_estimate(ax, result, name)
     for ax in axes.flat[len(names) :]:
         ax.set_visible(False)
     for ax in axes.flat[max(0, len(names) - columns) : len(names)]:
@@ -82,14 +82,26 @@ def estimates_figure(result: Identification) -> Figure:
     return figure
 
 
-def _draw_estimate(ax: Axes, result: Identification, c: CoefficientEstimate) -> None:
-    history = result.observer.estimates[:, result.observer.names.index(c.name)]
+def _draw_estimate(ax: Axes, result: Identification, name: str) -> None:
+    c = _estimate(result, name)
+    history = result.observer.estimates[:, result.observer.names.index(name)]
     ax.plot(result.observer.time, history, color=ORANGE, label="paper's observer, constant gain")
     ax.axhline(c.value, color=INK, linewidth=1.0, label="estimate")
     if np.all(np.isfinite(c.interval)):
         ax.axhspan(*c.interval, color=BLUE, alpha=0.25, linewidth=0, label="95 % interval")
     ax.set_title(f"{c.name}: {c.status}", color=_COLOURS[c.status])
     ax.set_ylabel(c.unit)
+
+
+def _estimate(result: Identification, name: str) -> CoefficientEstimate:
+    """A coefficient's estimate; of one that each log has its own of, the last log's.
+
+    The observer does not tell logs apart and ends with the last one.
+    """
+    if name in result.coefficients:
+        return result.coefficients[name]
+    own = [c for c in result.coefficients.values() if c.name.partition("[")[0] == name]
+    return own[-1]
 
 
 def excitation_figure(result: Identification) -> Figure:

@@ -10,8 +10,10 @@ from rich.text import Text
 from flexid.identification.result import (
     CoefficientEstimate,
     Identification,
+    ModelError,
     ParameterEstimate,
     Status,
+    Validation,
 )
 from flexid.report.explanation_table import explanation
 from flexid.report.terminal import print_parts, titled_table
@@ -45,15 +47,51 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
         yield Text(
             f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
         )
-    excess = ", ".join(f"{row} {ratio:.2f}" for row, ratio in result.residual_excess.items())
-    yield Text(f"Residual over what sensor noise explains: {excess}")
+    if result.residual_excess:
+        excess = ", ".join(f"{name} {x:.3g}" for name, x in result.residual_excess.items())
+        yield Text(f"Residual over the sensors' noise: {excess}")
+    yield Text(_model_error(result.model_error))
     yield Text(f"Free run over held-out data: {format_fits(result.validation.fit_percent)}")
+    yield from map(Text, _horizons(result.validation))
     if result.compliance.rigid_fit_percent:
         yield Text(f"The same, joint rigid: {format_fits(result.compliance.rigid_fit_percent)}")
     seen = "visible" if result.compliance.visible else "not visible"
     yield Text(f"Compliance: {seen}; {result.compliance.reason}.")
+    if result.removed:
+        yield Text(f"Without: {', '.join(map(_at_most, result.removed.values()))}.")
     yield Text()
     yield from map(Text, result.summary)
+
+
+def _model_error(error: ModelError) -> str:
+    """What terms beyond the model find in the residuals, and what follows."""
+    if error.share == 0.0:
+        return "Model error: none that shows in the residuals"
+    return (
+        f"Model error: the intervals hold {100 * error.share:.0f} % of the largest that residuals "
+        f"of {error.excess**0.5:.3g} times the noise allow"
+    )
+
+
+def _horizons(validation: Validation) -> Iterator[str]:
+    """How far each channel is predicted, a line each."""
+    if not validation.horizons:
+        return
+    spans = ", ".join(f"{horizon:g}" for horizon in validation.horizons)
+    for channel in validation.fit_percent:
+        fits = [found[channel] for found in validation.horizons.values()]
+        if any(map(isnan, fits)):
+            continue
+        shown = ", ".join(f"{fit:.1f}" for fit in fits)
+        yield f"Prediction over {spans} s: {channel} {shown} %"
+
+
+def _at_most(parameter: ParameterEstimate) -> str:
+    """How large something could be that the model does without."""
+    largest = max(map(abs, parameter.interval))
+    if not isfinite(largest):
+        return f"{parameter.name}, of which the log tells nothing"
+    return f"{parameter.name} below {largest:.2g} {parameter.unit}"
 
 
 def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEstimate]) -> Table:
