@@ -233,6 +233,23 @@ def least_squares_start(
     filter_rate : float
         In 1/s.
     """
+    unknowns = smooth_unknowns(structure, data.groups)
+    hold = "zero" if structure.timing.hold == "zero" else "linear"
+    fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    return {**structure.timing.delays, **values}, fit
+
+
+def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
+    """What least squares seeks of a structure: friction smoothed, and each coefficient for itself.
+
+    Parameters
+    ----------
+    structure : Structure
+        Terms that are on, and what is given.
+    groups : sequence of int
+        The log of each piece.
+    """
     joint = structure.joint
     smooth = joint.smooth
     absent = structure.absent
@@ -244,12 +261,8 @@ def least_squares_start(
         for c, (source, _, _) in joint.ties.items()
         if c in smooth.coefficients and source in absent
     }
-    sought = structure.unknowns(data.groups)
-    unknowns = Unknowns(smooth, {**off, **given}, sought.per_group, tuple(data.groups))
-    hold = "zero" if structure.timing.hold == "zero" else "linear"
-    fit = filtered_least_squares(data.samples, smooth, filter_rate, hold, unknowns)
-    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-    return {**structure.timing.delays, **values}, fit
+    sought = structure.unknowns(groups)
+    return Unknowns(smooth, {**off, **given}, sought.per_group, tuple(groups))
 
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:

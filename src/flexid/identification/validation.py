@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.estimators.samples import FloatArray
-from flexid.estimators.segmented_motion import Point
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
 from flexid.identification.full_model import Data, Fitted
 from flexid.identification.joint import Joint
@@ -44,9 +44,38 @@ def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
         With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
         hardly moves in the held-out stretches, where a fit would test nothing.
     """
-    joint = fitted.structure.joint
+    return validate_with(fitted.structure.joint, fitted.problem, fitted.values, data, starts)
+
+
+def validate_with(
+    joint: Joint,
+    problem: SegmentedMotion,
+    values: FloatArray,
+    data: Data,
+    starts: Sequence[int],
+) -> Validation:
+    """Predict the held-out end of each piece with given values, wherever they come from.
+
+    Parameters
+    ----------
+    joint : Joint
+        What was identified.
+    problem : SegmentedMotion
+        The model's motion; over which segments does not matter.
+    values : array, shape (k,)
+        Of what `problem` seeks.
+    data : Data
+        The pieces with their ends.
+    starts : sequence of int
+        Where the held-out end of each begins.
+
+    Returns
+    -------
+    Validation
+        As of `validate`.
+    """
     spreads = _spreads(joint, data, starts)
-    runs = _predictions(fitted, data, [[start] for start in starts], np.inf)
+    runs = _predictions(joint, problem, values, data, [[start] for start in starts], np.inf)
     horizons = {}
     for horizon in HORIZONS:
         origins = [
@@ -54,7 +83,7 @@ def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
             for piece, start in zip(data.samples, starts, strict=True)
         ]
         if all(origins):
-            predicted = _predictions(fitted, data, origins, horizon)
+            predicted = _predictions(joint, problem, values, data, origins, horizon)
             horizons[horizon] = _percent(joint, predicted, spreads)
     return Validation(_percent(joint, runs, spreads), tuple(runs), horizons)
 
@@ -71,8 +100,36 @@ def _warm_up(sample_time: float) -> int:
     return max(FEWEST_SAMPLES, round(_WARM_UP / sample_time))
 
 
+def residuals_over_noise(
+    problem: SegmentedMotion, values: FloatArray, data: Data, duration: float
+) -> dict[str, float]:
+    """Residual of each position over its sensor's noise, as root mean squares.
+
+    Parameters
+    ----------
+    problem, values
+        As of `validate_with`.
+    data : Data
+        What the model is to follow.
+    duration : float
+        Length in s of segments that each start anew from the state that fits them best.
+    """
+    segments = divide(data.samples, duration)
+    states = _states(problem, values, segments)
+    equations = replace(problem, segments=segments).equations(Point(values, states))
+    squares = np.mean(equations.residuals[segments.within] ** 2, axis=0)
+    ratios = np.sqrt(squares) / data.noise if np.isfinite(equations.cost) else np.inf * squares
+    names = ["motor" if row.name == "rigid" else row.name for row in problem.unknowns.system.rows]
+    return {f"{name}_position": float(r) for name, r in zip(names, ratios, strict=True)}
+
+
 def _predictions(
-    fitted: Fitted, data: Data, origins: Sequence[Sequence[int]], horizon: float
+    joint: Joint,
+    model: SegmentedMotion,
+    values: FloatArray,
+    data: Data,
+    origins: Sequence[Sequence[int]],
+    horizon: float,
 ) -> list[FreeRun]:
     """Predicted motion from each origin on, for a horizon in s or to the end of its piece."""
     whole = divide(data.samples, data.duration)  # one segment for each piece
@@ -90,12 +147,11 @@ def _predictions(
             pieces.append(piece)
             places.append(origin)
     before = _windows(whole, firsts, warm, pieces)
-    states = _states(fitted, before)
+    states = _states(model, values, before)
     windows = _windows(whole, firsts, total, pieces)
-    problem = replace(fitted.problem, segments=windows)
-    equations = problem.equations(Point(fitted.values, states))
-    measured = problem.timely(fitted.values)
-    joint = fitted.structure.joint
+    problem = replace(model, segments=windows)
+    equations = problem.equations(Point(values, states))
+    measured = problem.timely(values)
     runs = []
     for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):
         part = slice(first + skipped, first + length)
@@ -124,11 +180,11 @@ def _windows(
     )
 
 
-def _states(fitted: Fitted, windows: Segments) -> FloatArray:
+def _states(model: SegmentedMotion, values: FloatArray, windows: Segments) -> FloatArray:
     """First states for which the model follows its windows best, its coefficients given."""
-    problem = replace(fitted.problem, segments=windows)
+    problem = replace(model, segments=windows)
     states = first_states(windows)
-    equations = problem.equations(Point(fitted.values, states))
+    equations = problem.equations(Point(values, states))
     n = states.shape[1]
     for _ in range(_MOST_STEPS):
         firsts = problem.first_blocks[:-1]
@@ -138,7 +194,7 @@ def _states(fitted: Fitted, windows: Segments) -> FloatArray:
         scale = np.where(scale > 0.0, scale, 1.0)
         inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), rcond=1e-9)
         step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
-        trial = problem.equations(Point(fitted.values, states + step))
+        trial = problem.equations(Point(values, states + step))
         if not trial.cost < equations.cost:
             break
         done = trial.cost > (1.0 - _CONVERGED) * equations.cost
