@@ -2,7 +2,7 @@
 
 What is chosen for the user is chosen on the head of the log, in memory, as for any log. Then the
 whole log streams through least squares with these choices, while short stretches of it, spread
-evenly, are kept out of the fit and run freely in the end.
+evenly, are kept out of the fit and predicted in the end.
 """
 
 from collections import deque
@@ -11,7 +11,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from flexid.errors import SettingError
 from flexid.estimators.streamed_least_squares import Products
 from flexid.identification.alignment import aligned
 from flexid.identification.identify import identify
@@ -60,7 +59,7 @@ def identify_stream(
     columns : Path, optional
         A TOML column map.
     settings : Settings, optional
-        Choices; the estimator is least squares.
+        Choices.
     progress : callable, optional
         Told of each step in words.
     advance : callable, optional
@@ -71,32 +70,24 @@ def identify_stream(
     Returns
     -------
     Identification
-        Of the whole log but for `compliance`, `observer` and `choices`, which are those of its
-        head.
+        Of the whole log, by least squares, but for `model_error`, `compliance`, `observer` and
+        `removed`, which are those of its head.
 
     Raises
     ------
     RecordingError
         If the log, or some row of it, cannot be used.
     SettingError
-        If a setting does not suit the log, or prediction error is wanted, which needs the whole
-        log in memory.
+        If a setting does not suit the log.
     """
     settings = settings or Settings()
-    if settings.estimator == "prediction-error":
-        raise SettingError(
-            "estimator",
-            "prediction error needs the whole log in memory, so a stream is fitted by least "
-            "squares: leave the estimator out, or identify a shorter part without --stream",
-        )
-    settings = replace(settings, estimator="least-squares")
     progress("reading the head")
     stream = LogStream(path, columns, HEAD_ROWS)
     head = identify([stream.head], settings, progress)
     task = stream_task(stream, head, settings)
     progress("streaming")
     held_out = _pass(task, stream, advance, workers)
-    progress("free runs over the stretches kept out")
+    progress("predicting the stretches kept out")
     return stream_result(task, stream, head, settings, held_out)
 
 
@@ -145,7 +136,7 @@ def _products(task: StreamTask, window: Window, kept_out: bool) -> tuple[Product
         recording = aligned(recording, task.alignment)
     if task.half_windows is not None:
         recording = with_velocities(recording, task.half_windows)
-    samples = task.candidate.joint.samples(recording)
+    samples = task.joint.samples(recording)
     skipped = window.start - window.offset
     # Of a piece's last window, all equations there are; alignment may have made it shorter.
     stop = len(samples) - 2 if window.last else window.stop - window.offset

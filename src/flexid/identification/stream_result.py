@@ -1,31 +1,50 @@
-"""What the sums of a stream tell, beside what its head does."""
+"""What the sums of a stream tell, beside what its head does.
+
+Least squares takes no account of what the prediction error does: friction that is dry, noise in the
+regressors, terms beyond the usual ones. How far that matters the head shows: there its least
+squares at other filter rates, and the prediction error, should say the same. How far they do not,
+beyond noise, counts as a standard deviation of the whole.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import nan
+
+import numpy as np
 
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.samples import FloatArray
-from flexid.identification.estimates import (
-    coefficient_estimates,
-    parameter_estimates,
-    row_evidence,
-)
-from flexid.identification.findings import rate_shifts, row_excitation
-from flexid.identification.identify import with_prior_knowledge, without_estimate
-from flexid.identification.preparation import Pieces
-from flexid.identification.residuals import residual_excess
+from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
+from flexid.estimators.segments import divide
+from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.estimate import Estimate
+from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
+from flexid.identification.excitations import row_excitation
+from flexid.identification.full_model import Data, data_of
+from flexid.identification.identify import without_estimate
+from flexid.identification.intervals import quantile
+from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.knowledge import with_prior_knowledge
 from flexid.identification.result import Identification, Validation
 from flexid.identification.settings import Settings
 from flexid.identification.stream_task import HeldOut, StreamTask
-from flexid.identification.validation import validate
+from flexid.identification.summary import summary
+from flexid.identification.validation import residuals_over_noise, validate_with
 from flexid.identification.warnings import (
     compliance_warnings,
-    residual_warnings,
+    model_warnings,
     sign_warnings,
     validation_warnings,
 )
 from flexid.recording.stream import LogStream
+
+# Multiples of the filter rate at which a right model gives the same answer. Slower filters see
+# another part of the motion and hardly any noise; beyond twice the rate noise in the regressors
+# biases the answer.
+_RATES = (0.125, 0.25, 0.5, 2.0)
+
+_SEGMENT_DURATION = 1.0  # s over which the model has to follow what was kept out, if none is chosen
 
 
 def stream_result(
@@ -36,45 +55,52 @@ def stream_result(
     held_out: Sequence[HeldOut],
 ) -> Identification:
     """Everything that the sums tell, beside what the head does."""
-    candidate, joint = task.candidate, task.candidate.joint
+    joint, structure = task.joint, task.structure
     input_unit = stream.head.pieces[0].input_unit
-    start, at_bound = bounded_fit(task.sums.fit, task.problem.unknowns, candidate.active_bounds())
+    sought = set(task.problem.unknowns.names)
+    bounds = {c: ends for c, ends in structure.bounds.items() if c in sought}
+    start, at_bound = bounded_fit(task.sums.fit, task.problem.unknowns, bounds)
     unknowns = task.problem.unknowns.fixing(at_bound)
-    given = {**candidate.fixed, **at_bound}
-    fit, contradictions, known = with_prior_knowledge(joint, start, given, settings, input_unit)
+    given = {**structure.fixed, **at_bound}
+    shifts = head_shifts(task, unknowns, head)
+    found = Estimate.of(start).widened(np.diag(shifts**2))
+    estimate, against = with_prior_knowledge(joint, found, given, settings, input_unit, THRESHOLDS)
     trained = task.sums.fit(unknowns, [held.products for held in held_out])
-    validation = _validation(task, unknowns.coefficients(trained.values, 0), held_out)
-    excess = residual_excess(start, unknowns, candidate.samples(task.head.whole))
-    rows = [row for row in start.rows if row.coefficients]
-    evidence = row_evidence(
-        fit,
-        start,
-        _head_shifts(task, at_bound),
-        excess,
-        {row.name: row_excitation(row, known) for row in rows},
-        validation.fit_percent,
-        task.alignment.deflection_doubt,
-    )
-    fixed = without_estimate(at_bound, candidate.fixed)
-    estimates = coefficient_estimates(fit, evidence, joint.units, fixed, input_unit)
+    predicted = _predicted(task, unknowns, trained.values, held_out, head)
+    contradicted = _contradicted(head, structure.fixed)
+    fixed = without_estimate(at_bound, structure.fixed)
+    sizes = row_sizes(start.rows)
+    estimates = coefficient_estimates(estimate, joint, unknowns, sizes, fixed, input_unit)
+    if contradicted:
+        estimates = {
+            name: replace(c, status="undetermined", reason=contradicted[0])
+            for name, c in estimates.items()
+        }
+    parameters = parameter_estimates(joint, estimate, unknowns, estimates, input_unit)
+    choices = task.choices(head.choices)
+    left_out = sorted(set(head.choices.terms) - set(choices.terms))
     values = dict(zip(start.names, start.values.tolist(), strict=True))
     return replace(
         head,
         coefficients=estimates,
-        parameters=parameter_estimates(joint, fit, unknowns, estimates, input_unit),
+        parameters=parameters,
         least_squares={name: value for name, value in values.items() if name in estimates},
-        excitation={row.name: row_excitation(row, ()) for row in rows},
-        residual_excess=excess,
-        validation=validation,
-        fit=fit,
-        summary=(*head.summary, _sentence(stream, held_out)),
+        excitation={row.name: row_excitation(row, ()) for row in start.rows if row.coefficients},
+        residual_excess=predicted.residual_excess,
+        validation=predicted.validation,
+        removed={name: p for name, p in head.removed.items() if name not in parameters},
+        fit=estimate,
+        choices=choices,
+        summary=(*summary(choices), _sentence(stream, held_out)),
         warnings=(
             *stream.head.warnings,
             *stream.warnings,
-            *contradictions,
+            *_terms_warnings(left_out),
+            *contradicted,
+            *against,
             *sign_warnings(estimates),
-            *residual_warnings(excess),
-            *validation_warnings(validation.fit_percent),
+            *model_warnings(head.model_error),
+            *validation_warnings(predicted.validation.fit_percent),
             *compliance_warnings(head.compliance),
         ),
         provenance={
@@ -85,33 +111,99 @@ def stream_result(
     )
 
 
-def _validation(
-    task: StreamTask, coefficients: FloatArray, held_out: Sequence[HeldOut]
-) -> Validation:
-    """Free runs over the stretches that were kept out of the fit."""
-    if not held_out:
-        return Validation(dict.fromkeys(task.candidate.joint.channels, nan), ())
-    pieces = Pieces(
-        tuple(held.recording for held in held_out),
-        tuple(held.start for held in held_out),
-        (0,) * len(held_out),
+def head_shifts(task: StreamTask, unknowns: Unknowns, head: Identification) -> FloatArray:
+    """How far each coefficient moves over the head with the way it is estimated, beyond noise.
+
+    Two estimates from the same log share part of their noise, so the root of the sum of the squares
+    of their intervals' half-widths bounds what noise alone does to their difference.
+
+    Returns
+    -------
+    array, shape (k,)
+        In the coefficients' units; 0 where noise explains it all.
+    """
+    here = task.of_head(unknowns)
+    found = [(fit.values, _half_widths(fit)) for fit in (task.of_head(unknowns, f) for f in _RATES)]
+    predicted = [head.coefficients.get(name) for name in here.names]
+    found.append(
+        (
+            np.array([nan if c is None else c.value for c in predicted]),
+            np.array([nan if c is None else 0.5 * np.ptp(c.interval) for c in predicted]),
+        )
     )
-    every = [coefficients] * len(held_out)
-    return validate(task.candidate.joint, pieces, every, task.candidate.hold)
+    shifts = np.zeros(len(here.names))
+    for values, half_widths in found:
+        with np.errstate(invalid="ignore"):
+            noise = np.hypot(_half_widths(here), half_widths)
+            beyond = np.abs(values - here.values) - noise
+        shifts = np.fmax(shifts, np.where(np.isfinite(beyond), beyond, 0.0))
+    return shifts
 
 
-def _head_shifts(task: StreamTask, at_bound: Mapping[str, float]) -> dict[str, float]:
-    """How far the coefficients move with the filter rate, over the head."""
-    same = replace(task.candidate, fixed={**task.candidate.fixed, **at_bound}, bounds={})
-    fit = same.least_squares(task.head.whole, task.head.groups).fit
-    return rate_shifts(same, task.head, fit)
+def _half_widths(fit: LeastSquaresFit) -> FloatArray:
+    """Half the width of each coefficient's interval; infinite where there is none."""
+    quantiles = [quantile(freedom) for freedom in fit.degrees_of_freedom]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(quantiles) * fit.standard_deviations
+
+
+@dataclass(frozen=True)
+class _Predicted:
+    """What the stretches that were kept out say of values fitted without them."""
+
+    validation: Validation
+    residual_excess: dict[str, float]
+
+
+def _predicted(
+    task: StreamTask,
+    unknowns: Unknowns,
+    values: FloatArray,
+    held_out: Sequence[HeldOut],
+    head: Identification,
+) -> _Predicted:
+    """Predict the stretches that were kept out, with dry friction where the head has it."""
+    joint = task.joint
+    if not held_out:
+        return _Predicted(Validation(dict.fromkeys(joint.channels, nan), ()), {})
+    groups = (0,) * len(held_out)
+    data = data_of(joint, [held.recording for held in held_out], groups)
+    model = replace(unknowns, system=joint.system, groups=groups)
+    problem = _motion(task, model, data)
+    starts = [held.start for held in held_out]
+    duration = head.choices.segment_duration or _SEGMENT_DURATION
+    return _Predicted(
+        validate_with(joint, problem, values, data, starts),
+        residuals_over_noise(problem, values, data, duration),
+    )
+
+
+def _motion(task: StreamTask, unknowns: Unknowns, data: Data) -> SegmentedMotion:
+    segments = divide(data.samples, data.duration)
+    motion = segmented_motion(unknowns.system, segments, task.structure.timing, unknowns)
+    return replace(motion, weights=1.0 / data.noise)
+
+
+def _contradicted(head: Identification, given: Mapping[str, float]) -> tuple[str, ...]:
+    """What the head says against coefficients that are known exactly."""
+    known = [head.coefficients[name] for name in given if name in head.coefficients]
+    return tuple(dict.fromkeys(c.reason for c in known if c.status != "determined"))
+
+
+def _terms_warnings(terms: Sequence[str]) -> tuple[str, ...]:
+    if not terms:
+        return ()
+    return (
+        f"the head of the log shows {', '.join(terms)}, which least squares of a stream does not "
+        f"have: identify a shorter part of it without --stream",
+    )
 
 
 def _sentence(stream: LogStream, held_out: Sequence[HeldOut]) -> str:
     """What the stream did, for the summary."""
     head = stream.head_rows * stream.sample_time
     whole = stream.rows * stream.sample_time
-    runs = f"; free runs over {len(held_out)} stretches of it" if held_out else ""
+    runs = f"; {len(held_out)} stretches of it were kept out and predicted" if held_out else ""
     return (
         f"Stream: all of this was chosen on the first {head:.4g} s; then {stream.rows} samples "
         f"({_duration(whole)}) were fitted in one pass{runs}."

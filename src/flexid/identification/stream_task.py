@@ -1,23 +1,29 @@
 """What a stream is to add up: the choices that its head gives."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
 
+import numpy as np
+
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_size
 from flexid.estimators.row_signals import needs_velocities
+from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.streamed_least_squares import Products, StreamedProblem, StreamedSums
+from flexid.estimators.unknowns import Unknowns
 from flexid.identification.alignment import Alignment, aligned
-from flexid.identification.candidate import Candidate
-from flexid.identification.joint import flexible, rigid
-from flexid.identification.preparation import Pieces, prepare
-from flexid.identification.result import Identification
+from flexid.identification.full_model import Structure, smooth_unknowns
+from flexid.identification.joint import Joint, flexible, rigid
+from flexid.identification.preparation import prepare
+from flexid.identification.result import Choices, Identification
 from flexid.identification.settings import Settings
-from flexid.models.flexible_joint import with_stopping_time
+from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Recording
 from flexid.recording.stream import LogStream
-from flexid.recording.velocities import best_half_window
+from flexid.recording.velocities import best_half_window, with_velocities
 
 _LARGEST_MARGIN = 262_144  # samples; beyond it the memory would be that of a long window
 _SETTLING = 128  # samples after which no all-pass filter of an alignment remembers its start
@@ -30,23 +36,28 @@ class StreamTask:
 
     Parameters
     ----------
-    candidate : Candidate
-        The model with its choices.
+    structure : Structure
+        The model with its choices; no delays, for channels are aligned beforehand.
     alignment : Alignment
         Hold and delays.
-    head : Pieces
-        The head, aligned.
+    head : tuple of Recording
+        Pieces of the head, aligned, with velocities.
     sums : StreamedSums
         Of the whole log.
     sample_time : float
         In s.
     """
 
-    candidate: Candidate
+    structure: Structure
     alignment: Alignment
-    head: Pieces
+    head: tuple[Recording, ...]
     sums: StreamedSums
     sample_time: float
+
+    @property
+    def joint(self) -> Joint:
+        """What is identified."""
+        return self.structure.joint
 
     @property
     def problem(self) -> StreamedProblem:
@@ -58,9 +69,10 @@ class StreamTask:
         """Half the windows that velocities are derived with; None where none are needed."""
         if not needs_velocities(self.problem.unknowns):
             return None
-        longest = max(self.head.recorded, key=len)
-        positions = self.candidate.joint.samples(longest).positions.T
-        halves = [best_half_window(position) for position in positions]
+        longest = max(self.head, key=len)
+        halves = [
+            best_half_window(position) for position in self.joint.samples(longest).positions.T
+        ]
         return halves[0], halves[-1]
 
     @property
@@ -81,45 +93,79 @@ class StreamTask:
         """Blocks that a stretch kept out of the fit takes."""
         return ceil(_FREE_RUN_DURATION / (self.problem.block * self.sample_time))
 
+    def of_head(self, unknowns: Unknowns, rate_factor: float = 1.0) -> LeastSquaresFit:
+        """Least squares of the head, in memory, at a multiple of the filter rate."""
+        return _least_squares(self.joint, self.head, unknowns, self.problem, rate_factor)
+
+    def choices(self, head: Choices) -> Choices:
+        """What holds for the stream of what was chosen on the head."""
+        smooth = self.joint.smooth
+        smoothed = any(
+            SMOOTHING in row.regressors.get(name, "")
+            for name in self.problem.unknowns.names
+            for row in smooth.rows
+        )
+        return replace(
+            head,
+            terms=self.structure.terms,
+            coulomb_velocity=smooth.constants[SMOOTHING] if smoothed else None,
+            filter_rate=self.problem.filter_rate,
+            estimator="least-squares",
+            segment_duration=None,
+        )
+
 
 def stream_task(stream: LogStream, head: Identification, settings: Settings) -> StreamTask:
     """The choices of the head's identification, and the problem that they make."""
     choices = head.choices
-    input_unit = stream.head.pieces[0].input_unit
+    pieces, _ = prepare([stream.head], settings.validation_share)
     joint = rigid() if head.model == "rigid" else flexible()
-    if "motor_stiction" in choices.terms:
-        joint = flexible("motor_stiction")
+    # As wide as in the head, whose shapes are those of the data before its held-out ends.
+    joint = joint.scaled([joint.samples(piece) for piece in pieces.fitted])
     if choices.coulomb_velocity is not None:
         joint = joint.with_coulomb_velocity(choices.coulomb_velocity)
-    if choices.stopping_time is not None:
-        values = {name: estimate.value for name, estimate in head.coefficients.items()}
-        system = with_stopping_time(joint.system, choices.stopping_time, values)
-        joint = replace(joint, system=system)
+    on = {c for term in choices.terms for c in joint.terms[term]}
+    # Least squares takes the usual terms alone.
+    absent = joint.optional - (on & set(joint.smooth.coefficients))
+    input_unit = stream.head.pieces[0].input_unit
     fixed = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
-    candidate = Candidate(
-        joint, choices.terms, choices.hold, choices.filter_rate, 0.0, fixed, settings.bounds
+    structure = Structure(joint, frozenset(absent), Timing(choices.hold), fixed, settings.bounds)
+    unknowns = smooth_unknowns(structure, (0,))
+    recordings = tuple(
+        with_velocities(aligned(piece, choices.alignment)) for piece in pieces.recorded
     )
-    share = settings.validation_share
-    pieces, _ = prepare([stream.head], share)
-    pieces = pieces.changed(lambda piece: aligned(piece, choices.alignment), share)
-    unbounded = replace(candidate, bounds={})
-    reference = unbounded.least_squares(pieces.whole, pieces.groups).fit.values
-    unknowns = candidate.unknowns((0,))
+    rate = choices.filter_rate if isinstance(settings.filter_rate, str) else settings.filter_rate
     most = max(len(unknowns.names_of(row)) for row in unknowns.system.rows)
     duration = stream.rows * stream.sample_time
-    block = block_size(duration, stream.sample_time, choices.filter_rate, most)
-    problem = StreamedProblem(unknowns, reference, choices.filter_rate, choices.hold, block)
-    task = StreamTask(
-        candidate, choices.alignment, pieces, StreamedSums(problem), stream.sample_time
-    )
+    block = block_size(duration, stream.sample_time, rate, most)
+    hold = "zero" if choices.hold == "zero" else "linear"
+    none = np.zeros(len(unknowns.names))
+    problem = StreamedProblem(unknowns, none, rate, hold, block)
+    reference = _least_squares(joint, recordings, unknowns, problem).values
+    sums = StreamedSums(replace(problem, reference=reference))
+    task = StreamTask(structure, choices.alignment, recordings, sums, stream.sample_time)
     if task.margin > _LARGEST_MARGIN:
         raise SettingError(
             "filter-rate",
-            f"{choices.filter_rate:.3g} 1/s is too slow for a stream with a sample time of "
+            f"{rate:.3g} 1/s is too slow for a stream with a sample time of "
             f"{1e3 * stream.sample_time:.3g} ms: set it to "
             f"{50.0 / (_LARGEST_MARGIN * stream.sample_time):.2g} 1/s or more",
         )
     return task
+
+
+def _least_squares(
+    joint: Joint,
+    recordings: Sequence[Recording],
+    unknowns: Unknowns,
+    problem: StreamedProblem,
+    rate_factor: float = 1.0,
+) -> LeastSquaresFit:
+    """Least squares of recordings in memory, all of one log."""
+    samples = [joint.samples(recording) for recording in recordings]
+    own = replace(unknowns, groups=(0,) * len(samples))
+    rate = rate_factor * problem.filter_rate
+    return filtered_least_squares(samples, unknowns.system, rate, problem.hold, own)
 
 
 @dataclass(frozen=True, eq=False)
