@@ -85,3 +85,40 @@ def test_missing_velocities():
     """Assert that velocities that are wanted but not there are named."""
     with pytest.raises(SettingError, match="velocities"):
         divide([replace(record(100), velocities=None)], 1.0, use_velocities=True)
+
+
+def test_margins_belong_to_no_segment():
+    """Assert that both ends of every piece stay out of the segments, but are still there."""
+    segments = divide([record(300), record(200, start_time=50.0)], 1.0, margin=0.05)
+    assert len(segments.outputs) == 500
+    edges = [(5, 295), (305, 495)]
+    for (first, stop), piece in zip(edges, (0, 1), strict=True):
+        own = segments.pieces == piece
+        assert segments.starts[own].min() == first
+        assert (segments.starts + segments.lengths)[own].max() == stop
+    assert segments.lengths.sum() == 480
+    assert segments.start_times[segments.pieces == 1].min() == pytest.approx(50.05)
+
+
+def test_samples_within_segments():
+    """Assert that exactly the samples of the margins are within no segment, halved or not."""
+    segments = divide([record(300), record(200)], 1.0, margin=0.05)
+    expected = np.ones(500, dtype=bool)
+    expected[[*range(5), *range(295, 305), *range(495, 500)]] = False
+    assert np.array_equal(segments.within, expected)
+    assert np.array_equal(segments.halved().within, expected)
+
+
+def test_a_piece_that_its_margins_use_up_is_left_out():
+    """Assert that what is left between the margins has to be long enough."""
+    pieces = [record(FEWEST_SAMPLES + 9), record(FEWEST_SAMPLES + 10)]
+    segments = divide(pieces, 1.0, margin=0.05)
+    assert segments.pieces.tolist() == [1]
+    assert segments.lengths.tolist() == [FEWEST_SAMPLES]
+
+
+def test_samples_of_each_piece():
+    """Assert that pieces are told with their margins and their own sample times."""
+    pieces = [record(300, 0.01), record(10, 0.03), record(200, 0.02)]
+    segments = divide(pieces, 1.0, margin=0.1)
+    assert segments.by_piece() == [(slice(0, 300), 0.01), (slice(300, 500), 0.02)]

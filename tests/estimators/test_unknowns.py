@@ -218,3 +218,93 @@ def test_constants_are_the_given_system_s():
     unknowns = Unknowns(cart, {"drag": 0.0})
     fit = filtered_least_squares([samples], replace(cart, constants={"g": 1.5}), unknowns=unknowns)
     assert fit.values == pytest.approx([2.0], rel=1e-4)
+
+
+DAMPED = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
+TIED = Unknowns(DAMPED, tied={"theta_damping": ("alpha_damping", "theta2", "alpha1")})
+
+
+def tied_values(**changed: float) -> np.ndarray:
+    """Values for `TIED`, row by row."""
+    values = {**TRUTH, "alpha_damping": 0.7, **changed}
+    return np.array([values[name] for name in TIED.names])
+
+
+def test_tied_coefficient_is_not_sought():
+    """Assert that what follows from others has no place of its own."""
+    assert TIED.names == ("theta1", "theta2", "alpha1", "alpha2", "alpha_damping", "beta1")
+
+
+def test_tied_coefficient_follows():
+    """Assert that the spring's damping on the link is that on the motor over the inertias' ratio.
+
+    theta2/alpha1 = 0.3, so 0.7/s on the motor are 0.21/s on the link.
+    """
+    place = DAMPED.coefficients.index("theta_damping")
+    assert TIED.coefficients(tied_values(), 0)[place] == pytest.approx(0.21, rel=1e-12)
+
+
+@pytest.mark.parametrize("fixed", [{}, {"alpha1": 300.0}, {"alpha_damping": 0.4}])
+def test_derivatives_of_a_tie(fixed):
+    """Assert that derivatives by what is sought are finite differences, whatever is fixed."""
+    unknowns = TIED.fixing(fixed)
+    values = np.array([{**TRUTH, "alpha_damping": 0.7}[name] for name in unknowns.names])
+    columns = []
+    for place in range(len(values)):
+        step = np.zeros(len(values))
+        step[place] = 1e-6 * values[place]
+        high, low = unknowns.coefficients(values + step, 0), unknowns.coefficients(values - step, 0)
+        columns.append((high - low) / (2.0 * step[place]))
+    expected = np.column_stack(columns)
+    assert unknowns.derivatives(values, 0) == pytest.approx(expected, rel=1e-6, abs=1e-8)
+    assert np.array_equal(unknowns.depends(0), expected != 0.0)
+
+
+def test_a_tie_whose_source_is_off_is_off():
+    """Assert that without the damping of the motor there is none of the link, nor any derivative.
+
+    Not even where the stiffness is zero, and the ratio none.
+    """
+    unknowns = TIED.fixing({"alpha_damping": 0.0})
+    place = DAMPED.coefficients.index("theta_damping")
+    for alpha1 in (300.0, 0.0):
+        values = np.array([5.0, 100.0, alpha1, 0.3, 3.0])
+        assert unknowns.coefficients(values, 0)[place] == 0.0
+    assert not unknowns.depends(0)[place].any()
+    assert not unknowns.derivatives([5.0, 100.0, 300.0, 0.3, 3.0], 0)[place].any()
+
+
+def test_untied_coefficients_stand_alone():
+    """Assert that without its ties each coefficient is sought, but one whose source is off."""
+    assert TIED.untied().names == DAMPED.coefficients
+    off = TIED.fixing({"alpha_damping": 0.0}).untied()
+    assert "theta_damping" not in off.names
+    assert off.fixed["theta_damping"] == 0.0
+
+
+@pytest.mark.parametrize(
+    "tied",
+    [{"gamma": ("alpha1", "theta2", "alpha1")}, {"theta_damping": ("alpha1", "gamma", "theta2")}],
+)
+def test_ties_of_what_is_not_there_are_refused(tied):
+    """Assert that both ends of a tie have to exist."""
+    with pytest.raises(SettingError, match="gamma"):
+        Unknowns(DAMPED, tied=tied)
+
+
+def test_tied_coefficient_is_found():
+    """Assert that a fit of what is tied knows its source better than a fit of each for itself.
+
+    A push of the link by 0.3 times the motor's friction: theta2/alpha1 = 0.3.
+    """
+    tied = Unknowns(
+        MORE, {"theta_coulomb": 0.0}, tied={"theta_offset": ("alpha2", "theta2", "alpha1")}
+    )
+    samples = run_with_offset(0.3 * TRUTH["alpha2"], 7)
+    fit = prediction_error([samples], MORE, TRUTH, unknowns=tied)
+    place = fit.names.index("alpha2")
+    assert fit.values == pytest.approx(VALUES, rel=1e-3)
+    start = {**TRUTH, "theta_offset": 0.1}
+    free = prediction_error([samples], MORE, start, unknowns=tied.untied())
+    own = free.names.index("alpha2")
+    assert fit.standard_deviations[place] < 0.95 * free.standard_deviations[own]

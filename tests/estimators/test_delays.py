@@ -1,0 +1,133 @@
+"""Delays of torque and encoder, by parts of a sample, found beside the coefficients."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from noisy_joint import SAMPLE_TIME, VALUES, clean_motion, torque
+from scipy.interpolate import make_interp_spline
+from scipy.stats import t
+
+from flexid.estimators.gauss_newton import approach
+from flexid.estimators.prediction_error import PredictionErrorFit, described
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import (
+    INPUT,
+    Point,
+    SegmentedMotion,
+    Timing,
+    segmented_motion,
+)
+from flexid.estimators.segments import divide, first_states
+from flexid.models.flexible_joint import flexible_joint
+
+H = 4 * SAMPLE_TIME  # s, of the logs
+NOISE = 1e-5  # rad
+INPUT_DELAY, LINK_DELAY = 1.3e-3, 2.9e-3  # s: a third of a sample, and nearly three quarters
+DURATION = 10.0  # s
+
+
+def log(seed: int, input_delay: float, link_delay: float, by_deflection: bool = False) -> Samples:
+    """The joint of Table I whose torque acts, and whose link or deflection is read, late."""
+    time, states = clean_motion()
+    link, motor = (make_interp_spline(time, states[:, column], k=5) for column in (0, 2))
+    at = 0.5 + H * np.arange(round(DURATION / H))
+    if by_deflection:
+        seen = motor(at) + link(at - link_delay) - motor(at - link_delay)
+    else:
+        seen = link(at - link_delay)
+    noise = NOISE * np.random.default_rng(seed).standard_normal((len(at), 2))
+    positions = np.column_stack((seen, motor(at))) + noise
+    return Samples(positions, None, torque(at + input_delay)[:, None], H, 0.5)
+
+
+def problem_of(samples: Samples, timing: Timing, duration: float = 1.0) -> SegmentedMotion:
+    """The model beside a log, with segments that leave its ends to what is late."""
+    return segmented_motion(flexible_joint(), divide([samples], duration, margin=0.03), timing)
+
+
+def fit(samples: Samples, timing: Timing, start: Sequence[float] = ()) -> PredictionErrorFit:
+    """Fit from values five per cent off and no delays."""
+    problem = problem_of(samples, timing)
+    values = np.concatenate((1.05 * VALUES, start or np.zeros(len(timing.sought))))
+    point = Point(values, first_states(problem.segments))
+    problem = problem.at(point, np.full(2, 1.0 / NOISE))
+    found = approach(problem, point, 1e-3)
+    return described(problem, found, found.iterations, 1.0)
+
+
+def assert_within(found: PredictionErrorFit, expected: Sequence[float]) -> None:
+    """Every delay within its interval at 99.9 %, which is a small part of a sample."""
+    k = len(VALUES)
+    quantile = t.ppf(0.9995, np.array(found.degrees_of_freedom[k:]))
+    errors = found.values[k:] - expected
+    assert np.all(np.abs(errors) < quantile * found.standard_deviations[k:])
+    assert np.all(found.standard_deviations[k:] < 0.02 * H)
+
+
+BOTH = Timing("cubic", sought=(INPUT, "link_delay"))
+
+
+@pytest.mark.parametrize(
+    ("input_delay", "link_delay"),
+    [(INPUT_DELAY, LINK_DELAY), (-INPUT_DELAY, -LINK_DELAY), (3.4 * H, 2.6 * H)],
+)
+def test_both_delays_are_found(input_delay, link_delay):
+    """Assert that parts of a sample, and several samples, of either sign are found together."""
+    found = fit(log(1, input_delay, link_delay), BOTH)
+    assert found.names[-2:] == (INPUT, "link_delay")
+    assert_within(found, [input_delay, link_delay])
+    assert found.values[:5] == pytest.approx(VALUES, rel=2e-3)
+
+
+def test_delay_of_the_deflection_is_found():
+    """Assert that of a deflection that was measured the deflection alone is late."""
+    timing = Timing("cubic", sought=(INPUT, "link_delay"), relative_to={"link": "motor"})
+    samples = log(2, INPUT_DELAY, LINK_DELAY, by_deflection=True)
+    assert_within(fit(samples, timing), [INPUT_DELAY, LINK_DELAY])
+    wrong = fit(samples, BOTH)
+    assert abs(wrong.values[-1] - LINK_DELAY) > 20.0 * wrong.standard_deviations[-1]
+
+
+def test_given_delays_are_taken():
+    """Assert that delays that are given leave residuals as large as noise, and others do not."""
+    samples = log(3, INPUT_DELAY, LINK_DELAY)
+    given = fit(samples, Timing("cubic", {INPUT: INPUT_DELAY, "link_delay": LINK_DELAY}))
+    assert given.values == pytest.approx(VALUES, rel=2e-3)
+    assert given.noise == pytest.approx([NOISE, NOISE], rel=0.05)
+    none = fit(samples, Timing("cubic"))
+    assert none.noise[0] > 3.0 * NOISE
+
+
+def test_a_log_in_time_shows_no_delay():
+    """Assert that where nothing is late the delays are zero within their intervals."""
+    assert_within(fit(log(4, 0.0, 0.0), BOTH), [0.0, 0.0])
+
+
+def test_delays_are_known_by_name():
+    """Assert that what is given, what was found, and what is neither are told apart."""
+    timing = Timing("cubic", {INPUT: 0.004, "motor_delay": 0.5}, sought=("link_delay",))
+    problem = problem_of(log(5, 0.0, 0.0), timing)
+    assert problem.names[-1] == "link_delay"
+    assert problem.delays(np.array([*VALUES, 0.002])) == {
+        INPUT: 0.004,
+        "link_delay": 0.002,
+        "motor_delay": 0.5,
+    }
+
+
+@pytest.mark.parametrize("relative_to", [{}, {"link": "motor"}])
+def test_gradient_by_the_delays(relative_to):
+    """Assert that the right-hand side is minus half the slope of the sum of squares."""
+    timing = Timing("cubic", sought=(INPUT, "link_delay", "motor_delay"), relative_to=relative_to)
+    problem = problem_of(log(6, 0.0, 0.0), timing)
+    values = np.array([*VALUES, 0.3 * H, 0.2 * H, -0.3 * H])
+    states = clean_motion()[1][np.round(problem.segments.start_times / SAMPLE_TIME).astype(int)]
+    gradient = problem.equations(Point(values, states)).gradient.sum(axis=0)[4:]
+    for place in range(5, 8):
+        step = np.zeros(8)
+        step[place] = 1e-6
+        high = problem.equations(Point(values + step, states)).cost
+        low = problem.equations(Point(values - step, states)).cost
+        # A late position is exact to second order, its derivative to first.
+        assert gradient[place] == pytest.approx((low - high) / 4e-6, rel=1e-3)

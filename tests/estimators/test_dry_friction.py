@@ -1,0 +1,378 @@
+"""Dry friction that sticks, lets go and reverses, against closed forms and SciPy's events."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
+from flexid.estimators.segments import divide
+from flexid.estimators.unknowns import Unknowns
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.models.terms import with_dry_friction
+
+OSCILLATOR = ParametricSystem(
+    "oscillator",
+    (Row("mass", "q", "v", {"spring": "-q", "coulomb": "-sign(v)", "gain": "u"}),),
+)
+BLOCK = Unknowns(OSCILLATOR, {"spring": 0.0})
+JOINT = with_dry_friction(
+    flexible_joint(("gravity", "motor_viscous", "motor_coulomb", "link_coulomb"))
+)
+LATE = Timing("linear", {"input_delay": 0.0, "mass_delay": 0.0}, ("input_delay", "mass_delay"))
+
+FloatArray = np.ndarray
+Function = Callable[[FloatArray], FloatArray]
+
+
+def problem_of(
+    sought: Unknowns, force: FloatArray, h: float, timing: Timing | None = None
+) -> SegmentedMotion:
+    """One segment under an input, with positions of zero."""
+    system = sought.system
+    outputs = np.zeros((len(force), len(system.rows)))
+    samples = Samples(outputs, None, np.asarray(force, dtype=np.float64)[:, None], h)
+    segments = divide([samples], 2.0 * h * len(force))
+    return segmented_motion(system, segments, timing or Timing("linear"), sought)
+
+
+def point_of(values: list[float], *state: float) -> Point:
+    """What is sought, and one initial state."""
+    return Point(np.array(values, dtype=np.float64), np.array([state], dtype=np.float64))
+
+
+def motion(problem: SegmentedMotion, point: Point) -> FloatArray:
+    """Positions as they would be measured, shape (n, n_rows)."""
+    found = problem.equations(point)
+    assert np.isfinite(found.cost)
+    return problem.segments.outputs - found.residuals
+
+
+def derivatives(problem: SegmentedMotion, point: Point, sample: int, output: int = 0) -> FloatArray:
+    """Derivatives of one measured number, by the initial state and by what is sought."""
+    # A residual of one there and of none elsewhere leaves its own row in the right-hand side.
+    outputs = motion(problem, point).copy()
+    outputs[sample, output] += 1.0
+    segments = replace(problem.segments, outputs=outputs)
+    return replace(problem, segments=segments).equations(point).gradient.sum(axis=0)
+
+
+def differences(
+    problem: SegmentedMotion, point: Point, step: float, samples: list[int], output: int = 0
+) -> FloatArray:
+    """The same by central differences of the whole motion, one row for each sample."""
+    states, values = point.initial_states, point.values
+    columns = []
+    for place in range(states.shape[1] + len(values)):
+        found = []
+        for side in (step, -step):
+            moved = np.concatenate((states[0], values))
+            moved[place] += side
+            there = Point(moved[states.shape[1] :], moved[None, : states.shape[1]])
+            found.append(motion(problem, there)[samples, output])
+        columns.append((found[0] - found[1]) / (2.0 * step))
+    return np.column_stack(columns)
+
+
+def slid_to_rest(t: FloatArray, x0: complex, v0: complex, c: complex) -> FloatArray:
+    """A block that slides until friction stops it."""
+    t = np.minimum(t, (v0 / c).real) if not np.iscomplexobj(t) else t
+    return np.where(t < (v0 / c).real, x0 + v0 * t - 0.5 * c * t**2, x0 + 0.5 * v0**2 / c)
+
+
+def reversed_motion(t: FloatArray, x0: complex, v0: complex, c: complex, g: complex) -> FloatArray:
+    """A block that a constant pull of 3 g, greater than friction, turns back."""
+    turn = v0 / (3.0 * g + c)
+    after = x0 + 0.5 * v0 * turn - 0.5 * (3.0 * g - c) * (t - turn) ** 2
+    return np.where(t < turn.real, x0 + v0 * t - 0.5 * (3.0 * g + c) * t**2, after)
+
+
+def let_go(t: FloatArray, x0: complex, c: complex, g: complex, delay: complex) -> FloatArray:
+    """A block at rest that a force growing by 2 g in a second, from the delay on, sets moving."""
+    start = c / (2.0 * g) + delay
+    return np.where(t < np.real(start), x0, x0 + g * (t - start) ** 3 / 3.0)
+
+
+TIME = 0.01 * np.arange(100)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_block_slides_to_rest(side):
+    """Assert that a block slows down by its friction alone, and stays where it stops."""
+    found = motion(problem_of(BLOCK, 0.0 * TIME, 0.01), point_of([2.1, 1.0], 0.3, side))
+    expected = 0.3 + side * slid_to_rest(TIME, 0.0, 1.0, 2.1)
+    assert found[:, 0] == pytest.approx(expected, abs=1e-10)
+    assert np.ptp(found[50:, 0]) == 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_block_turns_back(side):
+    """Assert that a pull that friction cannot hold turns a block, on two parabolas."""
+    force = np.full(100, -3.0 * side)
+    found = motion(problem_of(BLOCK, force, 0.01), point_of([1.0, 1.0], 0.0, side))
+    expected = side * reversed_motion(TIME, 0.0, 1.0, 1.0, 1.0)
+    assert found[:, 0] == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_block_is_let_go_at_the_instant(side):
+    """Assert that a block moves from the instant on at which a growing force meets friction."""
+    problem = problem_of(BLOCK, 2.0 * side * TIME, 0.01)
+    found = motion(problem, point_of([0.707, 1.0], 0.2, 0.0))
+    expected = 0.2 + side * let_go(TIME, 0.0, 0.707, 1.0, 0.0)
+    assert found[:, 0] == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("force", [0.99 * np.sin(20.0 * TIME), np.full(100, -0.99)])
+def test_block_sticks_for_ever(force):
+    """Assert that a force below friction moves nothing, not by one bit."""
+    found = motion(problem_of(BLOCK, force, 0.01), point_of([1.0, 1.0], 0.2, 0.0))
+    assert np.all(found == 0.2)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_block_at_rest_under_a_greater_force_moves_at_once(side):
+    """Assert that a segment that starts at rest under more than friction starts to slide."""
+    force = np.full(100, 3.0 * side)
+    found = motion(problem_of(BLOCK, force, 0.01), point_of([1.0, 1.0], 0.0, 0.0))
+    assert found[:, 0] == pytest.approx(side * TIME**2, abs=1e-10)
+
+
+def test_two_changes_within_one_interval():
+    """Assert that a block stops and is let go again between two samples.
+
+    v' = -1 + 2 t from v = 0.2: at rest from t = (1 - √0.2)/2 to 1/2, then v = (t - 1/2)².
+    """
+    force = 2.0 * np.minimum(np.arange(20.0), 1.0)
+    problem = replace(problem_of(BLOCK, force, 1.0), substeps=4)
+    stop = 0.5 * (1.0 - 0.2**0.5)
+    rest = 0.2 * stop - 0.5 * stop**2 + stop**3 / 3.0
+    found = motion(problem, point_of([1.0, 1.0], 0.0, 0.2))
+    assert found[1, 0] == pytest.approx(rest + 0.5**3 / 3.0, abs=1e-7)
+
+
+def test_friction_that_is_known_sticks_too():
+    """Assert that a dry friction without a coefficient stops a block as one with a coefficient."""
+    known = ParametricSystem("known", (Row("mass", "q", "v", {"gain": "u"}, "-2.1*sign(v)"),))
+    found = motion(problem_of(Unknowns(known), 0.0 * TIME, 0.01), point_of([1.0], 0.3, 1.0))
+    assert found[:, 0] == pytest.approx(slid_to_rest(TIME, 0.3, 1.0, 2.1), abs=1e-10)
+
+
+def test_friction_that_is_off_changes_nothing():
+    """Assert that a friction fixed at zero leaves one parabola, and its derivatives."""
+    free = Unknowns(OSCILLATOR, {"spring": 0.0, "coulomb": 0.0})
+    problem, point = problem_of(free, np.full(100, -3.0), 0.01), point_of([1.0], 0.2, 1.0)
+    assert motion(problem, point)[:, 0] == pytest.approx(0.2 + TIME - 1.5 * TIME**2, abs=1e-12)
+    assert derivatives(problem, point, 99) == pytest.approx([1.0, 0.99, -1.5 * 0.99**2], abs=1e-12)
+
+
+def test_derivatives_where_a_block_rests():
+    """Assert that where it stopped depends on state and friction as the closed form says.
+
+    It stops at x0 + v0²/(2 C); the force does not matter there.
+    """
+    problem = problem_of(BLOCK, 0.0 * TIME, 0.01)
+    found = derivatives(problem, point_of([2.1, 1.0], 0.3, 1.0), 80)
+    assert found == pytest.approx([1.0, 1.0 / 2.1, -0.5 / 2.1**2, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("sample", [10, 26, 99])
+def test_derivatives_through_a_reversal(sample):
+    """Assert that derivatives jump as the closed form's do where a block turns back."""
+    problem = problem_of(BLOCK, np.full(100, -3.0), 0.01)
+    values = np.array([0.0, 1.0, 1.0, 1.0])
+    found = derivatives(problem, point_of([1.0, 1.0], 0.0, 1.0), sample)
+    expected = [
+        reversed_motion(TIME[sample : sample + 1], *(values + 1e-30j * unit))[0].imag / 1e-30
+        for unit in np.eye(4)
+    ]
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("sample", [43, 50, 99])
+def test_derivatives_through_a_release(sample):
+    """Assert that later motion depends on friction, gain and delay by when a block is let go."""
+    timing = replace(LATE, sought=("input_delay",), delays={"input_delay": 0.0037})
+    time = TIME - 0.2  # so that the delay's first constant stretch is before
+    problem = problem_of(BLOCK, 2.0 * time, 0.01, timing)
+    found = derivatives(problem, point_of([0.45, 1.0, 0.0037], 0.2, 0.0), sample)
+    values = np.array([0.2, 0.45, 1.0, 0.0037])
+    expected = [
+        let_go(time[sample : sample + 1], *(values + 1e-30j * unit))[0].imag / 1e-30
+        for unit in np.eye(4)
+    ]
+    assert found[[0, 2, 3, 4]] == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_late_encoder_shows_the_motion_as_it_was():
+    """Assert that positions are those of an earlier time, by parts of a sample and by samples.
+
+    On a parabola they are so exactly.
+    """
+    late = 0.0237
+    problem = problem_of(BLOCK, np.full(100, 3.0), 0.01, replace(LATE, delays={"mass_delay": late}))
+    outputs = np.where(late > TIME, 0.0, (TIME - late) ** 2)[:, None]
+    problem = replace(problem, segments=replace(problem.segments, outputs=outputs))
+    found = problem.equations(point_of([1.0, 1.0, 0.0, late], 0.0, 0.0)).residuals
+    # The last samples have nothing two samples later to be compared with.
+    assert found[3:-3, 0] == pytest.approx(0.0, abs=1e-9)
+
+
+FORCE = 1.5 * np.sin(3.0 * 0.01 * np.arange(600)) + 0.8 * np.sin(5.3 * 0.01 * np.arange(600))
+
+
+def test_stick_slip_of_an_oscillator_has_right_derivatives():
+    """Assert all derivatives through sticking, release and reversal, by finite differences.
+
+    By initial state, spring, friction, gain, the input's delay and the encoder's.
+    """
+    problem = replace(problem_of(Unknowns(OSCILLATOR), FORCE, 0.01, LATE), substeps=2)
+    point = point_of([30.0, 0.8, 1.0, 0.0031, 0.0042], 0.08, 0.3)
+    still = np.diff(motion(problem, point)[:, 0], prepend=0.08) == 0.0
+    edges = np.flatnonzero(np.diff(still.astype(int)))
+    assert len(edges) >= 4  # it sticks and is let go several times
+    samples = [60, 250, 400, 480, 599]
+    expected = differences(problem, point, 1e-5, samples)
+    for row, sample in zip(expected, samples, strict=True):
+        found = derivatives(problem, point, sample)
+        assert found == pytest.approx(row, rel=1e-4, abs=1e-6 * np.abs(row).max())
+
+
+KNOTS = 0.4  # s between corners of the torque on the joint
+CORNERS = np.array([0.0, 14.0, -9.0, -9.0, 17.0, 3.0, -16.0, 0.0, 0.0])  # N m
+VALUES = {
+    "theta1": 5.0,
+    "theta2": 100.0,
+    "theta_coulomb": 0.8,
+    "alpha1": 1000.0 / 3.0,
+    "alpha2": 1.0 / 3.0,
+    "alpha_coulomb": 9.0,
+    "beta1": 10.0 / 3.0,
+}
+DURATION = KNOTS * (len(CORNERS) - 1)
+
+
+def right_hand_side(modes: list[float]) -> Callable[[float, FloatArray], FloatArray]:
+    """The joint's motion, written out; a row of mode zero stands still."""
+    v = VALUES
+
+    def rates(t: float, x: FloatArray) -> FloatArray:
+        torque = np.interp(t, KNOTS * np.arange(len(CORNERS)), CORNERS)
+        twist = x[0] - x[2]
+        link = -v["theta1"] * np.sin(x[0]) - v["theta2"] * twist - v["theta_coulomb"] * modes[0]
+        motor = v["alpha1"] * twist - v["alpha2"] * x[3] + v["beta1"] * torque
+        motor -= v["alpha_coulomb"] * modes[1]
+        return np.array([x[1], link, x[3], motor]) * np.repeat(np.abs(modes), 2)
+
+    return rates
+
+
+def pulls(t: float, x: FloatArray) -> FloatArray:
+    """Accelerations of both rows without friction."""
+    torque = float(np.interp(t, KNOTS * np.arange(len(CORNERS)), CORNERS))
+    v, twist = VALUES, x[0] - x[2]
+    return np.array(
+        [
+            -v["theta1"] * np.sin(x[0]) - v["theta2"] * twist,
+            v["alpha1"] * twist - v["alpha2"] * x[3] + v["beta1"] * torque,
+        ]
+    )
+
+
+FRICTION = np.array([VALUES["theta_coulomb"], VALUES["alpha_coulomb"]])
+
+
+def by_events(times: FloatArray) -> tuple[FloatArray, list[tuple[int, float, float]]]:
+    """States at times, and each change (row, mode before, mode after), with SciPy's events."""
+    t, x, modes = 0.0, np.zeros(4), [0.0, 0.0]
+    states, changes = np.empty((len(times), 4)), []
+    states[0] = x
+    corners = [*(KNOTS * np.arange(1, len(CORNERS)))]
+    while t < times[-1] - 1e-12:
+        end = next(corner for corner in corners if corner > t + 1e-12)
+
+        def ends(row: int) -> Callable[[float, FloatArray], float]:
+            def event(now: float, y: FloatArray) -> float:
+                if modes[row]:
+                    return modes[row] * y[2 * row + 1] + 1e-13
+                return FRICTION[row] - abs(pulls(now, y)[row]) + 1e-13
+
+            event.terminal = True  # type: ignore[attr-defined]
+            event.direction = -1.0  # type: ignore[attr-defined]
+            return event
+
+        inside = times[(times > t + 1e-12) & (times <= end + 1e-12)]
+        found = solve_ivp(
+            right_hand_side(modes),
+            (t, end),
+            x,
+            "DOP853",
+            events=[ends(0), ends(1)],
+            dense_output=True,
+            rtol=1e-12,
+            atol=1e-13,
+            max_step=0.01,
+        )
+        t, x = float(found.t[-1]), found.y[:, -1].copy()
+        reached = inside[inside <= t + 1e-12]
+        if len(reached):
+            states[np.searchsorted(times, reached - 1e-9)] = found.sol(np.minimum(reached, t)).T
+        for row in range(2):
+            if len(found.t_events[row]):
+                pull, before = pulls(t, x)[row], modes[row]
+                x[2 * row + 1] = 0.0
+                modes[row] = float(np.sign(pull)) if abs(pull) >= FRICTION[row] - 1e-9 else 0.0
+                changes.append((row, before, modes[row]))
+    return states, changes
+
+
+@pytest.fixture(scope="module")
+def stick_slip():
+    """Times, states and changes of mode of the joint under corners of torque."""
+    times = 0.002 * np.arange(round(DURATION / 0.002) + 1)
+    return times, *by_events(times)
+
+
+def joint_problem(times: FloatArray, substeps: int) -> SegmentedMotion:
+    """The joint under that torque, on straight lines between samples."""
+    torque = np.interp(times, KNOTS * np.arange(len(CORNERS)), CORNERS)
+    return replace(problem_of(Unknowns(JOINT), torque, float(times[1])), substeps=substeps)
+
+
+def test_joint_sticks_and_slips_as_scipy_says(stick_slip):
+    """Assert that a joint with two dry frictions follows SciPy's solution with events."""
+    times, states, changes = stick_slip
+    seen = {(before != 0.0, after != 0.0) for _, before, after in changes}
+    assert seen == {(True, True), (True, False), (False, True)}  # reversal, sticking, release
+    found = motion(joint_problem(times, 4), point_of([*VALUES.values()], *np.zeros(4)))
+    assert np.abs(states).max() > 0.1
+    assert found == pytest.approx(states[:, [0, 2]], abs=1e-8)
+
+
+def test_joint_has_right_derivatives(stick_slip):
+    """Assert the derivatives of both positions late in the motion, by finite differences."""
+    times = stick_slip[0]
+    problem = joint_problem(times, 2)
+    point = point_of([*VALUES.values()], 0.01, 0.02, 0.015, -0.03)
+    for output in range(2):
+        expected = differences(problem, point, 1e-6, [900, 1500], output)
+        for row, sample in zip(expected, [900, 1500], strict=True):
+            found = derivatives(problem, point, sample, output)
+            assert found == pytest.approx(row, rel=1e-4, abs=1e-5 * np.abs(row).max())
+
+
+def test_order_of_the_steps(stick_slip):
+    """Assert that the error falls with the fourth power of the step, changes of mode or not."""
+    times, states, _ = stick_slip
+    coarse = slice(None, None, 10)
+    errors = []
+    for substeps in (1, 2, 4):
+        problem = joint_problem(times[coarse], substeps)
+        found = motion(problem, point_of([*VALUES.values()], *np.zeros(4)))
+        errors.append(np.abs(found - states[coarse][:, [0, 2]]).max())
+    slope = np.polyfit(np.log([1.0, 0.5, 0.25]), np.log(errors), 1)[0]
+    assert 3.6 < slope < 4.6

@@ -1,0 +1,117 @@
+"""Straight lines in the place of inputs that are held, run straight or smoothly, and act late."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from flexid.estimators.held_input import held_input
+from flexid.recording.recording import Hold
+
+H = 0.004  # s
+N = 40
+SAMPLES = np.random.default_rng(5).standard_normal(N)
+DELAYS = [0.0, 0.0013, 0.0039, -0.0007, -0.0092, 0.0173]
+
+Function = Callable[[np.ndarray], np.ndarray]
+
+
+def reconstruction(hold: Hold, samples: np.ndarray, h: float) -> Function:
+    """The input between and beyond its samples, by other means than a kernel."""
+    n, spare = len(samples), 12
+    padded = np.pad(samples, spare, mode="edge")
+    time = h * np.arange(-spare, n + spare)
+    if hold == "zero":
+        return lambda t: samples[np.clip(np.floor(t / h + 1e-12).astype(int), 0, n - 1)]
+    if hold == "linear":
+        return lambda t: np.interp(t, time, padded)
+    slopes = np.gradient(padded, h)  # central differences: Keys' cubic has these slopes
+    return CubicHermiteSpline(time, padded, slopes)
+
+
+def mean_and_moment(function: Function, first: float, h: float, late: float) -> tuple:
+    """Mean and first moment over [first, first + h] of a function that acts late, by quadrature."""
+    corner = first + late % h
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    mean = moment = 0.0
+    for a, b in ((first, corner), (corner, first + h)):
+        t = 0.5 * (a + b) + 0.5 * (b - a) * nodes
+        share = 0.5 * (b - a) / h * weights * function(t - late)
+        mean += share.sum()
+        moment += (share * (t - first) / h).sum()
+    return mean, moment
+
+
+@pytest.mark.parametrize("delay", DELAYS)
+@pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
+def test_lines_have_the_mean_and_the_moment_of_the_input(hold, delay):
+    """Assert that each line has the mean and first moment of the late input, to its ends."""
+    found = held_input(SAMPLES[:, None], H, hold, delay)[:, 0]
+    function = reconstruction(hold, SAMPLES, H)
+    expected = [mean_and_moment(function, H * k, H, delay) for k in range(N)]
+    start, change = found[:, 0], found[:, 1]
+    lines = np.column_stack((start + change / 2.0, start / 2.0 + change / 3.0))
+    assert lines == pytest.approx(np.array(expected), abs=1e-7)
+
+
+@pytest.mark.parametrize("delay", [0.0013, 0.0039, -0.0007, -0.0092, 0.0173])
+@pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
+def test_derivatives_by_the_delay(hold, delay):
+    """Assert that the lines change with the delay as finite differences say."""
+    inputs, step = SAMPLES[:, None], 1e-7
+    found = held_input(inputs, H, hold, delay)
+    high, low = held_input(inputs, H, hold, delay + step), held_input(inputs, H, hold, delay - step)
+    expected = (high - low)[:, :, :2] / (2.0 * step)
+    assert found[:, :, 2:] == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
+
+
+def test_held_input_in_time_is_constant():
+    """Assert that without a delay a held input is its samples, without any change between them."""
+    found = held_input(SAMPLES[:, None], H, "zero", 0.0)[:, 0]
+    assert found[:, 0] == pytest.approx(SAMPLES, abs=1e-7)
+    assert found[:, 1] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_straight_lines_in_time_join_the_samples():
+    """Assert that without a delay straight lines run from sample to sample, and end level."""
+    found = held_input(SAMPLES[:, None], H, "linear", 0.0)[:, 0]
+    assert found[:, 0] == pytest.approx(SAMPLES, abs=1e-7)
+    assert found[:, 0] + found[:, 1] == pytest.approx([*SAMPLES[1:], SAMPLES[-1]], abs=1e-7)
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
+def test_a_delay_of_whole_samples_moves_the_lines(hold):
+    """Assert that three samples later the lines are those of three samples before."""
+    now = held_input(SAMPLES[:, None], H, hold, 0.3 * H)
+    later = held_input(SAMPLES[:, None], H, hold, 3.3 * H)
+    assert later[3:] == pytest.approx(now[:-3], rel=1e-6, abs=1e-6)
+
+
+def test_inputs_do_not_mix():
+    """Assert that of two inputs each gets the lines that it gets alone."""
+    both = np.column_stack((SAMPLES, SAMPLES[::-1] ** 2))
+    found = held_input(both, H, "cubic", 0.0013)
+    for i in range(2):
+        alone = held_input(both[:, i : i + 1], H, "cubic", 0.0013)
+        assert found[:, i] == pytest.approx(alone[:, 0], abs=1e-12)
+
+
+def test_order_of_the_smooth_input():
+    """Assert that the mean of a sine falls short by the third to fourth power of the sample time.
+
+    Keys' cubic is of third order; a mean over an interval gains up to one. Lines are of second.
+    """
+    assert 2.8 < error_order("cubic") < 4.2
+    assert 1.8 < error_order("linear") < 2.2
+
+
+def error_order(hold: Hold) -> float:
+    """Power of the sample time with which the mean of a sine over an interval is missed."""
+    errors, steps = [], [0.08, 0.04, 0.02, 0.01]
+    for h in steps:
+        t = h * np.arange(round(4.0 / h))
+        exact = (np.cos(t - 0.3 * h) - np.cos(t + 0.7 * h)) / h
+        lines = held_input(np.sin(t)[:, None], h, hold, 0.3 * h)[:, 0]
+        errors.append(np.abs((lines[:, 0] + 0.5 * lines[:, 1] - exact)[5:-5]).max())
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
