@@ -1,4 +1,4 @@
-"""Hold and delays, from logs made with known ones."""
+"""A log with all its channels on one clock, against the motion that was simulated."""
 
 from dataclasses import replace
 from functools import cache
@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from flexid.errors import SettingError
-from flexid.identification.alignment import aligned, estimate_alignment
+from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.models.flexible_joint import flexible_joint
 from flexid.recording.recording import Recording
 from flexid.simulation.free_run import free_run
@@ -25,133 +24,76 @@ def torque(time):
 
 
 @cache
-def motion(held=False, **more):
-    """Time and torque at the samples, and both positions as functions of time, over 20 s."""
-    fine = SAMPLE_TIME / FINE * np.arange(20 * 500 * FINE)
-    u = torque(SAMPLE_TIME * np.floor(fine / SAMPLE_TIME + 1e-9)) if held else torque(fine)
-    terms = ["gravity", "motor_viscous", *(("link_viscous",) if more else ())]
-    hold = "zero" if held else "linear"
-    x = free_run(flexible_joint(terms), TRUE | more, np.zeros(4), u, SAMPLE_TIME / FINE, hold)
+def motion():
+    """Time at the samples, and both positions as functions of time, over 6 s."""
+    fine = SAMPLE_TIME / FINE * np.arange(6 * 500 * FINE)
+    x = free_run(flexible_joint(), TRUE, np.zeros(4), torque(fine), SAMPLE_TIME / FINE)
     return fine[::FINE], *(make_interp_spline(fine, x[:, column], k=5) for column in (0, 2))
 
 
-def log(seed=0, skew=0.0, delay=0.0, noise=1e-4, bits=None, held=False, **more):
-    """A log of the link encoder `skew` late and of a torque that acts `delay` late."""
-    time, link, motor = motion(held, **more)
-    inside = slice(50, -50)
-    positions = np.array([link(time - skew), motor(time)])
-    positions += noise * np.random.default_rng(seed).standard_normal(positions.shape)
-    if bits:
-        step = 2 * np.pi / 2**bits
-        positions = step * np.rint(positions / step)
-    link_encoder, motor_encoder = positions
-    acting = np.asarray(torque(time + delay), dtype=np.float64)
-    recording = Recording(SAMPLE_TIME, 0.0, link_encoder, motor_encoder, acting, "N m")
-    return recording.window(*inside.indices(len(time))[:2])
+def log(link_delay=0.0, input_delay=0.0, by_deflection=False):
+    """A log of a link encoder, or a deflection, and a torque that are late."""
+    time, link, motor = motion()
+    late = time - link_delay
+    seen = motor(time) + link(late) - motor(late) if by_deflection else link(late)
+    acting = np.asarray(torque(time + input_delay), dtype=np.float64)
+    whole = Recording(SAMPLE_TIME, 0.0, seen, motor(time), acting, "N m")
+    return replace(whole, link_from_deflection=by_deflection).window(50, len(time) - 50)
 
 
-def test_nothing_is_claimed_of_a_log_in_time():
-    """Assert that a log in time is left as it is, and intervals are a small part of a sample."""
-    piece = log()
-    found = estimate_alignment([piece])
-    assert (found.link_delay.status, found.input_delay.status) == ("none", "none")
-    assert max(np.abs(found.link_delay.interval)) < 0.05 * SAMPLE_TIME
-    assert max(np.abs(found.input_delay.interval)) < 0.05 * SAMPLE_TIME
-    assert aligned(piece, found) is piece
+def delays(input_delay=0.0, link_delay=0.0):
+    """An alignment with these delays."""
+    input_, link = (Delay(d, 0.0, (d, d), "given") for d in (input_delay, link_delay))
+    return Alignment("linear", input_, link, "")
 
 
-@pytest.mark.parametrize("friction", [0.5, 5.0])
-def test_friction_of_the_link_is_no_skew(friction):
-    """Assert that viscous friction of the link, which looks like a late encoder, is not one."""
-    assert estimate_alignment([log(theta_viscous=friction)]).link_delay.status == "none"
-
-
-@pytest.mark.parametrize("bits", [None, 14])
-@pytest.mark.parametrize("skew", [0.3e-3, 1e-3, 3e-3, -1e-3])
-def test_skew_is_found(skew, bits):
-    """Assert that a late link encoder is found to a hundredth of a sample, part or many."""
-    found = estimate_alignment([log(skew=skew, bits=bits)]).link_delay
-    assert found.status == "found"
-    assert found.value == pytest.approx(skew, abs=0.02 * SAMPLE_TIME)
-    assert found.interval[0] <= skew <= found.interval[1]
-
-
-@pytest.mark.parametrize("delay", [0.3e-3, 1.4e-3, 2.5e-3, 20e-3, -4e-3])
-def test_input_delay_is_found(delay):
-    """Assert that a torque that acts late, by a part of a sample or by many, is found.
-
-    Half a sample is left out: nothing tells it from a held torque.
-    """
-    found = estimate_alignment([log(delay=delay)])
-    assert found.input_delay.status == "found"
-    assert found.input_delay.value == pytest.approx(delay, abs=0.02 * SAMPLE_TIME)
-    assert found.link_delay.status == "none"
-
-
-def test_held_input_is_told_from_a_delay():
-    """Assert that a held torque is called held, not half a sample late."""
-    found = estimate_alignment([log(held=True)])
-    assert found.hold == "zero"
-    assert found.input_delay.status == "none"
-
-
-def test_intervals_cover():
-    """Assert that 95 % intervals of both delays hold the truth in 17 of 20 logs at least."""
-    both = [estimate_alignment([log(seed, 1e-3, 0.7e-3)], filter_rate=10.0) for seed in range(20)]
-    links = [d.link_delay.interval for d in both]
-    inputs = [d.input_delay.interval for d in both]
-    assert sum(low <= 1e-3 <= high for low, high in links) >= 17
-    assert sum(low <= 0.7e-3 <= high for low, high in inputs) >= 17
-
-
-def test_aligned_log_is_in_time():
-    """Assert that the aligned recording is the log that would have been in time."""
-    piece, right = log(skew=1.3e-3, delay=0.7e-3, noise=0.0), log(noise=0.0)
-    given = estimate_alignment([piece], "linear", input_delay=0.7e-3, link_delay=1.3e-3)
-    moved = aligned(piece, given)
+def expected(moved):
+    """What the log in time holds over the same stretch."""
+    right = log()
     first = round((moved.start_time - right.start_time) / SAMPLE_TIME)
-    right = right.window(first, first + len(moved))
+    return right.window(first, first + len(moved))
+
+
+@pytest.mark.parametrize("by_deflection", [False, True])
+@pytest.mark.parametrize(("link_delay", "input_delay"), [(1.3e-3, 0.7e-3), (-3.1e-3, -4.4e-3)])
+def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
+    """Assert that the aligned recording is the log that would have been in time."""
+    piece = log(link_delay, input_delay, by_deflection)
+    moved = aligned(piece, delays(input_delay, link_delay))
+    right = expected(moved)
     assert len(moved) > len(piece) - 40
     assert moved.motor_position == pytest.approx(right.motor_position, abs=1e-12)
     assert moved.link_position == pytest.approx(right.link_position, abs=1e-7)
-    assert moved.input == pytest.approx(right.input, abs=2e-2)
+    assert moved.input == pytest.approx(right.input, abs=3e-2)
 
 
-def test_one_encoder_has_an_input_delay():
-    """Assert that a rigid log's input delay is found though there is no link encoder."""
-    time, link, _ = motion(theta_viscous=0.0)
-    speed, acceleration = link.derivative(1)(time), link.derivative(2)(time)
-    drive = 0.5 * acceleration + 2.0 * np.sin(link(time)) + 0.3 * speed
-    late = make_interp_spline(time, drive, k=5)(time + 1.5e-3)
-    noise = 1e-5 * np.random.default_rng(0).standard_normal(len(time))
-    piece = Recording(SAMPLE_TIME, 0.0, None, link(time) + noise, late, "N m").window(50, 9900)
-    found = estimate_alignment([piece], "linear")
-    assert found.link_delay.value == 0.0
-    assert found.input_delay.value == pytest.approx(1.5e-3, abs=0.05 * SAMPLE_TIME)
+def test_log_in_time_stays_as_it_is():
+    """Assert that without delays nothing is touched."""
+    piece = log()
+    assert aligned(piece, delays()) is piece
 
 
-def test_given_delays_are_taken():
-    """Assert that given delays and hold are not estimated, with sense in what is reported."""
-    found = estimate_alignment([log()], "zero", input_delay=1e-3, link_delay=-1e-3)
-    assert found.hold == "zero"
-    assert (found.input_delay.status, found.link_delay.status) == ("given", "given")
-    assert (found.input_delay.value, found.link_delay.value) == (1e-3, -1e-3)
-    assert found.deflection_doubt == 0.0
+def test_input_late_by_samples_keeps_its_values():
+    """Assert that a torque three samples late is that of three samples before, to the bit."""
+    piece = log()
+    moved = aligned(piece, delays(input_delay=3 * SAMPLE_TIME))
+    assert moved.start_time == pytest.approx(piece.start_time + 3 * SAMPLE_TIME)
+    np.testing.assert_array_equal(moved.input, piece.input[:-3])
 
 
 def test_velocities_move_with_their_positions():
     """Assert that a logged link velocity is moved as far as the link's position."""
-    piece = log(skew=1e-3, noise=0.0)
+    piece = log(link_delay=1e-3)
     speed = np.gradient(piece.needed_link_position, SAMPLE_TIME)
-    given = estimate_alignment([piece], "linear", input_delay=0.0, link_delay=1e-3)
-    moved = aligned(replace(piece, link_velocity=speed), given)
+    moved = aligned(replace(piece, link_velocity=speed), delays(link_delay=1e-3))
     derived = np.gradient(moved.needed_link_position, SAMPLE_TIME)
     assert moved.link_velocity is not None
     assert moved.link_velocity[5:-5] == pytest.approx(derived[5:-5], abs=1e-4)
 
 
-@pytest.mark.parametrize("value", [float("nan"), 1.0])
-def test_impossible_delay_is_refused(value):
-    """Assert that a delay that the log cannot have is refused."""
-    with pytest.raises(SettingError, match="input-delay"):
-        estimate_alignment([log()], input_delay=value)
+def test_one_encoder_has_its_input_moved():
+    """Assert that a rigid log's input is moved though there is no link encoder."""
+    piece = replace(log(), link_position=None)
+    moved = aligned(piece, delays(input_delay=2 * SAMPLE_TIME))
+    assert moved.link_position is None
+    np.testing.assert_array_equal(moved.input, piece.input[:-2])

@@ -1,43 +1,92 @@
 """Terms of the two joints, and what each leaves to be sought."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flexid.errors import SettingError
+from flexid.estimators.samples import Samples
 from flexid.identification.joint import flexible, rigid
-from flexid.models.flexible_joint import COEFFICIENT_UNITS
+from flexid.models.flexible_joint import COEFFICIENT_UNITS, PAPER_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_UNITS
 
+FLEXIBLE = flexible()
 
-@pytest.mark.parametrize("joint", [flexible(), flexible("motor_stiction"), rigid()])
+
+def without(*terms: str) -> frozenset[str]:
+    """Coefficients that are absent where only some terms are on."""
+    on = {c for term in terms for c in FLEXIBLE.terms[term]}
+    return FLEXIBLE.optional - on
+
+
+@pytest.mark.parametrize("joint", [FLEXIBLE, rigid()], ids=["flexible", "rigid"])
 def test_terms_and_what_is_always_there_make_the_system(joint):
     """Assert that each coefficient belongs to one term, or to the spring and the input's gain."""
     of_terms = [c for names in joint.terms.values() for c in names]
     always = ["theta2", "alpha1", "beta1"] if joint.kind == "flexible" else ["beta1"]
-    assert sorted([*of_terms, *always]) == sorted(joint.system.coefficients)
+    assert sorted([*of_terms, *always]) == sorted(joint.extended.coefficients)
+
+
+def test_usual_terms_have_a_system_of_their_own():
+    """Assert that the terms of most drives need no others, smooth or dry."""
+    usual = {c for term in TERMS for c in FLEXIBLE.terms[term]} | {"theta2", "alpha1", "beta1"}
+    assert {*FLEXIBLE.system.coefficients} == {*FLEXIBLE.smooth.coefficients} == usual
+    assert {*FLEXIBLE.extended.coefficients} == usual | FLEXIBLE.shapes
 
 
 def test_every_coefficient_has_a_unit():
     """Assert that no coefficient would come out without its unit."""
-    assert set(COEFFICIENT_UNITS) >= {*flexible("motor_stiction").system.coefficients}
+    assert set(COEFFICIENT_UNITS) == {*FLEXIBLE.extended.coefficients}
     assert set(RIGID_UNITS) == {*rigid().system.coefficients}
 
 
 def test_terms_are_found_from_their_coefficients():
     """Assert that a term is named once, in the model's order, whichever coefficient is given."""
-    found = flexible().terms_with(["alpha_damping", "theta_damping", "theta1", "theta2"])
+    found = FLEXIBLE.terms_with(["alpha_damping", "theta_damping", "theta1", "theta2"])
     assert found == ("gravity", "joint_damping")
+    assert FLEXIBLE.of_coefficient("alpha_damping") == "joint_damping"
+    assert FLEXIBLE.of_coefficient("theta2") is None
 
 
-def test_terms_that_are_off_are_not_sought():
+def test_absent_terms_are_not_sought():
     """Assert that the paper's terms leave the paper's coefficients."""
-    unknowns = flexible().unknowns(("gravity", "motor_viscous"), {})
+    unknowns = FLEXIBLE.unknowns(without(*PAPER_TERMS), {})
     assert unknowns.names == ("theta1", "theta2", "alpha1", "alpha2", "beta1")
+
+
+def test_shapes_take_the_wider_system():
+    """Assert that the system with shapes is taken only where one of them is sought."""
+    assert FLEXIBLE.unknowns(without(), {}).system is FLEXIBLE.system
+    wider = FLEXIBLE.unknowns(without("backlash"), {})
+    assert wider.system is FLEXIBLE.extended
+    assert wider.names == ("theta2", "alpha1", "alpha_backlash", "beta1")
+
+
+@pytest.mark.parametrize("term", ["joint_damping", "cubic_stiffness", "backlash", "eccentricity"])
+def test_what_the_spring_does_to_both_sides_is_one_number(term):
+    """Assert that the link's side of the spring follows from the motor's by the inertias' ratio.
+
+    Jr/Jl = theta2/alpha1 = 0.3 here, so 2 on the motor's side are 0.6 on the link's.
+    """
+    unknowns = FLEXIBLE.unknowns(without(term), {})
+    values = {"theta2": 90.0, "alpha1": 300.0, "beta1": 1.0}
+    found = unknowns.coefficients([values.get(name, 2.0) for name in unknowns.names], 0)
+    by_name = dict(zip(unknowns.system.coefficients, found.tolist(), strict=True))
+    link = [c for c in FLEXIBLE.terms[term] if c.startswith("theta")]
+    assert not {*link} & {*unknowns.names}
+    assert [by_name[c] for c in link] == pytest.approx([0.6] * len(link))
+
+
+def test_given_side_of_the_spring_is_not_tied():
+    """Assert that a coefficient that is given keeps its value whatever the others are."""
+    unknowns = FLEXIBLE.unknowns(without("joint_damping"), {"theta_damping": 0.1})
+    found = unknowns.coefficients([90.0, 300.0, 2.0, 1.0], 0)
+    assert found[unknowns.system.coefficients.index("theta_damping")] == 0.1
 
 
 def test_offsets_are_sought_log_by_log():
     """Assert that two pieces of one log share an offset, and that another log has its own."""
-    unknowns = flexible().unknowns(("link_offset",), {}, groups=(0, 0, 1))
+    unknowns = FLEXIBLE.unknowns(without("link_offset"), {}, groups=(0, 0, 1))
     assert unknowns.names == ("theta2", "theta_offset[1]", "theta_offset[2]", "alpha1", "beta1")
     values = [unknowns.coefficients(np.arange(5.0), piece) for piece in range(3)]
     place = unknowns.system.coefficients.index("theta_offset")
@@ -46,31 +95,55 @@ def test_offsets_are_sought_log_by_log():
 
 def test_given_offset_holds_in_every_log():
     """Assert that a given offset is sought in no log."""
-    unknowns = flexible().unknowns(("link_offset",), {"theta_offset": 0.5}, groups=(0, 1))
+    unknowns = FLEXIBLE.unknowns(without("link_offset"), {"theta_offset": 0.5}, groups=(0, 1))
     assert unknowns.names == ("theta2", "alpha1", "beta1")
     place = unknowns.system.coefficients.index("theta_offset")
     assert unknowns.coefficients([1.0, 1.0, 1.0], 1)[place] == 0.5
 
 
-def test_known_coefficient_of_a_term_that_is_off_is_refused():
-    """Assert that a value which would have to be ignored is refused with its term."""
-    with pytest.raises(SettingError, match="theta_cubic belongs to the term 'cubic_stiffness'"):
-        flexible().unknowns(("gravity",), {"theta_cubic": 3.0})
-
-
-def test_zero_may_be_given_for_a_term_that_is_off():
-    """Assert that a coefficient given as zero and a term that is off do not contradict."""
-    assert "theta_cubic" not in flexible().unknowns(("gravity",), {"theta_cubic": 0.0}).names
-
-
 def test_deflection_is_the_third_channel():
     """Assert that a flexible joint is compared in link, motor and their difference."""
-    channels = flexible().channels_of(np.array([[3.0, 1.0], [5.0, 4.5]]))
+    channels = FLEXIBLE.channels_of(np.array([[3.0, 1.0], [5.0, 4.5]]))
     np.testing.assert_allclose(channels, [[3.0, 1.0, 2.0], [5.0, 4.5, 0.5]])
 
 
-def test_smoothing_of_friction_needs_no_other_kernel():
-    """Assert that another Coulomb velocity changes a constant and nothing of the equations."""
-    other = flexible().with_coulomb_velocity(0.01)
-    assert other.system.constants["coulomb_velocity"] == 0.01
-    assert other.system.digest == flexible().system.digest
+def moving(size: float) -> Samples:
+    """A motion of this size with a deflection a tenth of it."""
+    time = 0.01 * np.arange(1000)
+    motor, twist = size * np.sin(time), 0.1 * size * np.sin(3.0 * time)
+    speeds = np.column_stack((size * np.cos(time) + 0.3 * size * np.cos(3.0 * time),) * 2)
+    speeds[:, 1] = size * np.cos(time)
+    return Samples(np.column_stack((motor + twist, motor)), speeds, np.zeros((1000, 1)), 0.01)
+
+
+def test_shapes_scale_with_the_motion():
+    """Assert that twice the motion makes every width twice as wide, and needs no other kernel."""
+    one, two = (FLEXIBLE.scaled([moving(size)]) for size in (1.0, 2.0))
+    assert len(one.extended.constants) == 3
+    for name, width in one.extended.constants.items():
+        assert width > 0.0
+        assert two.extended.constants[name] == pytest.approx(2.0 * width)
+    assert two.smooth.constants["coulomb_velocity"] == pytest.approx(
+        2.0 * one.smooth.constants["coulomb_velocity"]
+    )
+    assert two.extended.digest == FLEXIBLE.extended.digest
+
+
+def test_rigid_joint_scales_its_smoothing():
+    """Assert that least squares of a rigid joint smooths friction over a tenth of its speed."""
+    samples = moving(1.0)
+    assert samples.velocities is not None
+    alone = replace(
+        samples, positions=samples.positions[:, 1:], velocities=samples.velocities[:, 1:]
+    )
+    smoothing = rigid().scaled([alone]).smooth.constants["coulomb_velocity"]
+    assert smoothing == pytest.approx(0.1 / 2**0.5, rel=0.05)
+
+
+def test_given_smoothing_takes_the_place_of_dry_friction():
+    """Assert that with a Coulomb velocity friction is smooth in every system, without shapes."""
+    joint = FLEXIBLE.with_coulomb_velocity(0.01)
+    assert joint.system is joint.extended is joint.smooth
+    assert joint.system.constants["coulomb_velocity"] == 0.01
+    assert joint.system.digest == FLEXIBLE.smooth.digest
+    assert not joint.shapes

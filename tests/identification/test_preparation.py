@@ -78,30 +78,6 @@ def test_share_that_tests_on_nothing_is_refused():
         prepare([log(recording(300))], 0.01)
 
 
-def test_choices_never_reach_the_held_out_data():
-    """Assert that what choices look at ends where the held-out data begin, and is cut itself."""
-    pieces, _ = prepare([log(recording(900)), log(recording(300, start=20.0))], SHARE)
-    inner = pieces.inner(SHARE, 40_000)
-    assert [len(piece) for piece in inner.recorded] == [600, 200]
-    assert inner.starts == (400, 133)
-    np.testing.assert_array_equal(inner.recorded[0].input, pieces.recorded[0].input[:600])
-
-
-def test_choices_look_at_the_first_samples_of_long_records():
-    """Assert that a long record, and a long one after a short one, are cut off."""
-    pieces, _ = prepare([log(recording(300)), log(recording(9000)), log(recording(900))], SHARE)
-    inner = pieces.inner(SHARE, 1000)
-    assert [len(piece) for piece in inner.recorded] == [200, 800]
-    assert inner.groups == (0, 1)
-
-
-def test_choices_do_without_a_piece_that_cannot_be_cut_twice():
-    """Assert that a piece long enough to fit but not to choose by does not stop the others."""
-    pieces, _ = prepare([log(recording(90), recording(300, start=5.0))], SHARE)
-    assert len(pieces.recorded) == 2
-    assert [len(piece) for piece in pieces.inner(SHARE, 40_000).recorded] == [200]
-
-
 def test_fitted_velocities_do_not_know_of_held_out_positions():
     """Assert that other held-out positions change no velocity before them."""
     known = recording(300)
@@ -116,10 +92,3 @@ def test_fitted_velocities_do_not_know_of_held_out_positions():
     one, other = (Pieces((piece,), (200,), (0,)).fitted[0] for piece in (known, spoilt))
     np.testing.assert_array_equal(one.link_velocity, other.link_velocity)
     np.testing.assert_array_equal(one.motor_velocity, other.motor_velocity)
-
-
-def test_changed_pieces_are_cut_anew():
-    """Assert that a change that shortens a piece leaves the same share held out."""
-    pieces, _ = prepare([log(recording(300))], SHARE)
-    shorter = pieces.changed(lambda piece: piece.window(0, 240), SHARE)
-    assert shorter.starts == (160,)

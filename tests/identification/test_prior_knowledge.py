@@ -48,7 +48,7 @@ def drive(deviation: float = 0.05) -> Fit:
 def test_linear_case_is_one_more_measurement():
     """Assert that knowledge of b equals least squares with one weighted equation more."""
     regressors, measured = line()
-    found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.2)])
+    found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.2)])[0]
     more = least_squares(np.vstack((regressors, [0.0, 1.0 / 0.2])), np.append(measured, -1.3 / 0.2))
     assert found.values == pytest.approx(more.values, rel=1e-10)
     assert found.covariance == pytest.approx(more.covariance, rel=1e-10)
@@ -57,7 +57,7 @@ def test_linear_case_is_one_more_measurement():
 def test_certain_knowledge_fixes():
     """Assert that a standard deviation of zero is a fit with the coefficient fixed."""
     regressors, measured = line()
-    found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.0)])
+    found = informed(least_squares(regressors, measured), [Known("b", -1.3, 0.0)])[0]
     assert found.values == pytest.approx([np.mean(measured + 1.3 * regressors[:, 1]), -1.3])
     assert found.covariance == pytest.approx(np.diag([1.0 / len(measured), 0.0]), abs=1e-15)
 
@@ -65,7 +65,7 @@ def test_certain_knowledge_fixes():
 def test_vague_knowledge_changes_nothing():
     """Assert that a huge standard deviation leaves values, covariance and freedom as they were."""
     fit = drive()
-    found = informed(fit, [Known("beta1", 20.0, 1e9)])
+    found, _ = informed(fit, [Known("beta1", 20.0, 1e9)])
     assert found.values == pytest.approx(fit.values, rel=1e-12)
     assert found.covariance == pytest.approx(fit.covariance, rel=1e-9)
     assert found.degrees_of_freedom == pytest.approx(fit.degrees_of_freedom)
@@ -74,13 +74,13 @@ def test_vague_knowledge_changes_nothing():
 def test_a_known_inertia_is_met():
     """Assert that a motor inertia known exactly is what the joined values give, far off or not."""
     for inertia in (0.1, 0.25, 0.3, 0.6, 1.5):
-        found = informed(drive(), [Known("motor_inertia", inertia, 0.0)], PARAMETERS)
+        found, _ = informed(drive(), [Known("motor_inertia", inertia, 0.0)], PARAMETERS)
         assert 1.0 / found.values[1] == pytest.approx(inertia, rel=1e-9)
 
 
 def test_a_known_inertia_moves_what_it_correlates_with():
     """Assert that alpha1 follows beta1 along their common uncertainty."""
-    found = informed(drive(), [Known("motor_inertia", 0.3 / 1.02, 0.0)], PARAMETERS)
+    found, _ = informed(drive(), [Known("motor_inertia", 0.3 / 1.02, 0.0)], PARAMETERS)
     assert found.values[0] == pytest.approx(1000 / 3 * (1 + 0.8 * 0.02), rel=1e-9)
 
 
@@ -89,20 +89,52 @@ def test_two_known_values_together():
     regressors, measured = line()
     fit = least_squares(regressors, measured)
     first, second = Known("a", 2.2, 0.3), Known("b", -1.1, 0.1)
-    together = informed(fit, [first, second])
-    in_turn = informed(informed(fit, [first]), [second])
+    together, _ = informed(fit, [first, second])
+    in_turn, _ = informed(informed(fit, [first])[0], [second])
     assert together.values == pytest.approx(in_turn.values, rel=1e-10)
     assert together.covariance == pytest.approx(in_turn.covariance, rel=1e-10)
 
 
-def test_contradiction_is_said():
-    """Assert that more than three standard deviations apart warn, and less do not."""
-    fit = drive(deviation=0.01)
-    apart = informed(fit, [Known("motor_inertia", 0.35, 0.01)], PARAMETERS)
-    assert len(apart.warnings) == 1
-    assert "motor_inertia is known as 0.35" in apart.warnings[0]
-    near = informed(fit, [Known("motor_inertia", 0.31, 0.01)], PARAMETERS)
-    assert near.warnings == ()
+@pytest.mark.parametrize(
+    ("apart", "said"), [(2.9, False), (3.1, True), (-2.9, False), (-3.1, True)]
+)
+def test_three_deviations_contradict(apart, said):
+    """Assert that log and knowledge contradict beyond three of their common deviations.
+
+    With 0.3 known and 0.4 from the log these are 0.5.
+    """
+    fit = Fit(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
+    _, contradicted = informed(fit, [Known("a", 2.0 + 0.5 * apart, 0.3)])
+    assert bool(contradicted) == said
+    assert all("a is known as" in sentence for sentence in contradicted)
+
+
+def test_limit_of_contradiction_is_given():
+    """Assert that a greater limit is kept to."""
+    fit = Fit(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
+    assert informed(fit, [Known("a", 4.0, 0.3)], contradiction=3.9)[1]
+    assert not informed(fit, [Known("a", 4.0, 0.3)], contradiction=4.1)[1]
+
+
+def test_contradiction_is_told_in_the_parameter_s_terms():
+    """Assert that the sentence names the inertia, what it is known as, and what the log says."""
+    _, (sentence,) = informed(
+        drive(deviation=0.01), [Known("motor_inertia", 0.35, 0.01)], PARAMETERS
+    )
+    assert "motor_inertia is known as 0.35" in sentence
+    assert "0.3 ± 0.003" in sentence
+
+
+def test_contradiction_spans_both():
+    """Assert that one deviation more reaches from where both together lie back to the log alone.
+
+    Joined, 2 ± 0.4 from the log and 7 ± 0.3 known give 5.2 ± 0.24; that is 3.2 from the log.
+    """
+    fit = Fit(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
+    found, contradicted = informed(fit, [Known("a", 7.0, 0.3)])
+    assert contradicted
+    assert found.values == pytest.approx([5.2])
+    assert found.covariance == pytest.approx(np.array([[0.24**2 + 3.2**2]]))
 
 
 def test_what_is_unknown_or_free_is_refused():
@@ -125,7 +157,7 @@ def test_an_uncertainty_that_is_none(std):
 def test_free_neighbours_stay_free():
     """Assert that knowledge of one coefficient does not determine another that is free."""
     fit = Fit(("a", "b"), np.array([1.0, 2.0]), np.diag([0.1, np.inf]), (9.0, 0.0))
-    found = informed(fit, [Known("a", 1.1, 0.1)])
+    found, _ = informed(fit, [Known("a", 1.1, 0.1)])
     assert np.isinf(found.covariance[1, 1])
     assert found.degrees_of_freedom[1] == 0.0
 
@@ -145,7 +177,7 @@ def test_coverage_with_an_estimated_covariance(std):
         values = truth + root @ generator.standard_normal(2)
         samples = root @ generator.standard_normal((2, freedom))
         fit = Fit(("a", "b"), values, samples @ samples.T / freedom, (float(freedom),) * 2)
-        found = informed(fit, [Known("b", 3.0, std)])
+        found, _ = informed(fit, [Known("b", 3.0, std)])
         width = t.ppf(0.975, found.degrees_of_freedom) * np.sqrt(np.diag(found.covariance))
         held_count += np.abs(found.values - truth) <= width
     assert np.all(held_count / 4000 > 0.93)

@@ -29,18 +29,7 @@ REFUSED = {
     "bounds without room": ({"bounds": {"alpha2": (1.0, 1.0)}}, "not below"),
     "bound that is none": ({"bounds": {"alpha2": (nan, 1.0)}}, "not below"),
     "unknown hold": ({"hold": "first"}, "'first' is none of"),
-    "unknown estimator": ({"estimator": "oracle"}, "'oracle' is none of"),
     "coulomb velocity of zero": ({"coulomb_velocity": 0.0}, "coulomb-velocity"),
-    "stopping time of zero": ({"stopping_time": 0.0}, "stopping-time"),
-    "stopping time of nothing": (
-        {"terms": ("gravity",), "stopping_time": 0.01},
-        "motor_stiction, which is off",
-    ),
-    "two frictions": ({"stopping_time": 0.01, "coulomb_velocity": 0.1}, "leave one out"),
-    "width of what holds": (
-        {"terms": ("motor_stiction",), "coulomb_velocity": 0.1},
-        "follows from its stopping time",
-    ),
     "negative filter rate": ({"filter_rate": -3.0}, "filter-rate"),
     "infinite segments": ({"segment_duration": inf}, "segment-duration"),
     "word for a number": ({"segment_duration": "long"}, "segment-duration"),
@@ -86,10 +75,13 @@ def test_what_the_joint_does_not_have_is_refused(case):
         check_for(joint(), Settings(**settings))
 
 
-@pytest.mark.parametrize("term", ["motor_coulomb", "motor_stiction"])
-def test_both_frictions_bring_the_same_coefficient(term):
-    """Assert that Coulomb friction may be bounded whichever of its models is on."""
-    check_for(flexible(), Settings(terms=(term,), bounds={"alpha_coulomb": (0.0, 1.0)}))
+@pytest.mark.parametrize("term", ["backlash", "torque_saturation", "motor_stribeck"])
+def test_terms_beyond_the_usual_ones_may_be_named(term):
+    """Assert that a flexible joint takes them, and that a rigid one does not."""
+    settings = Settings(terms=("gravity", term))
+    check_for(flexible(), settings)
+    with pytest.raises(SettingError, match="no term of the rigid joint"):
+        check_for(rigid(), settings)
 
 
 def test_known_inertia_fixes_the_gain():

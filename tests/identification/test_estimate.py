@@ -1,0 +1,52 @@
+"""Estimates: parts of them, and what widens them."""
+
+import numpy as np
+import pytest
+
+from flexid.identification.estimate import Estimate
+
+COVARIANCE = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, np.inf]])
+ESTIMATE = Estimate(("a", "b", "c"), np.array([1.0, 2.0, 3.0]), COVARIANCE, (5.0, 7.0, 0.0))
+
+
+def test_deviations_are_roots_of_variances():
+    """Assert that standard deviations are roots of the diagonal, infinite where nothing is known."""
+    assert ESTIMATE.deviations.tolist() == [2.0, 3.0, np.inf]
+
+
+def test_part_keeps_what_belongs_together():
+    """Assert that a part has its own values, covariances and freedom, in the estimate's order."""
+    part = ESTIMATE.only(["b", "a"])
+    assert part.names == ("a", "b")
+    assert part.values.tolist() == [1.0, 2.0]
+    assert part.covariance.tolist() == [[4.0, 1.0], [1.0, 9.0]]
+    assert part.degrees_of_freedom == (5.0, 7.0)
+
+
+def test_widening_adds_covariances():
+    """Assert that what is added is added in full, and that values and freedom stay."""
+    more = np.array([[1.0, 0.5, 2.0], [0.5, 2.0, 2.0], [2.0, 2.0, 3.0]])
+    found = ESTIMATE.widened(more)
+    assert found.covariance[:2, :2].tolist() == [[5.0, 1.5], [1.5, 11.0]]
+    assert found.values is ESTIMATE.values
+    assert found.degrees_of_freedom == ESTIMATE.degrees_of_freedom
+
+
+def test_what_is_free_stays_free():
+    """Assert that a free coefficient is as free after widening, correlated with nothing."""
+    found = ESTIMATE.widened(np.full((3, 3), np.nan_to_num(np.inf)))
+    assert found.covariance[2].tolist() == [0.0, 0.0, np.inf]
+
+
+def test_estimate_of_a_fit_is_the_fit():
+    """Assert that an estimator's result is taken as it is."""
+    found = Estimate.of(ESTIMATE)
+    assert found.names == ESTIMATE.names
+    assert found.values == pytest.approx(ESTIMATE.values)
+    assert np.array_equal(found.covariance, COVARIANCE)
+
+
+def test_values_by_name():
+    """Assert that what was sought goes before what was given."""
+    assert ESTIMATE.by_name == {"a": 1.0, "b": 2.0, "c": 3.0}
+    assert ESTIMATE.with_values({"a": 9.0, "d": 4.0}) == {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}
