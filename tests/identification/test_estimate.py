@@ -10,7 +10,7 @@ ESTIMATE = Estimate(("a", "b", "c"), np.array([1.0, 2.0, 3.0]), COVARIANCE, (5.0
 
 
 def test_deviations_are_roots_of_variances():
-    """Assert that standard deviations are roots of the diagonal, infinite where nothing is known."""
+    """Assert that deviations are roots of the diagonal, infinite where nothing is known."""
     assert ESTIMATE.deviations.tolist() == [2.0, 3.0, np.inf]
 
 
