@@ -156,7 +156,7 @@ _TERMS = {
     "motor_viscous_friction": "motor_viscous",
     "link_viscous_friction": "link_viscous",
     "joint_damping": "joint_damping",
-    "motor_coulomb_friction": "motor_stiction",
+    "motor_coulomb_friction": "motor_coulomb",
     "link_coulomb_friction": "link_coulomb",
     "cubic_joint_stiffness": "cubic_stiffness",
     "link_offset_torque": "link_offset",

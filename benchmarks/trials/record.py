@@ -16,10 +16,8 @@ from flexid.identification.settings import Settings
 from flexid.recording.read import read_log
 from flexid.recording.recording import Log
 
-_HOLDS = {"zero": "zero", "smooth": "linear"}
+_HOLDS = {"zero": "zero", "smooth": "cubic"}
 """The hold in flexid's words for a trial's."""
-
-_SIMPLER = {"motor_stiction": "motor_coulomb"}
 
 Record = dict[str, Any]
 
@@ -50,9 +48,6 @@ def recorded(family: str, seed: int, told: bool) -> Record:
         record |= _identified(path, Settings())
         if told:
             given = _identified(path, _told_settings(trial, trial.terms))
-            if "error" in given:  # the shape of friction that is simpler to fit
-                simpler = tuple(_SIMPLER.get(term, term) for term in trial.terms)
-                given = _identified(path, _told_settings(trial, simpler))
             record["told"] = given.get("estimates", {"error": given.get("error")})
             record["least_squares"] = _shortened(told_least_squares(trial))
     return record
@@ -95,7 +90,7 @@ def _identified(path: Path, settings: Settings) -> Record:
             name: _ends(estimate) for name, estimate in getattr(result, "removed", {}).items()
         },
         "delays": {
-            name: [_short(delay.estimate), *(_short(end) for end in delay.interval), delay.status]
+            name: [_short(delay.value), *(_short(end) for end in delay.interval), delay.status]
             for name, delay in (
                 ("input_delay", alignment.input_delay),
                 ("link_delay", alignment.link_delay),
@@ -110,7 +105,7 @@ def _identified(path: Path, settings: Settings) -> Record:
 def _told_settings(trial: Trial, terms: tuple[str, ...]) -> Settings:
     return Settings(
         terms=terms,
-        hold="zero" if trial.hold == "zero" else "linear",
+        hold="zero" if trial.hold == "zero" else "cubic",
         input_delay=trial.truth["input_delay"],
         link_delay=trial.truth["link_delay"],
     )

@@ -15,8 +15,6 @@ CORE = ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness")
 WRONG = 0.01
 """How far off, relative to the truth (or in rad for an angle), is wrong."""
 
-_SAME = {"motor_coulomb": "motor_stiction"}  # one friction, in two shapes
-
 Record = Mapping[str, Any]
 
 
@@ -257,8 +255,8 @@ def _term_mistakes(found: Sequence[Record]) -> tuple[dict[str, int], dict[str, i
     missed: Counter[str] = Counter()
     extra: Counter[str] = Counter()
     for record in found:
-        true = {_SAME.get(term, term) for term in record["terms"]}
-        chosen = {_SAME.get(term, term) for term in record["chosen"]["terms"]}
+        true = set(record["terms"])
+        chosen = set(record["chosen"]["terms"])
         missed.update(true - chosen)
         extra.update(chosen - true)
     return dict(missed.most_common()), dict(extra.most_common())

@@ -49,7 +49,7 @@ def told_least_squares(trial: Trial) -> dict[str, float]:
         "motor_viscous": ("motor_viscous_friction", zero, v),
         "link_viscous": ("link_viscous_friction", w, zero),
         "joint_damping": ("joint_damping", w - v, v - w),
-        "motor_stiction": ("motor_coulomb_friction", zero, np.sign(v)),
+        "motor_coulomb": ("motor_coulomb_friction", zero, np.sign(v)),
         "link_coulomb": ("link_coulomb_friction", np.sign(w), zero),
         "cubic_stiffness": ("cubic_joint_stiffness", spring**3, -(spring**3)),
         "link_offset": ("link_offset_torque", -one, zero),

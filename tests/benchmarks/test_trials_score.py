@@ -16,7 +16,7 @@ def record(**changes):
         "seed": 0,
         "in_class": True,
         "hold": "zero",
-        "terms": ["gravity", "motor_stiction"],
+        "terms": ["gravity", "motor_coulomb"],
         "truth": {"link_inertia": 2.0, "joint_stiffness": 10.0, "motor_offset_torque": 0.3},
         "seconds": 2.0,
         "estimates": {
@@ -106,7 +106,7 @@ def test_a_failed_log_counts_as_undetermined():
 def test_mistaken_choices():
     """Assert that both shapes of Coulomb friction are one, and mistakes go by name."""
     found = score([record(), record(chosen={"terms": ["gravity"], "hold": "zero"})])
-    assert found.missed == {"gravity": 1, "motor_stiction": 1}
+    assert found.missed == {"gravity": 1, "motor_coulomb": 1}
     assert found.extra == {"link_viscous": 1}
     assert found.wrong_hold == 1
 

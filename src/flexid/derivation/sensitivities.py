@@ -42,8 +42,8 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     str
         A module with the sizes of the model and the function, which fills dz = z' for the matrix
         z of shape (N_STATES, n_columns); at[i] is the column of coefficient i, or 0 if it has none,
-        `delay` that of the inputs' delay, m[j] the mode of row j. ``DRY[j]`` holds the places of the
-        coefficients of row j that multiply its mode, and `KNOWN` if its known part does.
+        `delay` that of the inputs' delay, m[j] the mode of row j. ``DRY[j]`` holds the places of
+        the coefficients of row j that multiply its mode, and `KNOWN` if its known part does.
     """
     symbolic = _with_modes(symbolic_system(system))
     return "\n\n".join((module_header(system, purpose), _dry(symbolic), _variation_rates(symbolic)))

@@ -16,7 +16,7 @@ _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING = 1e-6  # less than this is none
 _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
-_FLAT = 1e-3  # of the sum of squares that a step promises, below which none has to be found
+_FLAT = 2e-3  # of the sum of squares that a step promises, below which none has to be found
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 
 
@@ -99,7 +99,7 @@ def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimu
             "the model's motion diverges from the starting values: start from a least-squares fit, "
             "or shorten the segments",
         )
-    damping = 0.0
+    damping, last_step = 0.0, np.inf
     for iterations in range(_ITERATIONS):
         reduced = problem.solve(equations)
         variance = equations.cost / problem.degrees_of_freedom
@@ -113,6 +113,9 @@ def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimu
             if reduced.decrement > _FLAT * equations.cost:
                 raise
             return Minimum(point, equations, reduced, iterations, float(last_step))
+    reduced = problem.solve(equations)
+    if reduced.decrement <= _FLAT * equations.cost:  # to and fro over a rough bottom
+        return Minimum(point, equations, reduced, _ITERATIONS, float(last_step))
     raise ConvergenceError(
         "prediction error",
         f"the steps do not end within {_ITERATIONS}: start from a least-squares fit, shorten the "

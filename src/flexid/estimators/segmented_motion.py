@@ -7,6 +7,7 @@ one (its initial state). Dry friction is set-valued: see the kernel.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from types import ModuleType
 from typing import Any
 
@@ -334,7 +335,7 @@ class SegmentedMotion:
         chained, pulled = [], []
         pieces = self.segments.pieces
         edges = [*np.flatnonzero(np.diff(pieces, prepend=-1)).tolist(), len(pieces)]
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in pairwise(edges):
             blocks = slice(firsts[a], firsts[b])
             slopes = self.unknowns.derivatives(values[:k], int(pieces[a]))[wanted]
             chain = np.zeros((n_states + len(wanted) + n_delays, n_states + k + n_delays))

@@ -68,6 +68,20 @@ class Segments:
             pieces=np.repeat(self.pieces, 2),
         )
 
+    def merged(self) -> "Segments | None":
+        """Every two neighbours made one; None where some piece has an odd number of segments."""
+        counts = np.diff(np.append(np.flatnonzero(np.diff(self.pieces, prepend=-1)), len(self)))
+        if np.any(counts % 2):
+            return None
+        return replace(
+            self,
+            starts=self.starts[::2],
+            lengths=self.lengths[::2] + self.lengths[1::2],
+            sample_times=self.sample_times[::2],
+            start_times=self.start_times[::2],
+            pieces=self.pieces[::2],
+        )
+
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
         """Divide the segments into blocks of about a duration, or of their own if that is shorter.
 

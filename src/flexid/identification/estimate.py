@@ -85,6 +85,12 @@ class Estimate:
             tuple(self.degrees_of_freedom[place] for place in places),
         )
 
+    def scaled(self, factors: FloatArray) -> "Estimate":
+        """The same with every standard deviation times a factor, shape (k,)."""
+        finite = np.isfinite(np.diag(self.covariance))
+        factors = np.where(finite, factors, 1.0)
+        return replace(self, covariance=self.covariance * np.outer(factors, factors))
+
     def widened(self, more: FloatArray) -> "Estimate":
         """The same with a further covariance, shape (k, k), added to what is finite."""
         finite = np.isfinite(np.diag(self.covariance))

@@ -342,15 +342,24 @@ def refit(
     return _bounded(structure, data, segments, start, states, tolerance)
 
 
-def fit_to(structure: Structure, data: Data, start: Mapping[str, float], duration: float) -> Fitted:
+def fit_to(
+    structure: Structure, data: Data, start: Mapping[str, float], duration: float
+) -> tuple[Fitted, list[Fitted]]:
     """Fit to other data over segments of a length in s, from values that are nearly right.
+
+    Returns
+    -------
+    fitted : Fitted
+        Over segments of that length.
+    rungs : list of Fitted
+        Rough fits over segments of growing length, up to four times as long.
 
     Raises
     ------
     ConvergenceError
         If it does not converge.
     """
-    ladder = lengths(data, duration, min(duration, 4.0 * SHORTEST))
+    ladder = lengths(data, duration)
     found = climb(structure, data, start, ladder)
     if len(found) < len(ladder):
         raise ConvergenceError(
@@ -359,7 +368,25 @@ def fit_to(structure: Structure, data: Data, start: Mapping[str, float], duratio
         )
     last = found[-1]
     states = last.minimum.point.initial_states
-    return _bounded(structure, data, ladder[-1], last.by_name, states, FINE)
+    fitted = _bounded(structure, data, ladder[-1], last.by_name, states, FINE)
+    return fitted, [*found[:-1], fitted, *_beyond(fitted)]
+
+
+def _beyond(fitted: Fitted) -> list[Fitted]:
+    """The same over segments of twice and four times the length, as far as these can be had."""
+    found: list[Fitted] = []
+    last = fitted
+    for _ in range(2):
+        segments = last.problem.segments.merged()
+        if segments is None:
+            break
+        states = last.minimum.point.initial_states[::2]
+        try:
+            (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
+        except ConvergenceError:
+            break
+        found.append(last)
+    return found
 
 
 def _bounded(

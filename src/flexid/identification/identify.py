@@ -11,7 +11,6 @@ from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.compliance import compare_with_rigid, one_encoder
-from flexid.identification.estimate import Estimate
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
 from flexid.identification.excitations import row_excitation
 from flexid.identification.full_model import (
@@ -50,6 +49,7 @@ from flexid.identification.warnings import (
 )
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Log
+from flexid.recording.velocities import with_velocities
 
 Progress = Callable[[str], None]
 
@@ -99,7 +99,7 @@ def identify(
     """
     settings = settings or Settings()
     pieces, dropped = prepare(logs, settings.validation_share)
-    job = _job(logs, pieces, settings)
+    job = _job(pieces, settings)
     training = data_of(job.joint, pieces.fitted, pieces.groups)
     whole = data_of(job.joint, pieces.whole, pieces.groups)
     choice = job.chosen(training, progress, thresholds)
@@ -107,9 +107,9 @@ def identify(
     validation = validate(choice.fitted, whole, pieces.starts)
 
     progress("fit to all data")
-    reported, retreat = _reported(choice, whole)
-    error = model_error(reported, thresholds)
-    estimate = widened(reported, error, thresholds)
+    reported, rungs, retreat = _reported(choice, whole)
+    error = model_error(reported, rungs, thresholds)
+    estimate = widened(reported, error)
     progress("what the model does without")
     contradicted = contradictions(job.given, choice.full, whole, thresholds)
     given = {**job.given, **reported.at_bound}
@@ -143,7 +143,7 @@ def identify(
         else one_encoder()
     )
     full = _full(choice, whole, reported)
-    choices = _choices(job, choice, reported, estimate, full, settings)
+    choices = _choices(choice, reported, full, settings)
     return Identification(
         model=job.joint.kind,
         coefficients=coefficients,
@@ -155,7 +155,7 @@ def identify(
         validation=validation,
         compliance=compliance,
         observer=_stream(choice.structure, pieces, choices.alignment),
-        removed=_removed(job, full, parameters, thresholds),
+        removed=_removed(job, full, error, parameters, thresholds),
         fit=estimate,
         choices=choices,
         summary=summary(choices),
@@ -231,7 +231,7 @@ class _Job:
         return Timing("zero", given, tuple(name for name in asked if name not in given))
 
 
-def _job(logs: Sequence[Log], pieces: Pieces, settings: Settings) -> _Job:
+def _job(pieces: Pieces, settings: Settings) -> _Job:
     input_unit = pieces.recorded[0].input_unit
     joint = rigid() if pieces.recorded[0].link_position is None else flexible()
     check_for(joint, settings)
@@ -239,33 +239,41 @@ def _job(logs: Sequence[Log], pieces: Pieces, settings: Settings) -> _Job:
     return _Job(joint, input_unit, given, settings)
 
 
-def _reported(choice: Choice, whole: Data) -> tuple[Fitted, tuple[str, ...]]:
+def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
     """The structure fitted to all data; where that fails, as it was fitted to choose."""
     try:
         start = {**choice.structure.timing.delays, **choice.fitted.by_name}
-        return fit_to(choice.structure, whole, start, choice.duration), ()
+        return *fit_to(choice.structure, whole, start, choice.duration), ()
     except ConvergenceError:
-        return choice.fitted, (
-            "the fit to all data does not converge, so the values are those of the data before "
-            "the held-out end: check what happened there",
+        return (
+            choice.fitted,
+            [choice.fitted],
+            (
+                "the fit to all data does not converge, so the values are those of the data before "
+                "the held-out end: check what happened there",
+            ),
         )
 
 
 def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
-    """The model with all usual terms again, fitted to all data: how large could they be?"""
+    """The model with all usual terms again, fitted to all data, to say how large they may be."""
     shapes = choice.structure.joint.shapes & choice.structure.absent
     usual = replace(choice.full, absent=choice.full.absent | shapes)
     try:
-        return fit_to(usual, whole, reported.by_name, choice.duration)
+        return fit_to(usual, whole, reported.by_name, choice.duration)[0]
     except ConvergenceError:
         return reported
 
 
 def _removed(
-    job: _Job, full: Fitted, kept: Mapping[str, ParameterEstimate], thresholds: Thresholds
+    job: _Job,
+    full: Fitted,
+    error: ModelError,
+    kept: Mapping[str, ParameterEstimate],
+    thresholds: Thresholds,
 ) -> dict[str, ParameterEstimate]:
     """Parameters of the full model that the reported one does without."""
-    estimate = widened(full, model_error_of(full), thresholds)
+    estimate = widened(full, error)
     unknowns = full.problem.unknowns
     every = coefficient_estimates(
         estimate, job.joint, unknowns, {}, without_estimate({}, job.given), job.input_unit
@@ -274,15 +282,10 @@ def _removed(
     return {name: p for name, p in found.items() if name not in kept}
 
 
-def model_error_of(full: Fitted) -> ModelError:
-    """Nothing is looked for beyond a model that has everything."""
-    return ModelError(full.excess, 0.0, 0.0)
-
-
 def _least_squares(structure: Structure, pieces: Pieces, reported: Fitted) -> LeastSquaresFit:
     """Least squares of the same unknowns on aligned data: what each does to its row."""
     alignment = _alignment(structure, reported.delays)
-    recordings = [aligned(piece, alignment) for piece in pieces.whole]
+    recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
     joint = structure.joint
     data = data_of(joint, recordings, pieces.groups)
     bare = replace(structure, fixed={**structure.fixed, **reported.at_bound})
@@ -312,7 +315,7 @@ def _residual_excess(reported: Fitted) -> dict[str, float]:
 def _stream(structure: Structure, pieces: Pieces, alignment: Alignment) -> ObserverTrace:
     """The paper's observer with the same terms, as far as it needs no derivative of the input."""
     joint = structure.joint
-    recordings = [aligned(piece, alignment) for piece in pieces.whole]
+    recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
     smooth = replace(joint, system=joint.smooth, shapes=frozenset(), ties={})
     known = {c for c in joint.smooth.coefficients if c in structure.absent}
     known |= {
@@ -333,14 +336,7 @@ def without_estimate(
     return fixed | {name: (value, "at its bound") for name, value in at_bound.items()}
 
 
-def _choices(
-    job: _Job,
-    choice: Choice,
-    reported: Fitted,
-    estimate: Estimate,
-    full: Fitted,
-    settings: Settings,
-) -> Choices:
+def _choices(choice: Choice, reported: Fitted, full: Fitted, settings: Settings) -> Choices:
     delays = {name: _delay(name, settings, reported, full) for name in (INPUT, LINK)}
     joint = choice.structure.joint
     smooth = settings.coulomb_velocity

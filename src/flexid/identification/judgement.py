@@ -45,17 +45,23 @@ class Thresholds:
     friction_sign: float = _threshold(
         4.0, "standard deviations", "below zero, up to which a negative friction is none"
     )
-    model_share: float = _threshold(
-        0.5,
+    sensor_excess: float = _threshold(
+        1.1,
         "1",
-        "standard deviation of a model error along a coefficient, over the most that the residuals "
-        "allow: half, so that an interval reaches to that",
+        "mean square of residuals over the sensors' noise that may be an error of that noise: an "
+        "encoder's steps are no white noise where the joint hardly moves",
     )
-    model_evidence: float = _threshold(
-        2.5,
+    white_growth: float = _threshold(
+        2.6,
         "1",
-        "mean square of what terms beyond the model find, in their standard deviations, up to "
-        "which residuals are noise however large they are",
+        "power of time with which residuals grow, from which on they are noise of the torque: that "
+        "of white noise is 3, of which estimates scatter by 0.3",
+    )
+    repeated_growth: float = _threshold(
+        1.8,
+        "1",
+        "the same up to which residuals are an error that repeats itself: a constant error of the "
+        "torque, the start free, grows by the square at most before the joint turns round",
     )
     contradiction: float = _threshold(
         3.0, "standard deviations", "between log and prior knowledge, beyond which they contradict"

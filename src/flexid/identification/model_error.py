@@ -3,63 +3,77 @@
 The spread of the scores from block to block knows nothing of an error that repeats itself in each
 block. Of such an error the part across the coefficients shows in the residuals; the part along a
 coefficient does not show at all, and is its bias. If both are alike in size, the bias of a
-coefficient is its standard deviation for noise of the residuals' unit size, times the root of the
-residuals' sum of squares beyond noise. Noise of the torque makes residuals large, too, without any
-bias; it is told apart by what terms beyond the model find in them: nothing.
+coefficient is its standard deviation for noise of unit size, times the root of the residuals'
+weighted sum of squares beyond noise.
+
+Noise of the torque makes residuals large, too, without any bias. It is told apart by how they grow:
+the variance of a motion under white noise grows with the cube of the time since its known start,
+that of an error which repeats itself more slowly.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
-from flexid.errors import ConvergenceError
 from flexid.identification.estimate import Estimate
-from flexid.identification.full_model import FINE, Fitted, refit
+from flexid.identification.full_model import Fitted
 from flexid.identification.judgement import Thresholds
 from flexid.identification.result import ModelError
 
+_CHANCE = 3.0  # standard deviations of a sum of squares
 
-def model_error(fitted: Fitted, thresholds: Thresholds) -> ModelError:
+
+def model_error(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds) -> ModelError:
     """Look for a model error in the residuals of a fit.
 
     Parameters
     ----------
     fitted : Fitted
         What is reported.
+    rungs : sequence of Fitted
+        The same structure over segments of growing length, some longer than the reported ones.
     thresholds : Thresholds
         What counts as evidence.
     """
-    evidence = _evidence(fitted)
-    share = max(0.0, 1.0 - thresholds.model_evidence / evidence) if evidence > 0.0 else 0.0
-    return ModelError(fitted.excess, evidence, share)
+    floor = min(max(rungs[0].excess, 1.0), thresholds.sensor_excess)
+    own = _beyond(fitted, floor, rungs[0])
+    growth = _growth(fitted, rungs, floor)
+    if own <= 0.0:
+        return ModelError(fitted.excess, growth, 0.0)
+    white, repeated = thresholds.white_growth, thresholds.repeated_growth
+    share = (white - growth) / (white - repeated) if np.isfinite(growth) else 1.0
+    return ModelError(own / fitted.problem.degrees_of_freedom, growth, float(np.clip(share, 0, 1)))
 
 
-def widened(fitted: Fitted, error: ModelError, thresholds: Thresholds) -> Estimate:
-    """The estimate of a fit with the model's error in its covariance."""
-    beyond = fitted.problem.degrees_of_freedom * max(0.0, error.excess - 1.0)
-    factor = (thresholds.model_share * error.share) ** 2 * beyond
-    return Estimate.of(fitted.fit).widened(factor * fitted.minimum.reduced.inverse)
+def widened(fitted: Fitted, error: ModelError) -> Estimate:
+    """The estimate of a fit with the model's error in its covariance.
+
+    No variance is smaller than what the sensors' noise alone makes it: blocks may agree by chance.
+    """
+    estimate = Estimate.of(fitted.fit)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        least = fitted.unit_deviations / estimate.deviations
+    scale = np.where(np.isfinite(least), np.maximum(least, 1.0), 1.0)
+    estimate = estimate.scaled(scale)
+    beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
+    return estimate.widened(error.share**2 * beyond * fitted.minimum.reduced.inverse)
 
 
-def _evidence(fitted: Fitted) -> float:
-    """Mean square of what terms beyond the model find, in their standard deviations."""
-    structure = fitted.structure
-    absent = structure.absent & structure.joint.optional
-    if not structure.joint.shapes:
+def _beyond(fitted: Fitted, floor: float, shortest: Fitted) -> float:
+    """Weighted sum of squares beyond what noise explains, and beyond chance."""
+    freedom = fitted.problem.degrees_of_freedom
+    # Longer segments leave the noise that shorter ones took for initial states.
+    states = shortest.minimum.point.initial_states.size
+    return freedom * (fitted.excess - floor) - _CHANCE * float(np.sqrt(2.0 * states))
+
+
+def _growth(fitted: Fitted, rungs: Sequence[Fitted], floor: float) -> float:
+    """Power of the segments' length with which the excess grows from the reported one on."""
+    near = [r for r in rungs if r.duration >= 0.75 * fitted.duration] or list(rungs[-2:])
+    if len(near) < 2:
+        near = list(rungs[-2:])
+    first, last = near[0], near[min(2, len(near) - 1)]
+    if first is last or first.excess <= floor or last.excess <= first.excess:
         return 0.0
-    try:
-        wider = refit(
-            replace(structure, absent=structure.absent - absent, bounds={}),
-            fitted.data,
-            fitted.by_name,
-            fitted.problem.segments,
-            FINE,
-            fitted.minimum.point.initial_states,
-        )
-    except ConvergenceError:
-        return np.inf  # they find so much that they lead elsewhere
-    deviations = np.sqrt(np.diag(wider.fit.covariance))
-    places = [i for i, name in enumerate(wider.names) if name in absent]
-    found = wider.values[places] / deviations[places]
-    usable = found[np.isfinite(found)]
-    return float(np.mean(usable**2)) if len(usable) else 0.0
+    ratio = (last.excess - floor) / (first.excess - floor)
+    return float(np.log(ratio) / np.log(last.duration / first.duration))

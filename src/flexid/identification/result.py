@@ -193,16 +193,15 @@ class ModelError:
     Parameters
     ----------
     excess : float
-        Mean square of the residuals over that of the sensors' noise.
-    evidence : float
-        Mean square of what terms beyond the model find, in their standard deviations: about 1 if
-        the residuals are noise, however large.
+        Mean square of the residuals beyond the sensors' noise, over that of this noise.
+    growth : float
+        Power of time with which the residuals grow: 3 for white noise of the torque.
     share : float
-        Part of the largest error that the residuals allow which is added, from 0 to 1.
+        Part of them that repeats itself, from 0 to 1, and so may hide a bias of the same size.
     """
 
     excess: float
-    evidence: float
+    growth: float
     share: float
 
 

@@ -15,6 +15,8 @@ from scipy.special import stdtr
 from flexid.errors import ConvergenceError
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.segments import Segments
 from flexid.identification.full_model import (
     FINE,
     START_RATES,
@@ -31,6 +33,7 @@ from flexid.identification.result import SegmentEvidence, TermEvidence
 from flexid.models.flexible_joint import DISSIPATIVE
 from flexid.recording.recording import Hold
 
+_ROUNDS = 2  # of taking away and fitting over longer segments
 _HOLD_DURATION = 0.5  # s of segments from which on the holds of an input are told apart
 _CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
 
@@ -106,39 +109,49 @@ def choose_structure(
     ConvergenceError
         If no start leads anywhere.
     """
-    longest = durations or ()
-    ladder = lengths(data, *longest)
+    ladder = lengths(data, *durations)
     found, hold_reason = _climbed(base, data, holds, ladder, progress)
+    if hold_reason == TIED:  # the delay that is left stands for the other hold
+        kept = {*kept, INPUT}
     best = found[-1] if durations else _best(found)
-    tests = [_length_test(fitted) for fitted in found]
-    if with_shapes and base.joint.shapes:
-        progress("terms beyond the usual ones")
-        extended = replace(best.structure, absent=best.structure.absent - base.joint.shapes)
-        wider = _fit_like(extended, best)
-        if wider is not None:
-            shown, _ = eliminate(wider, kept, thresholds)
-            shapes = base.joint.shapes - set(shown.absent)
-            if shapes:
-                grown = replace(best.structure, absent=best.structure.absent - shapes)
-                more = _climb_on(grown, data, wider, ladder)
-                best = more[-1] if durations else _best(more)
-                tests = [_length_test(fitted) for fitted in more]
-                again = _fit_like(extended, best)
-                wider = again or best
-            best = wider
     progress("taking away what the log does not show")
-    structure, evidence = eliminate(best, kept, thresholds)
-    fitted = _fit_like(structure, best)
+    wider = _wider(best, with_shapes)
+    structure, evidence = eliminate(wider, kept, thresholds)
+    for _ in range(_ROUNDS):
+        # What is left may be fitted over longer segments, and these show more.
+        leaner = _fit_like(structure, wider)
+        if leaner is None:
+            break
+        found = [leaner, *_onward(leaner, ladder)]
+        longer = found[-1] if durations else _best(found)
+        if longer is leaner:
+            best = leaner
+            break
+        wider = _fit_like(wider.structure, longer) or wider
+        best = longer
+        if len(wider.problem.segments) != len(longer.problem.segments):
+            break  # the wider model does not follow; what it said of shorter segments stands
+        structure, evidence = eliminate(wider, kept, thresholds)
+    fitted = best if best.structure is structure else _fit_like(structure, best)
+    tests = tuple(_length_test(one) for one in found)
     if fitted is None:
         structure, fitted = best.structure, best
-    return Choice(best.structure, structure, fitted, evidence, tuple(tests), hold_reason)
+    return Choice(wider.structure, structure, fitted, evidence, tests, hold_reason)
+
+
+def _wider(best: Fitted, with_shapes: bool) -> Fitted:
+    """A fit with terms beyond the usual ones; the fit itself where they lead astray."""
+    if not with_shapes or not best.structure.joint.shapes:
+        return best
+    extended = replace(best.structure, absent=best.structure.absent - best.structure.joint.shapes)
+    return _fit_like(extended, best) or best
 
 
 def _climbed(
     base: Structure,
     data: Data,
     holds: Sequence[Hold],
-    ladder: Sequence,
+    ladder: Sequence[Segments],
     progress: Progress,
 ) -> tuple[list[Fitted], str]:
     """The full model over segments of growing length, with the hold that suits the log."""
@@ -154,11 +167,11 @@ def _climbed(
     progress("the full model over longer segments")
     climbed = found[hold]
     if len(climbed) == first:
-        climbed = climbed + _onward(climbed[-1], ladder[first:])
+        climbed = climbed + _onward(climbed[-1], ladder)
     return climbed, reason
 
 
-def _started(structure: Structure, data: Data, ladder: Sequence) -> list[Fitted]:
+def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> list[Fitted]:
     """Climb from the least squares that leads farthest and fits best."""
     best: list[Fitted] = []
     error: ConvergenceError | None = None
@@ -179,10 +192,12 @@ def _started(structure: Structure, data: Data, ladder: Sequence) -> list[Fitted]
     return best
 
 
-def _onward(last: Fitted, ladder: Sequence) -> list[Fitted]:
-    """Climb from a fit over longer segments."""
+def _onward(last: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
+    """Climb from a fit to those segments of the ladder that are longer than its own."""
     found = []
     for segments in ladder:
+        if len(segments) >= len(last.problem.segments):
+            continue
         states = last.minimum.point.initial_states[::2]
         try:
             (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
@@ -190,19 +205,6 @@ def _onward(last: Fitted, ladder: Sequence) -> list[Fitted]:
             break
         found.append(last)
     return found
-
-
-def _climb_on(structure: Structure, data: Data, wider: Fitted, ladder: Sequence) -> list[Fitted]:
-    """Climb anew with a wider model whose values are known about."""
-    place = next((i for i, s in enumerate(ladder) if len(s) == len(wider.problem.segments)), 0)
-    found = climb(
-        structure,
-        data,
-        wider.by_name,
-        [wider.problem.segments],
-        states=wider.minimum.point.initial_states,
-    )
-    return found + _onward(found[-1], ladder[place + 1 :])
 
 
 def _fit_like(structure: Structure, fitted: Fitted) -> Fitted | None:
@@ -220,7 +222,7 @@ def _fit_like(structure: Structure, fitted: Fitted) -> Fitted | None:
         return None
 
 
-_HOLD_WORDS = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
+_HOLD_WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
 
 
 def _best_hold(found: Mapping[Hold, list[Fitted]]) -> tuple[Hold, str]:
@@ -229,24 +231,24 @@ def _best_hold(found: Mapping[Hold, list[Fitted]]) -> tuple[Hold, str]:
         (hold,) = found
         return hold, "as given"
     farthest = max(map(len, found.values()))
-    last: dict[Hold, Fitted] = {h: fits[-1] for h, fits in found.items() if len(fits) == farthest}
-    costs: dict[Hold, float] = {hold: f.minimum.equations.cost for hold, f in last.items()}
-    least = min(costs.values())
-    scale = max(1.0, min(fitted.excess for fitted in last.values()))
-    close = [hold for hold, cost in costs.items() if cost - least <= _TIE * scale]
-    if len(close) == 1:
-        other = (
-            min(cost for hold, cost in costs.items() if hold != close[0])
-            if len(costs) > 1
-            else np.inf
+    last = [(hold, fits[-1]) for hold, fits in found.items() if len(fits) == farthest]
+    last.sort(key=lambda pair: pair[1].minimum.equations.cost)
+    (best, fitted), others = last[0], last[1:]
+    if not others:
+        return best, f"{_HOLD_WORDS[best]}; otherwise the model follows no long segments"
+    scale = max(1.0, fitted.excess)
+    fall = (others[0][1].minimum.equations.cost - fitted.minimum.equations.cost) / scale
+    if fall > _TIE:
+        return best, (
+            f"{_HOLD_WORDS[best]}, the residuals' weighted sum of squares is {fall:.3g} less than "
+            f"otherwise"
         )
-        return close[0], (
-            f"{_HOLD_WORDS[close[0]]}, the residuals' weighted sum of squares is "
-            f"{(other - least) / scale:.3g} less than otherwise"
-        )
-    nearest = min(close, key=lambda hold: abs(last[hold].delays["input_delay"]))
-    return nearest, "the log cannot tell the holds apart; this one needs the least delay"
+    nearest = min(last, key=lambda pair: abs(pair[1].delays[INPUT]))
+    return nearest[0], TIED
 
+
+TIED = "the log cannot tell the holds apart; this one needs the least delay"
+"""Why a hold was taken where none is better: half a sample of delay stands for the other."""
 
 _TIE = 9.0  # fall of the weighted sum of squares that chance gives in one log of 400
 
