@@ -32,6 +32,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="rewrite the golden files")
 
 
+def pytest_configure() -> None:
+    """Look for garbage less often: compiling makes many objects that stay."""
+    gc.set_threshold(100_000, 20, 20)
+
+
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Look no more for garbage among what a file's tests leave behind, mostly compiled code."""
     if nextitem is None or nextitem.path != item.path:
