@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+# One thread of linear algebra for each process of tests; NumPy reads it when it is loaded.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from flexid.cli.main import main
 from flexid.studies.huang2003.reproduction import Reproduction, reproduce
@@ -25,6 +30,18 @@ class Outcome:
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the one flag that rewrites the golden files."""
     parser.addoption("--update-golden", action="store_true", help="rewrite the golden files")
+
+
+def pytest_configure() -> None:
+    """Look for garbage less often: compiling makes many objects that stay."""
+    gc.set_threshold(100_000, 20, 20)
+
+
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Look no more for garbage among what a file's tests leave behind, mostly compiled code."""
+    if nextitem is None or nextitem.path != item.path:
+        gc.collect()
+        gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -57,7 +58,15 @@ def oscillator(names=("spring", "friction", "gain"), known: float | None = None)
 
 def oscillator_motion(duration: float, hold: Hold = "linear", noise: float = 0.0) -> Samples:
     """The oscillator from rest under two sines, held or linear between samples, to rounding."""
-    h, n = SAMPLE_TIME, round(duration / SAMPLE_TIME)
+    force, states = _oscillator_states(round(duration / SAMPLE_TIME), hold)
+    measured = states + noise * np.random.default_rng(5).standard_normal(states.shape)
+    return Samples(measured[:, :1], measured[:, 1:], force[:, None].copy(), SAMPLE_TIME)
+
+
+@cache
+def _oscillator_states(n: int, hold: Hold) -> tuple[np.ndarray, np.ndarray]:
+    """Force, shape (n,), and states, shape (n, 2)."""
+    h = SAMPLE_TIME
     time = np.arange(n) * h
     force = 3.0 * np.sin(1.1 * time) + 4.0 * np.sin(3.7 * time)
     # States q, v, u, u': over an interval the input runs from u at the slope u'.
@@ -69,8 +78,7 @@ def oscillator_motion(duration: float, hold: Hold = "linear", noise: float = 0.0
     for k in range(n - 1):
         slope = 0.0 if hold == "zero" else (force[k + 1] - force[k]) / h
         states[k + 1] = (over_interval @ [*states[k], force[k], slope])[:2]
-    measured = states + noise * np.random.default_rng(5).standard_normal(states.shape)
-    return Samples(measured[:, :1], measured[:, 1:], force[:, None], h)
+    return force, states
 
 
 def with_rest(samples: Samples, duration: float, noise: float, level: float = 0.3) -> Samples:

@@ -1,6 +1,7 @@
 """Prediction error, block by block."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from flexid.models.flexible_joint import flexible_joint
 JOINT = flexible_joint()
 
 
+@cache
 def replayed(seed: int | None, **settings):
     """History over the noisy record without its velocities, and the estimator."""
     estimator = block_prediction_error(JOINT, SAMPLE_TIME, **settings)

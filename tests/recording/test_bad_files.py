@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from joint_log import csv_text, joint_columns
 
@@ -269,6 +269,9 @@ def test_any_mutation(tmp_path: Path, data: st.DataObject) -> None:
         max_size=5,
     )
 )
+@example(cells=[(0, 0, 1e308), (1, 0, 1e308)])
+@example(cells=[(0, 1, 1e308), (1, 1, 1e308), (2, 1, -1e308), (3, 1, -1e308)])
+@example(cells=[(0, 1, float("inf")), (1, 1, -float("inf"))])
 def test_any_number(tmp_path: Path, cells: list[tuple[int, int, float]]) -> None:
     """Assert that any number in any cell raises nothing but a `RecordingError`."""
     columns = joint_columns(60)

@@ -74,7 +74,7 @@ def test_outputs_fit_together() -> None:
     run = simulate(table_1(), 1.0)
     true = run.loop.true_coefficients
     assert run.estimates - true == pytest.approx(run.parameter_errors, abs=1e-11)
-    assert run.states[:, 0] - run.reference[:, 0] == pytest.approx(run.tracking_error, abs=1e-14)
+    assert run.states[:, 0] - run.reference[:, 0] == pytest.approx(run.tracking_error, abs=1e-13)
     assert run.states[0] == pytest.approx([0.0] * 4, abs=1e-9)
     assert run.estimates[0] == pytest.approx([2.5, 50.0, 166.7, 0.167], rel=1e-12)
 

@@ -13,11 +13,13 @@ import shutil
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import platformdirs
 
@@ -53,7 +55,8 @@ def load_kernel(
     Returns
     -------
     module
-        With compiled functions, cached on disk by numba.
+        With compiled functions, cached on disk by numba. Any number of processes may load and
+        compile the same kernel at once: a lock beside it lets one at a time write.
     """
     parts = [template(name) for name in templates]
     name = f"flexid_{task}_{_digest(task, *declarations, *parts)}"
@@ -61,22 +64,75 @@ def load_kernel(
         if name in sys.modules:
             return sys.modules[name]
         path = cache_directory() / f"{name}.py"
-        _discard_damaged(path)
-        if not path.exists():
-            _write_atomically(path, "\n\n".join((build(), *parts)) + _END)
+        if not (_source_is_whole(path) and _compiled_is_whole(path)):
+            with _one_writer(path):
+                if not _compiled_is_whole(path):
+                    _discard_compiled(path)
+                if not _source_is_whole(path):  # nobody else has made it in the meantime
+                    _write_atomically(path, "\n\n".join((build(), *parts)) + _END)
         return _import(name, path)
 
 
-def _discard_damaged(path: Path) -> None:
-    """Remove what a full disk or a power failure cut short: it is made anew.
+def _source_is_whole(path: Path) -> bool:
+    """Whether there is a source, and no full disk or power failure took its last line."""
+    return path.exists() and path.read_text("utf-8").endswith(_END)
 
-    That is a source without its last line, or an empty file of numba's cache.
+
+def _compiled_is_whole(path: Path) -> bool:
+    """Whether none of numba's files is empty, as a full disk or a power failure leaves it."""
+    try:
+        return all(file.stat().st_size for file in _compiled(path))
+    except FileNotFoundError:  # another process is discarding them
+        return False
+
+
+def _compiled(path: Path) -> list[Path]:
+    """Return numba's files of a kernel, but not those that are still being written (``.tmp``)."""
+    files = path.parent.glob(f"__pycache__/{path.stem}.*")
+    return [file for file in files if file.suffix in {".nbi", ".nbc"}]
+
+
+def _discard_compiled(path: Path) -> None:
+    """Remove all of numba's files of a kernel: a new index gives the old data's names away."""
+    for file in _compiled(path):
+        file.unlink(missing_ok=True)
+
+
+@contextmanager
+def _one_writer(path: Path) -> Iterator[None]:
+    """Let one thread of one process at a time write the files of a kernel."""
+    from filelock import FileLock  # late: only who writes waits for the import
+
+    lock = FileLock(path.with_suffix(".lock"))
+    try:
+        lock.acquire()
+    except (NotImplementedError, OSError):  # a file system without locks
+        yield
+        return
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _save_one_at_a_time(module: ModuleType, path: Path) -> None:
+    """Let a kernel's compiled functions be saved by one process at a time.
+
+    To save, numba reads the function's index, adds a signature and writes it back. Of two
+    processes that do so at once one signature is lost, or gets the code of the other.
     """
-    if path.exists() and not path.read_text("utf-8").endswith(_END):
-        path.unlink()
-    for compiled in path.parent.glob(f"__pycache__/{path.stem}.*"):
-        if compiled.stat().st_size == 0:
-            compiled.unlink()
+
+    def alone(save: Callable[..., None]) -> Callable[..., None]:
+        def save_alone(*arguments: object) -> None:
+            with _one_writer(path):
+                save(*arguments)
+
+        return save_alone
+
+    for value in vars(module).values():
+        cache: Any = getattr(value, "_cache", None)
+        if hasattr(cache, "save_overload"):
+            cache.save_overload = alone(cache.save_overload)
 
 
 @cache
@@ -122,7 +178,6 @@ def _generator_digest() -> str:
 
 
 def _write_atomically(path: Path, source: str) -> None:
-    # Two processes may build the same kernel at once; each then replaces the file by its equal.
     with tempfile.NamedTemporaryFile(
         "w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8"
     ) as file:
@@ -143,4 +198,5 @@ def _import(name: str, path: Path) -> ModuleType:
     except BaseException:
         del sys.modules[name]
         raise
+    _save_one_at_a_time(module, path)
     return module

@@ -92,8 +92,10 @@ class Table:
         if column.dtype == pl.String:
             column = column.str.strip_chars()
         values = column.cast(pl.Float64, strict=False).to_numpy()
-        # A sum is finite if all numbers are, and faster than asking each.
-        if not (np.isfinite(values.sum()) or np.isfinite(values).all()):
+        with np.errstate(all="ignore"):  # of numbers too large to be added
+            total = values.sum()
+        # It is finite only if all numbers are, and faster than asking each.
+        if not (np.isfinite(total) or np.isfinite(values).all()):
             index = int(np.argmin(np.isfinite(values)))
             raise RecordingError(
                 self.file, self.place(index, name), _bad_cell(self.frame[name][index])
