@@ -1,12 +1,13 @@
 """What the sums of a stream tell, beside what its head does.
 
 Least squares takes no account of what the prediction error does: friction that is dry, noise in the
-regressors, terms beyond the usual ones. How far that matters the head shows: there its least
-squares at other filter rates, and the prediction error, should say the same. How far they do not,
-beyond noise, counts as a standard deviation of the whole.
+regressors, terms beyond the usual ones. How far that matters the head shows: there least squares at
+other filter rates, and the prediction error, should say the same, and the whole log should say what
+its head says. Where they do not, and noise does not explain it, the difference counts as a standard
+deviation.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import nan
 
@@ -17,6 +18,7 @@ from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.streamed_least_squares import StreamedFit
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimate import Estimate
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
@@ -44,6 +46,7 @@ from flexid.recording.stream import LogStream
 # biases the answer.
 _RATES = (0.125, 0.25, 0.5, 2.0)
 
+_MATTERS = 0.01  # of a coefficient's value, from which on it is told that it moves
 _SEGMENT_DURATION = 1.0  # s over which the model has to follow what was kept out, if none is chosen
 
 
@@ -62,8 +65,10 @@ def stream_result(
     start, at_bound = bounded_fit(task.sums.fit, task.problem.unknowns, bounds)
     unknowns = task.problem.unknowns.fixing(at_bound)
     given = {**structure.fixed, **at_bound}
-    shifts = head_shifts(task, unknowns, head)
-    found = Estimate.of(start).widened(np.diag(shifts**2))
+    here = task.of_head(unknowns)
+    shifts = estimator_shifts(task, unknowns, here, head)
+    changes = _apart(here, start.values, _half_widths(start))
+    found = Estimate.of(start).widened(np.diag(shifts**2 + changes**2))
     estimate, against = with_prior_knowledge(joint, found, given, settings, input_unit, THRESHOLDS)
     trained = task.sums.fit(unknowns, [held.products for held in held_out])
     predicted = _predicted(task, unknowns, trained.values, held_out, head)
@@ -95,7 +100,7 @@ def stream_result(
         warnings=(
             *stream.head.warnings,
             *stream.warnings,
-            *_terms_warnings(left_out),
+            *_stream_warnings(left_out, start, shifts, changes),
             *contradicted,
             *against,
             *sign_warnings(estimates),
@@ -111,36 +116,49 @@ def stream_result(
     )
 
 
-def head_shifts(task: StreamTask, unknowns: Unknowns, head: Identification) -> FloatArray:
-    """How far each coefficient moves over the head with the way it is estimated, beyond noise.
+def estimator_shifts(
+    task: StreamTask, unknowns: Unknowns, here: LeastSquaresFit, head: Identification
+) -> FloatArray:
+    """How far each coefficient moves over the head with the way it is estimated.
 
-    Two estimates from the same log share part of their noise, so the root of the sum of the squares
-    of their intervals' half-widths bounds what noise alone does to their difference.
+    Parameters
+    ----------
+    task : StreamTask
+        What was chosen.
+    unknowns : Unknowns
+        What is sought.
+    here : LeastSquaresFit
+        Least squares of the head.
+    head : Identification
+        Its prediction error.
 
     Returns
     -------
     array, shape (k,)
-        In the coefficients' units; 0 where noise explains it all.
+        In the coefficients' units; 0 where noise explains it.
     """
-    here = task.of_head(unknowns)
-    found = [(fit.values, _half_widths(fit)) for fit in (task.of_head(unknowns, f) for f in _RATES)]
+    others = [task.of_head(unknowns, factor) for factor in _RATES]
+    shifts = [_apart(here, other.values, _half_widths(other)) for other in others]
     predicted = [head.coefficients.get(name) for name in here.names]
-    found.append(
-        (
-            np.array([nan if c is None else c.value for c in predicted]),
-            np.array([nan if c is None else 0.5 * np.ptp(c.interval) for c in predicted]),
-        )
-    )
-    shifts = np.zeros(len(here.names))
-    for values, half_widths in found:
-        with np.errstate(invalid="ignore"):
-            noise = np.hypot(_half_widths(here), half_widths)
-            beyond = np.abs(values - here.values) - noise
-        shifts = np.fmax(shifts, np.where(np.isfinite(beyond), beyond, 0.0))
-    return shifts
+    values = np.array([nan if c is None else c.value for c in predicted])
+    half_widths = np.array([nan if c is None else 0.5 * np.ptp(c.interval) for c in predicted])
+    return np.max([*shifts, _apart(here, values, half_widths)], axis=0)
 
 
-def _half_widths(fit: LeastSquaresFit) -> FloatArray:
+def _apart(here: LeastSquaresFit, values: FloatArray, half_widths: FloatArray) -> FloatArray:
+    """How far values are from a fit's; 0 where noise explains it.
+
+    Two estimates from the same log share part of their noise, so the root of the sum of the squares
+    of their intervals' half-widths bounds what noise alone does to their difference. What is beyond
+    counts whole: the same error that moves one fit may have widened the other's interval.
+    """
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(values - here.values)
+        explained = apart <= np.hypot(_half_widths(here), half_widths)
+    return np.where(explained | ~np.isfinite(apart), 0.0, apart)
+
+
+def _half_widths(fit: LeastSquaresFit | StreamedFit) -> FloatArray:
     """Half the width of each coefficient's interval; infinite where there is none."""
     quantiles = [quantile(freedom) for freedom in fit.degrees_of_freedom]
     with np.errstate(invalid="ignore"):
@@ -190,13 +208,38 @@ def _contradicted(head: Identification, given: Mapping[str, float]) -> tuple[str
     return tuple(dict.fromkeys(c.reason for c in known if c.status != "determined"))
 
 
-def _terms_warnings(terms: Sequence[str]) -> tuple[str, ...]:
-    if not terms:
-        return ()
-    return (
-        f"the head of the log shows {', '.join(terms)}, which least squares of a stream does not "
-        f"have: identify a shorter part of it without --stream",
-    )
+def _stream_warnings(
+    left_out: Sequence[str], fit: StreamedFit, shifts: FloatArray, changes: FloatArray
+) -> Iterator[str]:
+    """Warn of what least squares does not have, and of what moves."""
+    advice = "a shorter part of the log without --stream tells more"
+    if left_out:
+        yield (
+            f"the head of the log shows {', '.join(left_out)}, which least squares of a stream "
+            f"does not have: {advice}"
+        )
+    moved = _named(fit, shifts)
+    if moved:
+        yield (
+            f"over the head of the log {moved} by least squares differently from the prediction "
+            f"error; the intervals make allowance for that, and {advice}"
+        )
+    changed = _named(fit, changes)
+    if changed:
+        yield (
+            f"over the whole log {changed} differently from its head: the drive changed on the "
+            f"way; the intervals make allowance for that"
+        )
+
+
+def _named(fit: StreamedFit, moves: FloatArray) -> str:
+    """Coefficients that move by enough to matter, as the subject of a sentence."""
+    matters = moves > np.fmax(_MATTERS * np.abs(fit.values), 2.0 * fit.standard_deviations)
+    names = [name for name, it_does in zip(fit.names, matters, strict=True) if it_does]
+    if not names:
+        return ""
+    verb = "come" if len(names) > 1 else "comes"
+    return f"{', '.join(names)} {verb} out"
 
 
 def _sentence(stream: LogStream, held_out: Sequence[HeldOut]) -> str:
