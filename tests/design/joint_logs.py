@@ -7,13 +7,14 @@ from flexid.simulation.free_run import free_run
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 SAMPLE_TIME = 0.002
+FINE = SAMPLE_TIME / 10
 NOISE = 1e-4
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 
 
-def steady_sine(amplitude, frequency, duration=20.0):
+def steady_sine(amplitude, frequency, duration=20.0, sample_time=SAMPLE_TIME):
     """Torque that moves the link on one sine, shape (n,), and the state to start from."""
-    t = np.arange(0, duration, SAMPLE_TIME)
+    t = sample_time * np.arange(round(duration / sample_time))
     q = amplitude * np.sin(frequency * t)
     rates = [amplitude * frequency**n * np.cos(frequency * t) for n in (1, 3)]
     velocity, acceleration = rates[0], -(frequency**2) * q
@@ -29,11 +30,11 @@ def steady_sine(amplitude, frequency, duration=20.0):
 
 
 def write_log(path, torque, start, seed=11):
-    """Run the joint under a torque and write what two noisy encoders saw."""
-    t = SAMPLE_TIME * np.arange(len(torque))
-    x = free_run(flexible_joint(), TRUE, start, torque, SAMPLE_TIME)
+    """Run the joint under a smooth torque, given at `FINE`, and write what two encoders saw."""
+    x = free_run(flexible_joint(), TRUE, start, torque, FINE)[::10]
+    t = SAMPLE_TIME * np.arange(len(x))
     rng = np.random.default_rng(seed)
     positions = x[:, [0, 2]] + NOISE * rng.standard_normal((len(t), 2))
-    table = np.column_stack([t, positions, torque])
+    table = np.column_stack([t, positions, torque[::10]])
     np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
     return path

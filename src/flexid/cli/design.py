@@ -64,10 +64,11 @@ def design(
         if value is not None
     }
     file = read_drive(drive, estimate, choices)
+    errors = Console(stderr=True)
     columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with (
         nullcontext() if out is None else output_directory(out) as directory,
-        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
+        Progress(*columns, console=errors, transient=True) as progress,
     ):
         task = progress.add_task("searching", total=STEPS)
         result = run(file, seed, lambda name: progress.update(task, advance=1, description=name))
@@ -78,6 +79,8 @@ def design(
             (directory / "design.json").write_text(document, encoding="utf-8")
             save_command(result, directory)
             save_design_figure(result, directory)
+    for warning in file.warnings:
+        errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     if as_json:
         typer.echo(document, nl=False)
     else:

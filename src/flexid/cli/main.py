@@ -13,6 +13,7 @@ from flexid.cli.excitation import excitation
 from flexid.cli.identify import identify
 from flexid.cli.reproduce import reproduce
 from flexid.cli.simulate import simulate
+from flexid.cli.validate import validate
 from flexid.errors import FlexidError
 
 app = typer.Typer(
@@ -26,6 +27,7 @@ app = typer.Typer(
 
 # One line per command. Their modules import nothing heavy before they are called.
 app.command()(identify)
+app.command()(validate)
 app.command()(excitation)
 app.command()(design)
 app.command()(derive)

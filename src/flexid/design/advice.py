@@ -1,9 +1,10 @@
 """What to add to an input so that its motion tells every coefficient.
 
-The estimated model runs under the recorded input with one sine more, or under a multiple of the
-input, and what that motion would tell is assessed like the log itself. The smallest addition after
+The identified model runs under the recorded input with one sine more, or under a multiple of the
+input, and what that motion would tell is judged like the log itself. The smallest addition after
 which every coefficient counts as determined, and a margin, is the advice. Where the log does not
-even yield a model that could be run, a rule of thumb takes its place.
+even yield a model that could be run, a rule of thumb takes its place; where it is not the motion
+that is lacking, that is said instead.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,16 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexid.analysis.information import Information, segmented_information
-from flexid.design.assessment import Assessment, assess
+from flexid.design.rehearsal import Rehearsal
 from flexid.errors import SimulationError
 from flexid.estimators.samples import FloatArray, Samples
-from flexid.estimators.segments import divide, first_states
-from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.models.parametric_system import ParametricSystem
-from flexid.recording.recording import Hold
-from flexid.simulation.free_run import free_run, free_run_kernel
-from flexid.simulation.linearisation import jacobian
+from flexid.identification.estimates import POSITIVE
+from flexid.identification.judgement import THRESHOLDS, verdict
+from flexid.identification.result import Identification
 
 _FREQUENCIES = 12  # tried, evenly spaced on a logarithmic scale
 _LONGEST = 20.0  # s of the record that are run; the rest tells as much per second
@@ -30,7 +27,8 @@ _SAMPLES_PER_PERIOD = 20.0
 _LEAST, _MOST = 1 / 16, 32.0  # size of an addition, over the input's root mean square
 _STEP = 4.0  # between one amplitude and the next
 _REFINEMENTS = 4  # halvings of the last step, on a logarithmic scale
-_MARGIN = 1.25  # on the amplitude: the next log has other noise
+_MARGIN = 1.25  # on amplitude or length: the next log has other noise
+_MOST_TIMES = 100.0  # the length of the log
 # A second tone at 2.65 times the first with a fifth of its amplitude brings the condition number of
 # the flexible joint of Huang (2003), Table I, near 1 at any amplitude.
 _RULE_FREQUENCY, _RULE_AMPLITUDE = 2.65, 0.2
@@ -38,7 +36,7 @@ _RULE_FREQUENCY, _RULE_AMPLITUDE = 2.65, 0.2
 
 @dataclass(frozen=True)
 class Addition:
-    """A change of the input after which every coefficient can be told.
+    """A change of the input after which every coefficient would be determined.
 
     Parameters
     ----------
@@ -48,18 +46,19 @@ class Addition:
         Of the added sine in rad/s; 0 where the whole input is multiplied.
     weakest : str
         The coefficient that would then be told worst.
-    relative_deviation : float
-        Its predicted standard deviation over its value.
+    width : float
+        Half its predicted 95 % interval over its value.
     peak_input : float
         Largest magnitude of the new input.
     peak_position, peak_deflection : float
-        Largest magnitude of the link's position and of the deflection in rad, simulated.
+        Largest magnitude of the first row's position (the link's, where there are two encoders)
+        and of the deflection in rad, simulated.
     """
 
     amplitude: float
     angular_frequency: float
     weakest: str
-    relative_deviation: float
+    width: float
     peak_input: float
     peak_position: float
     peak_deflection: float
@@ -75,70 +74,23 @@ class Advice:
         The smallest sine that suffices.
     multiple : Addition or None
         The smallest multiple of the input that suffices.
+    longer : float or None
+        Seconds of the same motion that suffice.
     largest : float
         Largest amplitude of a sine that was tried, in the input's unit; 0 if none was.
     rule : tuple of float or None
         Amplitude and angular frequency (rad/s) of a sine by rule of thumb, where the log yields no
         model to try others on.
+    caution : str
+        What no other input would mend, in a sentence; empty if there is nothing of the kind.
     """
 
     sine: Addition | None
     multiple: Addition | None
+    longer: float | None
     largest: float
     rule: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Rehearsal:
-    """The estimated model, ready to run under other inputs.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-    values : array, shape (k,)
-        Its coefficients.
-    noise : array, shape (n_rows,)
-        Standard deviation of each position's noise.
-    hold : {"zero", "linear"}
-        Hold of the inputs.
-    filter_rate : float
-        Rate in 1/s at which the excitation is measured.
-    segment_duration : float
-        In s.
-    input_unit : str
-        Unit of the input.
-    """
-
-    system: ParametricSystem
-    values: FloatArray
-    noise: FloatArray
-    hold: Hold
-    filter_rate: float
-    segment_duration: float
-    input_unit: str
-
-    def first_state(self, samples: Samples) -> FloatArray:
-        """State at the start of a record."""
-        return first_states(divide([samples], self.segment_duration))[0]
-
-    def motion(self, start: FloatArray, inputs: FloatArray, sample_time: float) -> FloatArray:
-        """States under an input, shape (n, n_states)."""
-        coefficients = dict(zip(self.system.coefficients, self.values.tolist(), strict=True))
-        return free_run(self.system, coefficients, start, inputs, sample_time, self.hold)
-
-    def assessment(self, samples: Samples, repeats: float) -> Assessment:
-        """What a motion would tell if as much of it were recorded `repeats` times."""
-        segments = divide([samples], self.segment_duration)
-        states = first_states(segments)
-        once = segmented_information(
-            self.system, self.values, segments, states, self.noise, self.hold
-        )
-        information = Information(
-            once.names, once.values, once.matrix * repeats, once.covariance / repeats
-        )
-        fit = filtered_least_squares([samples], self.system, self.filter_rate, self.hold)
-        return assess(information, fit, self.input_unit)
+    caution: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,68 +102,79 @@ class _Trial:
     """
 
     rehearsal: Rehearsal
-    record: Samples
-    repeats: float
-    start: FloatArray
-    recorded_run: FloatArray
 
     def __call__(self, inputs: FloatArray, amplitude: float, rate: float) -> Addition | None:
         """The addition if it suffices, else None."""
-        record = self.record
+        rehearsal = self.rehearsal
         try:
-            run = self.rehearsal.motion(self.start, inputs, record.sample_time)
-            change = run - self.recorded_run
-            samples = replace(
-                record,
-                positions=record.positions + change[:, ::2],
-                velocities=None
-                if record.velocities is None
-                else record.velocities + change[:, 1::2],
-                inputs=inputs,
-            )
-            found = self.rehearsal.assessment(samples, self.repeats)
+            change = rehearsal.positions(inputs) - rehearsal.recorded
+            positions = rehearsal.record.positions + change
+            found = rehearsal.outlook(positions, inputs)
         except SimulationError:
             return None
-        if found.status != "determined":
+        if not found.enough:
             return None
-        weakest, positions = found.weakest, samples.positions
         return Addition(
             amplitude,
             rate,
-            weakest.name,
-            weakest.relative_deviation,
+            found.weakest,
+            found.widths[found.weakest],
             float(np.abs(inputs).max()),
             float(np.abs(positions[:, 0]).max()),
-            float(np.abs(positions[:, 0] - positions[:, 1]).max()),
+            float(np.abs(positions[:, 0] - positions[:, -1]).max()),
         )
 
 
-def advise(rehearsal: Rehearsal, pieces: Sequence[Samples]) -> Advice:
-    """Search the smallest addition after which every coefficient is determined.
+def advise(
+    result: Identification, pieces: Sequence[Samples], rehearse: Callable[[], Rehearsal]
+) -> Advice | None:
+    """Say what to add to the input of a log.
 
     Parameters
     ----------
-    rehearsal : Rehearsal
-        The model, as estimated.
+    result : Identification
+        Of the log.
     pieces : sequence of Samples
-        The log, with velocities.
+        The log.
+    rehearse : callable
+        Makes the model ready; called only where there is one that can be run.
 
     Returns
     -------
-    Advice
+    Advice or None
+        None where every coefficient is determined.
     """
-    record = _beginning(max(pieces, key=len))
-    size = float(np.sqrt(np.mean(record.inputs**2)))
-    repeats = sum(len(p) * p.sample_time for p in pieces) / (len(record) * record.sample_time)
-    start = rehearsal.first_state(record)
+    lacking = [c for c in result.coefficients.values() if c.status != "determined"]
+    if not lacking:
+        return None
+    if any(name in POSITIVE and c.value <= 0.0 for name, c in result.coefficients.items()):
+        return rule_of_thumb(pieces)
+    if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
+        return Advice(None, None, None, 0.0, caution=_capital(lacking[0].reason))
     try:
-        run = rehearsal.motion(start, record.inputs, record.sample_time)
+        rehearsal = rehearse()
+        advice = _tried(rehearsal)
     except SimulationError:
         return rule_of_thumb(pieces)
-    trial = _Trial(rehearsal, record, repeats, start, run)
+    return replace(advice, caution=_caution(result, rehearsal))
+
+
+def beginning(piece: Samples) -> Samples:
+    """As much of a piece as is run again and again."""
+    count = min(len(piece), int(_LONGEST / piece.sample_time))
+    return replace(
+        piece, positions=piece.positions[:count], velocities=None, inputs=piece.inputs[:count]
+    )
+
+
+def _tried(rehearsal: Rehearsal) -> Advice:
+    """The smallest additions that suffice."""
+    record = rehearsal.record
+    trial = _Trial(rehearsal)
+    size = float(np.sqrt(np.mean(record.inputs**2)))
     time = record.sample_time * np.arange(len(record), dtype=np.float64)
     best = None
-    for rate in _rates(rehearsal, record).tolist():
+    for rate in _rates(rehearsal).tolist():
         wave = np.sin(rate * time)[:, None]
         best = (
             _smallest(
@@ -222,18 +185,36 @@ def advise(rehearsal: Rehearsal, pieces: Sequence[Samples]) -> Advice:
             or best
         )
     multiple = _smallest(lambda a: trial(a * record.inputs, a, 0.0), 1.0, _MOST)
-    return Advice(best, multiple, _MOST * size)
+    return Advice(best, multiple, _longer(rehearsal), _MOST * size)
 
 
-def _beginning(piece: Samples) -> Samples:
-    """As much of a piece as is run again and again."""
-    count = min(len(piece), int(_LONGEST / piece.sample_time))
-    return replace(
-        piece,
-        positions=piece.positions[:count],
-        velocities=None if piece.velocities is None else piece.velocities[:count],
-        inputs=piece.inputs[:count],
-    )
+def _longer(rehearsal: Rehearsal) -> float | None:
+    """Seconds of the same motion that suffice; a wrong model stays wrong however long."""
+    if rehearsal.result.model_error.share > 0.0:
+        return None
+    now = rehearsal.outlook(rehearsal.record.positions, rehearsal.record.inputs)
+    lacking = [width for name, width in now.widths.items() if now.statuses[name] != "determined"]
+    times = _MARGIN * (max(lacking, default=0.0) / THRESHOLDS.determined_width) ** 2
+    return times * rehearsal.data.duration if 1.0 < times <= _MOST_TIMES else None
+
+
+def _caution(result: Identification, rehearsal: Rehearsal) -> str:
+    """What widens the intervals though the motion would do."""
+    if result.model_error.share > 0.0:
+        return (
+            "The residuals show that the drive has something which no term here describes, and "
+            "that widens the intervals, too: another motion narrows them less than said"
+        )
+    if rehearsal.in_white_noise.enough:
+        return (
+            "In white noise of the same size this motion would do: what widens the intervals are "
+            "residuals that depend on each other, of a sensor or of the recorded input"
+        )
+    return ""
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
 
 
 def rule_of_thumb(pieces: Sequence[Samples]) -> Advice:
@@ -241,7 +222,7 @@ def rule_of_thumb(pieces: Sequence[Samples]) -> Advice:
     spectrum = input_spectrum(max(pieces, key=len))
     place = int(np.argmax(spectrum[1]))
     rate, amplitude = map(float, spectrum[:, place])
-    return Advice(None, None, 0.0, (_RULE_AMPLITUDE * amplitude, _RULE_FREQUENCY * rate))
+    return Advice(None, None, None, 0.0, (_RULE_AMPLITUDE * amplitude, _RULE_FREQUENCY * rate))
 
 
 def input_spectrum(piece: Samples) -> FloatArray:
@@ -277,19 +258,13 @@ def _smallest(
     return tried(_MARGIN * enough) or found
 
 
-def _rates(rehearsal: Rehearsal, piece: Samples) -> FloatArray:
+def _rates(rehearsal: Rehearsal) -> FloatArray:
     """Angular frequencies in rad/s from a few periods per record to beyond the resonance."""
-    kernel = free_run_kernel(rehearsal.system)
-    constants = np.array(list(rehearsal.system.constants.values()), dtype=np.float64)
-    resting = np.zeros(len(rehearsal.system.states))
-    still = np.zeros(piece.inputs.shape[1])
-    matrix = jacobian(kernel, resting, still, rehearsal.values, constants)
-    duration = len(piece) * piece.sample_time
-    slowest = 2.0 * np.pi * _PERIODS / duration
-    poles = np.linalg.eigvals(matrix) if np.isfinite(matrix).all() else np.zeros(1)
+    record = rehearsal.record
+    slowest = 2.0 * np.pi * _PERIODS / (len(record) * record.sample_time)
     fastest = min(
-        _BEYOND_RESONANCE * float(np.abs(np.imag(poles)).max()),
-        2.0 * np.pi / (_SAMPLES_PER_PERIOD * piece.sample_time),
+        _BEYOND_RESONANCE * rehearsal.fastest,
+        2.0 * np.pi / (_SAMPLES_PER_PERIOD * record.sample_time),
     )
     exponents = np.linspace(np.log(slowest), np.log(max(fastest, 4.0 * slowest)), _FREQUENCIES)
     return np.asarray(np.exp(exponents), dtype=np.float64)

@@ -11,6 +11,7 @@ import numpy as np
 
 from flexid.design.drive import HIGHEST, Drive, Limits
 from flexid.errors import SettingError
+from flexid.models.flexible_joint import SHAPE_TERMS
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 _LARGEST_RAMP = 0.25  # of the duration, at either end
@@ -30,10 +31,13 @@ class DriveFile:
         What the file says.
     inputs : tuple of (str, str)
         Files read, with the hashes of their contents.
+    warnings : tuple of str
+        What of an estimate the design does not heed, or rests on at its peril.
     """
 
     drive: Drive
     inputs: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...] = ()
 
 
 def read_drive(
@@ -62,11 +66,12 @@ def read_drive(
     experiment = content.get("experiment")
     if isinstance(experiment, dict):
         experiment.update(choices or {})
+    warnings: list[str] = []
     if estimate is not None:
         better = read_bytes(estimate, "an estimate.json of flexid identify", _refusing(estimate))
         inputs.append((estimate.name, hashlib.sha256(better).hexdigest()))
-        _take_over(content, estimate, better)
-    return DriveFile(_drive(path, content), tuple(inputs))
+        warnings = _take_over(content, estimate, better)
+    return DriveFile(_drive(path, content), tuple(inputs), tuple(warnings))
 
 
 def _refusing(path: Path) -> Refuse:
@@ -75,18 +80,42 @@ def _refusing(path: Path) -> Refuse:
     )
 
 
-def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> None:
-    """Replace parameters by estimates of the same name."""
+def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> list[str]:
+    """Replace parameters by estimates of the same name; returns what is to be said of them."""
+    from flexid.design.drive_schema import EstimateContent
+
     try:
-        estimates = json.loads(raw.decode("utf-8"))["parameters"]
-        found = {name: float(estimate["value"]) for name, estimate in estimates.items()}
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        found = json.loads(raw.decode("utf-8"))
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict) or not isinstance(found.get("parameters"), dict):
         raise SettingError(
             str(path), "holds no parameters with values: give an estimate.json of flexid identify"
-        ) from None
+        )
+    estimate = validated(found, EstimateContent, _refusing(path))
+    warnings = []
+    shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
+    if shapes:
+        warnings.append(
+            f"{path}: a design knows nothing of {', '.join(shapes)}, so what it predicts leaves "
+            f"that out"
+        )
     parameters = content.get("parameters")
-    if isinstance(parameters, dict):
-        parameters.update({name: value for name, value in found.items() if name in parameters})
+    if not isinstance(parameters, dict):
+        return warnings
+    for name, parameter in estimate.parameters.items():
+        if name not in parameters:
+            continue
+        if parameter.value is None:
+            warnings.append(f"{path}: {name} has no value there, so that of the drive file stays")
+            continue
+        parameters[name] = parameter.value
+        if parameter.status == "undetermined":
+            warnings.append(
+                f"{path}: {name} is undetermined there, so the design rests on a guess: check its "
+                f"largest deviations"
+            )
+    return warnings
 
 
 def _drive(path: Path, content: dict[str, Any]) -> Drive:

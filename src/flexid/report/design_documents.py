@@ -9,21 +9,21 @@ from flexid.report.documents import excitation_summary
 
 def excitation_document(report: ExcitationReport) -> dict[str, Any]:
     """Everything of an excitation report but the spectrum."""
-    assessment = report.assessment
+    assessment, found = report.assessment, report.identification
+    alignment = found.choices.alignment
     return {
+        "model": found.model,
         "coefficients": {name: asdict(c) for name, c in assessment.coefficients.items()},
         "excitation": {row: excitation_summary(e) for row, e in assessment.excitation.items()},
-        "correlations": {
-            name: dict(zip(report.information.names, line, strict=True))
-            for name, line in zip(
-                report.information.names, report.information.correlations.tolist(), strict=True
-            )
-        },
+        "correlations": {name: dict(line) for name, line in assessment.correlations.items()},
         "advice": None if report.advice is None else asdict(report.advice),
         "noise": dict(report.noise),
-        "hold": report.hold,
-        "filter_rate": report.filter_rate,
+        "residual_excess": dict(found.residual_excess),
+        "terms": list(found.choices.terms),
+        "hold": found.choices.hold,
+        "input_delay": asdict(alignment.input_delay),
+        "link_delay": asdict(alignment.link_delay),
         "supported": report.supported,
-        "warnings": list(report.warnings),
-        "provenance": dict(report.provenance),
+        "warnings": list(found.warnings),
+        "provenance": dict(found.provenance),
     }

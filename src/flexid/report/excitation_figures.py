@@ -1,4 +1,4 @@
-"""Figure of what a log can tell: predicted deviations, and where the input has its power."""
+"""Figure of what a log can tell: widths of intervals, and where the input has its power."""
 
 from pathlib import Path
 
@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from flexid.design.assessment import DETERMINED_DEVIATION, WEAK_DEVIATION
 from flexid.design.excitation_report import ExcitationReport
+from flexid.identification.judgement import THRESHOLDS
 from flexid.report.style import (
     BLUE,
     GREY,
@@ -22,7 +22,7 @@ from flexid.report.style import (
     save,
 )
 
-_UNKNOWN = 10.0  # drawn for a deviation that is infinite
+_UNKNOWN = 10.0  # drawn for a width that is infinite
 _FLOOR = 1e-3  # of the spectrum, over its largest amplitude
 
 
@@ -33,30 +33,31 @@ def save_excitation_figure(report: ExcitationReport, directory: Path) -> None:
 
 
 def excitation_figure(report: ExcitationReport) -> Figure:
-    """Predicted deviations on the left, the input's tones on the right."""
+    """Widths of intervals on the left, the input's tones on the right."""
     figure = new_figure(height=3.6)
     left, right = figure.subplots(1, 2)
-    _draw_deviations(left, report)
+    _draw_widths(left, report)
     _draw_spectrum(right, report)
     return figure
 
 
-def _draw_deviations(ax: Axes, report: ExcitationReport) -> None:
-    coefficients = list(report.assessment.coefficients.values())
+def _draw_widths(ax: Axes, report: ExcitationReport) -> None:
+    coefficients = [c for c in report.assessment.coefficients.values() if c.std > 0.0]
     places = np.arange(len(coefficients))
-    alone = np.minimum([c.relative_deviation_alone for c in coefficients], _UNKNOWN)
-    told = np.minimum([c.relative_deviation for c in coefficients], _UNKNOWN)
+    told = np.minimum([c.width for c in coefficients], _UNKNOWN)
+    alone = np.array([c.width_alone for c in coefficients])
+    alone = np.where(np.isnan(alone), told, np.minimum(alone, _UNKNOWN))
     colours = [STATUS_COLOURS[c.status] for c in coefficients]
     ax.hlines(places, alone, told, color=GREY, linewidth=1.5, zorder=1)
     ax.scatter(alone, places, color=GREY, s=18, label="if all others were known", zorder=2)
     ax.scatter(told, places, color=colours, s=36, label="as it is", zorder=3)
-    ax.axvline(DETERMINED_DEVIATION, color=ORANGE, linestyle="--", linewidth=1.0)
-    ax.axvline(WEAK_DEVIATION, color=RED, linestyle="--", linewidth=1.0)
+    ax.axvline(THRESHOLDS.determined_width, color=ORANGE, linestyle="--", linewidth=1.0)
+    ax.axvline(THRESHOLDS.weak_width, color=RED, linestyle="--", linewidth=1.0)
     ax.set_xscale("log")
     ax.set_yticks(places, [c.name for c in coefficients])
     ax.invert_yaxis()
-    ax.set_xlabel("standard deviation over value (–)")
-    ax.set_title("Predicted; lines: weak, not told")
+    ax.set_xlabel("half the 95 % interval over the value (–)")
+    ax.set_title("Intervals; lines: weak, not told")
     ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.2), ncols=2)
 
 

@@ -1,15 +1,17 @@
 """The printed answer to what a log can tell, at most 100 columns wide."""
 
 from collections.abc import Iterator
-from math import isfinite, pi
+from math import isfinite, isnan, pi
 
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from flexid.design.advice import Addition, Advice
-from flexid.design.assessment import DETERMINED_DEVIATION, Assessment
+from flexid.design.assessment import Assessment, CoefficientAssessment
 from flexid.design.excitation_report import ExcitationReport
+from flexid.identification.judgement import THRESHOLDS
+from flexid.report.identification_table import format_with_interval
 from flexid.report.style import STATUS_COLOURS
 from flexid.report.terminal import print_parts, titled_table
 
@@ -21,9 +23,9 @@ def print_excitation(report: ExcitationReport) -> None:
 
 def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
     yield _table(report.assessment)
-    for c in report.assessment.coefficients.values():
+    for name, c in report.assessment.coefficients.items():
         if c.status != "determined":
-            yield Text(f"  {c.name}: {c.reason}", style=STATUS_COLOURS[c.status])
+            yield Text(f"  {name}: {c.reason}", style=STATUS_COLOURS[c.status])
     yield Text()
     for row, excitation in report.assessment.excitation.items():
         pair = " and ".join(excitation.correlated)
@@ -32,7 +34,8 @@ def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
             f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
         )
     noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
-    yield Text(f"Noise: {noise}; input hold: {report.hold}")
+    yield Text(f"Residuals: {noise}")
+    yield from map(Text, report.identification.summary)
     yield Text()
     for line in advice_lines(report.advice, report.input_unit):
         yield Text(line)
@@ -40,28 +43,33 @@ def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
 
 def _table(assessment: Assessment) -> Table:
     table = titled_table(
-        "What this log tells: predicted standard deviations, and what the partner costs",
-        collapse_padding=True,
+        "What this log tells: 95 % intervals, and what the partner costs", collapse_padding=True
     )
     table.add_column("coefficient", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
-    for heading in ("deviation", "alone", "times"):
+    for heading in ("within", "alone", "times"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("partner", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
-    for c in assessment.coefficients.values():
+    for name, c in assessment.coefficients.items():
         table.add_row(
-            c.name,
-            f"{c.value:.4g}",
+            name,
+            format_with_interval(c.value, *c.interval)[0],
             c.unit,
-            format_percent(c.relative_deviation),
-            format_percent(c.relative_deviation_alone),
-            f"{c.inflation:.2g}" if isfinite(c.inflation) else "unknown",
+            c.reason if c.std == 0.0 else format_percent(c.width),
+            "" if c.std == 0.0 or isnan(c.width_alone) else format_percent(c.width_alone),
+            _cost(c),
             f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
             Text(c.status, STATUS_COLOURS[c.status]),
         )
     return table
+
+
+def _cost(c: CoefficientAssessment) -> str:
+    if c.std == 0.0 or (isnan(c.width_alone) and isfinite(c.width)):
+        return ""
+    return f"{c.inflation:.2g}" if isfinite(c.inflation) else "unknown"
 
 
 def format_percent(share: float) -> str:
@@ -78,7 +86,7 @@ def format_percent(share: float) -> str:
 def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
     """What to add, in sentences."""
     if advice is None:
-        yield "Nothing needs to be added: every coefficient can be told."
+        yield "Nothing needs to be added: every coefficient is determined."
         return
     if advice.rule is not None:
         amplitude, rate = advice.rule
@@ -87,6 +95,12 @@ def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
             f"log yields no model to try others on. Then look again."
         )
         return
+    yield from _additions(advice, unit)
+    if advice.caution:
+        yield f"{advice.caution}."
+
+
+def _additions(advice: Advice, unit: str) -> Iterator[str]:
     if advice.sine is not None:
         sine = advice.sine
         yield (
@@ -94,7 +108,12 @@ def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
             f"{_outcome(sine, unit)}"
         )
     elif advice.largest > 0.0:
-        yield f"No single sine of up to {advice.largest:.3g} {unit} suffices: see flexid design."
+        yield (
+            f"No single sine of up to {advice.largest:.3g} {unit} beside this input suffices: see "
+            f"flexid design."
+        )
+    elif advice.caution:
+        yield "No other input mends what is amiss here:"
     else:
         yield "The input never moves: play one that does (see flexid design)."
     if advice.multiple is not None:
@@ -103,6 +122,8 @@ def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
             f"Or play the same input {multiple.amplitude:.3g} times as large. "
             f"{_outcome(multiple, unit)}"
         )
+    if advice.longer is not None:
+        yield f"Or record about {advice.longer:.2g} s of the same motion."
 
 
 def _frequency(rate: float) -> str:
@@ -110,11 +131,13 @@ def _frequency(rate: float) -> str:
 
 
 def _outcome(addition: Addition, unit: str) -> str:
-    goal = f", below {100 * DETERMINED_DEVIATION:.0f} %"
-    goal = goal if addition.relative_deviation <= DETERMINED_DEVIATION else ", which is negligible"
+    goal = THRESHOLDS.determined_width
+    kept = f", below {100 * goal:.0f} %" if addition.width <= goal else ", which is negligible"
+    deflection = (
+        f", deflection {addition.peak_deflection:.3g} rad" if addition.peak_deflection else ""
+    )
     return (
-        f"Then the worst, {addition.weakest}, is told to "
-        f"{format_percent(addition.relative_deviation)}{goal}; peaks: input "
-        f"{addition.peak_input:.3g} {unit}, link {addition.peak_position:.3g} rad, deflection "
-        f"{addition.peak_deflection:.3g} rad."
+        f"Then the worst, {addition.weakest}, is told within {format_percent(addition.width)}"
+        f"{kept}; peaks: input {addition.peak_input:.3g} {unit}, position "
+        f"{addition.peak_position:.3g} rad{deflection}."
     )

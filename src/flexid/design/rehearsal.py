@@ -1,0 +1,185 @@
+"""The identified model, ready to run under other inputs.
+
+What another input would tell is computed from the model's motion as the prediction error sees it:
+with the delays that are sought, over segments of the same length, in noise as large as the log's
+residuals. On the log itself that gives a standard deviation which the identification's exceeds, as
+residuals are correlated and no model is right; by that factor the prediction for another input is
+made larger, too.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from flexid.errors import SimulationError
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.segments import divide
+from flexid.identification.full_model import Data
+from flexid.identification.intervals import interval
+from flexid.identification.judgement import verdict
+from flexid.identification.rebuilt import Rebuilt
+from flexid.identification.result import CoefficientEstimate, Identification, Status
+
+_SLACK = 1.05  # on a standard deviation that must not grow
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What a motion would tell.
+
+    Parameters
+    ----------
+    widths : mapping of str to float
+        Half the predicted 95 % interval of each coefficient that is sought, over its value.
+    statuses : mapping of str to str
+        The verdicts on them.
+    """
+
+    widths: Mapping[str, float]
+    statuses: Mapping[str, Status]
+
+    @property
+    def enough(self) -> bool:
+        """Whether every coefficient would be determined."""
+        return all(status == "determined" for status in self.statuses.values())
+
+    @property
+    def weakest(self) -> str:
+        """The coefficient with the widest interval."""
+        return max(self.widths, key=lambda name: self.widths[name])
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """A model as identified, and the log that other inputs are tried on.
+
+    Parameters
+    ----------
+    model : Rebuilt
+        The model.
+    result : Identification
+        What was found with it.
+    record : Samples
+        The beginning of the longest piece.
+    group : int
+        The log that it comes from.
+    noise : array, shape (n_rows,)
+        Standard deviation of each position's residual.
+    data : Data
+        All that was measured.
+    """
+
+    model: Rebuilt
+    result: Identification
+    record: Samples
+    group: int
+    noise: FloatArray
+    data: Data
+
+    @property
+    def fastest(self) -> float:
+        """Angular frequency in rad/s of the joint's resonance, or else of the pendulum."""
+        p = dict(zip(self.model.unknowns.names, self.model.values.tolist(), strict=True))
+        p |= self.model.unknowns.fixed
+        squares = (
+            p.get("theta2", 0.0) + p.get("alpha1", 0.0),
+            p.get("theta1", 0.0),
+            p.get("gamma1", 0.0),
+        )
+        return float(np.sqrt(max(0.0, *squares)))
+
+    @property
+    def repeats(self) -> float:
+        """Length of all pieces over that of the record."""
+        return self.data.duration / (len(self.record) * self.record.sample_time)
+
+    def positions(self, inputs: FloatArray) -> FloatArray:
+        """Positions, shape (n, n_rows), from the start of the record on under other inputs.
+
+        Raises
+        ------
+        SimulationError
+            If the motion diverges.
+        """
+        record = replace(self.record, inputs=inputs)
+        segments = divide([record], self.data.duration)
+        problem, point = self.model.motion(segments, self.noise, self.data)
+        equations = problem.equations(point)
+        if not np.isfinite(equations.cost):
+            raise SimulationError("the model's motion diverges: see its coefficients", 0.0)
+        return problem.timely(point.values) - equations.residuals
+
+    @cached_property
+    def recorded(self) -> FloatArray:
+        """Positions under the recorded input."""
+        return self.positions(self.record.inputs)
+
+    def outlook(self, positions: FloatArray, inputs: FloatArray) -> Outlook:
+        """What a motion would tell if as much of it were recorded as there was in all.
+
+        Raises
+        ------
+        SimulationError
+            If the model's motion diverges from that motion.
+        """
+        factors = self._factors
+        deviations = self._deviations(positions, inputs)
+        return self._judged({name: factors[name] * std for name, std in deviations.items()})
+
+    @cached_property
+    def in_white_noise(self) -> Outlook:
+        """What the log itself would tell of a right model in white noise."""
+        return self._judged(self._of_the_log)
+
+    @cached_property
+    def _of_the_log(self) -> dict[str, float]:
+        return self._deviations(self.record.positions, self.record.inputs)
+
+    @cached_property
+    def _factors(self) -> dict[str, float]:
+        """Standard deviations of the identification over the prediction for its own log."""
+        found = {}
+        for name, predicted in self._of_the_log.items():
+            estimate = self._estimate(name)
+            factor = estimate.std / predicted if predicted > 0.0 else np.inf
+            found[name] = factor if np.isfinite(factor) and factor > 0.0 else np.nan
+        usable = [factor for factor in found.values() if np.isfinite(factor)]
+        middle = float(np.median(usable)) if usable else 1.0
+        return {name: f if np.isfinite(f) else middle for name, f in found.items()}
+
+    def _estimate(self, name: str) -> CoefficientEstimate:
+        coefficients = self.result.coefficients
+        own = f"{name}[{self.group + 1}]"
+        return coefficients[own if own in coefficients else name]
+
+    def _deviations(self, positions: FloatArray, inputs: FloatArray) -> dict[str, float]:
+        """Standard deviations of the coefficients in white noise."""
+        record = replace(self.record, positions=positions, inputs=inputs)
+        duration = self.result.choices.segment_duration or self.data.duration
+        segments = divide([record], duration)
+        problem, point = self.model.motion(segments, self.noise, self.data, self.result.fit.names)
+        equations = problem.equations(point)
+        if not np.isfinite(equations.cost):
+            raise SimulationError("the model's motion diverges within a segment", 0.0)
+        reduced = problem.solve(equations)
+        variances = np.where(reduced.free, np.inf, np.diag(reduced.inverse)) / self.repeats
+        deviations = dict(zip(problem.names, np.sqrt(variances).tolist(), strict=True))
+        return {name: deviations[name] for name in self.model.unknowns.names}
+
+    def _judged(self, deviations: Mapping[str, float]) -> Outlook:
+        fit = self.result.fit
+        freedom = dict(zip(fit.names, fit.degrees_of_freedom, strict=True))
+        least = min((f for f in freedom.values() if f > 0.0), default=1.0)
+        widths, statuses = {}, {}
+        for name, std in deviations.items():
+            now = self._estimate(name)
+            of_fit = freedom.get(now.name, least)
+            ends = interval(now.value, std, of_fit if of_fit > 0.0 else least)
+            # What is as small as it is stays so while it is told as well.
+            small = now.status == "determined" and std <= _SLACK * now.std
+            statuses[name], _ = verdict(now.value, ends, 0.0 if small else np.inf)
+            half = 0.5 * (ends[1] - ends[0])
+            widths[name] = half / abs(now.value) if now.value else np.inf
+        return Outlook(widths, statuses)
