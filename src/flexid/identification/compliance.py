@@ -15,7 +15,7 @@ from flexid.recording.velocities import position_noise
 WEAK_FIT = 50.0
 """Part of the deflection, in per cent, that the spring has to explain in a free run to be one."""
 
-_DURATION = 1.0  # s, segments of the rival's fit: a wrong model follows no longer ones
+_DURATION = 0.3  # s, segments of the rival's fit: a wrong model follows no longer ones
 _BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
 
 
@@ -53,7 +53,7 @@ def _rigid_fits(structure: Structure, pieces: Pieces) -> dict[str, float]:
     rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
     try:
         start, _ = least_squares_start(rival, training, 20.0)
-        found = climb(rival, training, start, lengths(training, _DURATION))
+        found = climb(rival, training, start, lengths(training, _DURATION, _DURATION))
     except (ConvergenceError, SettingError):
         return dict.fromkeys(joint.channels, np.nan)
     whole = data_of(joint, pieces.whole, pieces.groups)

@@ -295,7 +295,7 @@ def climb(
     start : mapping of str to float
         Where to begin; what is missing starts at zero.
     ladder : sequence of Segments
-        From short to long, each of twice the length of the one before.
+        From short to long, each of several of the one before put together.
     states : array, shape (n_segments, n_states), optional
         Where the states of the first length begin, if not near the measured positions.
 
@@ -312,6 +312,9 @@ def climb(
     found: list[Fitted] = []
     values = dict(start)
     for segments in ladder:
+        if found:
+            before = found[-1].minimum.point.initial_states
+            states = before[:: len(before) // len(segments)]
         try:
             fitted = _fit_segments(structure, data, segments, values, states, ROUGH)
         except ConvergenceError:
@@ -320,7 +323,6 @@ def climb(
             break
         found.append(fitted)
         values = {**values, **fitted.by_name}
-        states = fitted.minimum.point.initial_states[::2]
     return found
 
 
@@ -359,7 +361,7 @@ def fit_to(
     ConvergenceError
         If it does not converge.
     """
-    ladder = lengths(data, duration)
+    ladder = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
     found = climb(structure, data, start, ladder)
     if len(found) < len(ladder):
         raise ConvergenceError(

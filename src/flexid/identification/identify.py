@@ -14,6 +14,7 @@ from flexid.identification.compliance import compare_with_rigid, one_encoder
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
 from flexid.identification.excitations import row_excitation
 from flexid.identification.full_model import (
+    FINE,
     LINK,
     Data,
     Fitted,
@@ -21,6 +22,7 @@ from flexid.identification.full_model import (
     data_of,
     fit_to,
     least_squares_start,
+    refit,
 )
 from flexid.identification.intervals import interval
 from flexid.identification.joint import Joint, flexible, rigid
@@ -260,7 +262,14 @@ def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
     shapes = choice.structure.joint.shapes & choice.structure.absent
     usual = replace(choice.full, absent=choice.full.absent | shapes)
     try:
-        return fit_to(usual, whole, reported.by_name, choice.duration)[0]
+        return refit(
+            usual,
+            whole,
+            reported.by_name,
+            reported.problem.segments,
+            FINE,
+            reported.minimum.point.initial_states,
+        )
     except ConvergenceError:
         return reported
 

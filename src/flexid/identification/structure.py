@@ -228,10 +228,11 @@ _HOLD_WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "
 def _best_hold(found: Mapping[Hold, list[Fitted]]) -> tuple[Hold, str]:
     """The hold that explains the log best; where none does, the one that needs least delay."""
     if len(found) == 1:
-        (hold,) = found
-        return hold, "as given"
+        return next(iter(found)), "as given"
     farthest = max(map(len, found.values()))
-    last = [(hold, fits[-1]) for hold, fits in found.items() if len(fits) == farthest]
+    last: list[tuple[Hold, Fitted]] = [
+        (hold, fits[-1]) for hold, fits in found.items() if len(fits) == farthest
+    ]
     last.sort(key=lambda pair: pair[1].minimum.equations.cost)
     (best, fitted), others = last[0], last[1:]
     if not others:
