@@ -1,0 +1,115 @@
+"""Logs of a flexible joint from the integrator of the blind trials, which is not flexid's.
+
+Whatever acts is given by the names of its drive; a smooth torque of many tones, encoders with
+white noise.
+"""
+
+import numpy as np
+from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
+
+from flexid.recording.recording import Log, Recording
+
+JOINT = {
+    "link_inertia": 1.0,
+    "motor_inertia": 0.3,
+    "joint_stiffness": 100.0,
+    "gravity_torque": 5.0,
+    "motor_viscous": 0.2,
+}
+"""What acts in every log, in SI units; Table I of Huang (2003)."""
+
+TRUTH = {
+    "link_inertia": 1.0,
+    "motor_inertia": 0.3,
+    "joint_stiffness": 100.0,
+    "gravity_torque": 5.0,
+    "motor_viscous_friction": 0.2,
+}
+"""The same by flexid's names."""
+
+COEFFICIENTS = {
+    "theta1": 5.0,
+    "theta2": 100.0,
+    "alpha1": 1000 / 3,
+    "alpha2": 2 / 3,
+    "beta1": 10 / 3,
+}
+
+SAMPLE_TIME = 2e-3
+NOISE = 1e-5  # rad
+
+TONES = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0, 25.0, 31.0])  # rad/s
+AMPLITUDES = np.array([2.5, 3.0, 4.0, 4.0, 4.0, 4.0, 4.0, 6.0, 8.0])  # N m
+
+_TABLE_STEP = 1e-4  # s
+_LONGEST = 5e-4  # s, steps
+
+
+def made(
+    seed: int,
+    duration: float = 10.0,
+    *,
+    noise: float = NOISE,
+    held: bool = False,
+    input_delay: float = 0.0,
+    link_delay: float = 0.0,
+    torque_noise: float = 0.0,
+    size: float = 1.0,
+    **more: float,
+) -> Recording:
+    """One recording.
+
+    Parameters
+    ----------
+    seed : int
+        Of the tones' phases and of all noise.
+    duration : float
+        In s.
+    noise, torque_noise : float
+        Standard deviations, in rad and N m; the torque's is in no log.
+    held : bool
+        Whether the torque is held between samples.
+    input_delay, link_delay : float
+        In s.
+    size : float
+        Of the torque.
+    more
+        What else acts, or acts otherwise: fields of `Drive`.
+    """
+    rng = np.random.default_rng(seed)
+    phases = rng.uniform(0.0, 2.0 * np.pi, len(TONES))
+    times = SAMPLE_TIME * np.arange(1, round(duration / SAMPLE_TIME) + 1)
+
+    def torque(at: np.ndarray) -> np.ndarray:
+        return size * np.sin(np.outer(at, TONES) + phases) @ AMPLITUDES
+
+    table = torque(np.arange(-0.02, duration + 0.04, _TABLE_STEP))
+    smooth = Smooth(np.empty(0) if held else table, input_delay - 0.02, _TABLE_STEP)
+    states, link = simulate(
+        Drive(**{**JOINT, **more}),
+        times,
+        times - link_delay,
+        times + input_delay,
+        torque(times),
+        torque_noise * rng.standard_normal(len(times)),
+        smooth,
+        Law(),
+        np.zeros((len(times), 3)),
+        0.0,
+        _LONGEST,
+    )
+    errors = noise * rng.standard_normal((2, len(times)))
+    return Recording(
+        SAMPLE_TIME,
+        float(times[0]),
+        link + errors[0],
+        states[:, 2] + errors[1],
+        torque(times),
+        "N m",
+        source=f"made {seed}",
+    )
+
+
+def log(piece: Recording) -> Log:
+    """A log of one piece."""
+    return Log((piece,), (), piece.source, piece.source)

@@ -1,0 +1,205 @@
+"""Which terms stay: on made-up quadratic forms whose answer is known, and on small logs."""
+
+from dataclasses import dataclass, field, replace
+from typing import cast
+
+import numpy as np
+import pytest
+from scipy.stats import norm, t
+
+from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.identification.full_model import Fitted, Structure
+from flexid.identification.joint import flexible
+from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.structure import eliminate
+
+JOINT = flexible()
+MANY = 1e9  # degrees of freedom: as good as normal
+
+
+@dataclass
+class _Fit:
+    covariance: np.ndarray
+    degrees_of_freedom: tuple[float, ...]
+
+
+@dataclass
+class _Quadratic:
+    """A fit of which only its sum of squares about the minimum is known."""
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    information: np.ndarray
+    freedom: float = MANY
+    spread: np.ndarray | float = 1.0  # true standard deviations over those of white noise
+    sought: tuple[str, ...] = ()
+    structure: Structure = field(init=False)
+
+    def __post_init__(self) -> None:
+        base = {name.partition("[")[0] for name in self.names}
+        absent = frozenset(JOINT.optional - base)
+        self.structure = Structure(JOINT, absent, Timing("zero", {}, self.sought))
+
+    @property
+    def unit_deviations(self) -> np.ndarray:
+        return np.sqrt(np.diag(np.linalg.pinv(self.information)))
+
+    @property
+    def fit(self) -> _Fit:
+        deviations = self.unit_deviations * self.spread
+        return _Fit(np.diag(deviations**2), (self.freedom,) * len(self.names))
+
+
+def left(quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=THRESHOLDS) -> set[str]:
+    """Optional coefficients and delays that stay."""
+    structure, _ = eliminate(cast(Fitted, quadratic), kept, thresholds)
+    names = {name.partition("[")[0] for name in quadratic.names}
+    return (names & JOINT.optional) - structure.absent | {*structure.timing.sought}
+
+
+def alone(name: str, deviations: float, **more) -> _Quadratic:
+    """Spring and gain beside one number so many standard deviations from zero."""
+    names = ("theta2", "alpha1", "beta1", name)
+    values = np.array([100.0, 300.0, 3.0, 0.1 * deviations])
+    return _Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0]), **more)
+
+
+def normal(chance: float) -> float:
+    """Standard deviations from zero that chance exceeds so often, to either side."""
+    return float(norm.isf(chance / 2.0))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("name", "chance"), [("theta_offset", 0.02), ("theta1", 0.02), ("alpha_saturation", 0.001)]
+)
+def test_chance_decides(name, chance, side):
+    """Assert that a usual term stays if chance is below one in 50, a shape if below one in 1000."""
+    assert left(alone(name, side * (normal(chance) + 0.02))) == {name}
+    assert left(alone(name, side * (normal(chance) - 0.02))) == set()
+
+
+def test_few_degrees_of_freedom_ask_for_more():
+    """Assert that with five degrees of freedom Student's t decides, not the normal distribution."""
+    edge = float(t.isf(0.01, 5.0))
+    assert edge > normal(0.02) + 0.5
+    assert left(alone("theta_offset", edge + 0.02, freedom=5.0)) == {"theta_offset"}
+    assert left(alone("theta_offset", edge - 0.02, freedom=5.0)) == set()
+
+
+def test_correlated_residuals_ask_for_more():
+    """Assert that where deviations are three times those of white noise, a term needs as much."""
+    edge = 3.0 * normal(0.02)
+    assert left(alone("theta_offset", edge + 0.05, spread=3.0)) == {"theta_offset"}
+    assert left(alone("theta_offset", edge - 0.05, spread=3.0)) == set()
+
+
+@pytest.mark.parametrize(
+    "name", ["alpha2", "theta_viscous", "theta_coulomb", "alpha_damping", "alpha_drag"]
+)
+def test_negative_friction_goes(name):
+    """Assert that a friction up to four deviations below zero is none, and stays beyond."""
+    assert left(alone(name, -3.9)) == set()
+    assert left(alone(name, -4.1)) == {name}
+    assert left(alone(name, 3.9)) == {name}
+
+
+def test_negative_gravity_stays():
+    """Assert that what may have either sign is not taken for a friction."""
+    assert left(alone("theta1", -3.9)) == {"theta1"}
+
+
+def test_what_is_to_stay_stays():
+    """Assert that what the user names stays whatever the log says, be it negative."""
+    assert left(alone("alpha2", -0.1), kept=("alpha2",)) == {"alpha2"}
+
+
+def test_spring_and_gain_stay():
+    """Assert that what every joint has is no term that could go."""
+    quadratic = alone("theta1", 0.1)
+    structure, tests = eliminate(cast(Fitted, quadratic), (), THRESHOLDS)
+    assert not {"theta2", "alpha1", "beta1"} & structure.absent
+    assert [test.name for test in tests] == ["theta1"]
+
+
+@pytest.mark.parametrize(("size", "stays"), [(2.4, True), (2.2, False)])
+def test_delays_go_like_terms(size, stays):
+    """Assert that a delay which chance explains is sought no more."""
+    quadratic = alone(INPUT, size, sought=(INPUT,))
+    structure, _ = eliminate(cast(Fitted, quadratic), (), THRESHOLDS)
+    assert structure.timing.sought == ((INPUT,) if stays else ())
+
+
+def test_others_follow_along_the_quadratic_form():
+    """Assert that what stays is judged by its value after the others went, with its new width.
+
+    Offset and cosine share their information, r = 0.9: with one gone the other's deviation falls
+    to √(1 - r²) of what it was, and its value moves by r times that of the one that went.
+    """
+    r = 0.9
+    covariance = np.array([[1.0, r], [r, 1.0]])
+    information = np.zeros((5, 5))
+    information[:3, :3] = 1e4 * np.eye(3)
+    information[3:, 3:] = np.linalg.inv(covariance)
+    names = ("theta2", "alpha1", "beta1", "theta_cosine", "theta_offset")
+    values = np.array([100.0, 300.0, 3.0, 1.5, 2.0])
+    quadratic = _Quadratic(names, values, information)
+    structure, tests = eliminate(cast(Fitted, quadratic), (), THRESHOLDS)
+    found = {test.name: test for test in tests}
+    assert "theta_cosine" in structure.absent
+    assert not found["theta_cosine"].kept
+    assert (found["theta_cosine"].value, found["theta_cosine"].std) == pytest.approx((1.5, 1.0))
+    assert found["theta_offset"].kept == ("theta_offset" not in structure.absent)
+    offset = (2.0 - r * 1.5, np.sqrt(1.0 - r**2))
+    assert (found["theta_offset"].value, found["theta_offset"].std) == pytest.approx(offset)
+    expected = 2.0 * norm.sf(offset[0] / offset[1])
+    assert found["theta_offset"].probability == pytest.approx(expected, rel=1e-3)
+
+
+def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
+    """Assert that a shape that does just what a usual term does goes first, wherever it stands."""
+    information = np.diag([1e4, 1e4, 1e4, 0.0, 0.0])
+    information[3:, 3:] = 100.0
+    for pair in (("alpha_coulomb", "alpha_stribeck"), ("alpha_backlash", "alpha_offset")):
+        names = ("theta2", "alpha1", "beta1", *pair)
+        values = np.array([100.0, 300.0, 3.0, 0.5, 0.5])
+        (usual,) = {*pair} - JOINT.shapes
+        assert left(_Quadratic(names, values, information)) == {usual}
+
+
+def test_least_probable_goes_first():
+    """Assert that of two that could go the one goes that is nearer to zero, and saves the other.
+
+    Both together are each less than two deviations from zero; either alone is far from it.
+    """
+    r = 0.95
+    information = np.zeros((5, 5))
+    information[:3, :3] = 1e4 * np.eye(3)
+    information[3:, 3:] = np.linalg.inv(np.array([[1.0, -r], [-r, 1.0]]))
+    names = ("theta2", "alpha1", "beta1", "theta1", "theta_offset")
+    for values, expected in (([1.9, 1.6], "theta1"), ([1.6, 1.9], "theta_offset")):
+        quadratic = _Quadratic(names, np.array([100.0, 300.0, 3.0, *values]), information)
+        assert left(quadratic) == {expected}
+
+
+def test_offset_of_one_log_keeps_the_term():
+    """Assert that an offset which one log shows is sought in all logs."""
+    names = ("theta2", "alpha1", "beta1", "theta_offset[1]", "theta_offset[2]")
+    values = np.array([100.0, 300.0, 3.0, 0.05, 1.0])
+    assert left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0]))) == {
+        "theta_offset"
+    }
+
+
+@pytest.mark.parametrize(
+    ("changed", "name", "deviations"),
+    [
+        ({"term_chance": 0.5}, "theta_offset", 1.0),
+        ({"shape_chance": 0.1}, "alpha_saturation", 2.0),
+        ({"friction_sign": 2.0}, "alpha2", -3.0),
+    ],
+)
+def test_thresholds_are_those_given(changed, name, deviations):
+    """Assert that each of the three limits is taken from the thresholds."""
+    assert left(alone(name, deviations)) == set()
+    assert left(alone(name, deviations), thresholds=replace(THRESHOLDS, **changed)) == {name}
