@@ -61,7 +61,7 @@ def test_the_paper_needs_no_velocity():
 def test_coefficients_that_need_velocities_are_named():
     """Assert that Coulomb friction is what needs a velocity among all terms of the joint."""
     needed = emitted(flexible_joint(TERMS), "VELOCITY_NEEDED")
-    assert needed == "('theta_coulomb', 'alpha_coulomb', 'alpha_holding')"
+    assert needed == "('theta_coulomb', 'alpha_coulomb')"
 
 
 def test_a_known_part_counts_as_a_signal():

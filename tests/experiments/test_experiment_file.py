@@ -169,7 +169,7 @@ FAULTS = {
     "too short": (TEXT.replace("= 30.0 #", "= 1e-4 #"), "run.duration", "sample time"),
     "no inertia": (TEXT.replace("= 1.0 # kg", "= 0.0 # kg"), "plant.link_inertia", "positive"),
     "term": (TEXT.replace('"gravity"', '"gravitation"'), "model.terms.1", "take one of"),
-    "term of fits": (TEXT.replace('"gravity"', '"motor_stiction"'), "model.terms.1", "take one of"),
+    "term of fits": (TEXT.replace('"gravity"', '"backlash"'), "model.terms.1", "take one of"),
     "term without value": (TEXT.replace('"gravity"', '"link_viscous"'), "plant.gravity", "terms"),
     "value of no term": (
         TEXT.replace("[plant]", "[plant]\njoint_damping = 1.0"),

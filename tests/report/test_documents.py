@@ -3,15 +3,55 @@
 import json
 
 import pytest
+from made_result import made_result
 
 from flexid.errors import SettingError
-from flexid.report.documents import output_directory, to_json
+from flexid.report.documents import identification_document, output_directory, to_json
 
 
 def test_json_has_no_infinities():
     """Assert that infinities and NaN become null, deep inside, so that any reader can parse."""
     text = to_json({"a": [float("inf"), {"b": float("nan")}], "c": (1.5, "x")})
     assert json.loads(text) == {"a": [None, {"b": None}], "c": [1.5, "x"]}
+
+
+@pytest.fixture(scope="module")
+def document():
+    """Return the document of an identification as any reader of JSON has it."""
+    return json.loads(to_json(identification_document(made_result())))
+
+
+def test_an_estimate_comes_back_from_its_document(document):
+    """Assert that coefficients, parameters and what was removed hold all that was found."""
+    made = made_result()
+    for kind in ("coefficients", "parameters", "removed"):
+        assert list(document[kind]) == list(getattr(made, kind))
+    assert document["coefficients"]["alpha_coulomb"] == {
+        "value": 2.0,
+        "std": 0.5,
+        "interval": [1.0, 3.0],
+        "unit": "rad/s^2",
+        "status": "weak",
+        "reason": "its interval is wide",
+    }
+    assert document["removed"]["joint_damping"]["interval"] == [-3e-4, 5e-4]
+    assert document["removed"]["gravity_angle"]["interval"] == [None, None]
+
+
+def test_the_evidence_is_in_the_document(document):
+    """Assert that model error, horizons, delays and evidence of terms are there."""
+    assert document["model_error"]["excess"] == 1.05
+    assert list(document["validation"]["horizons"]) == ["0.05", "0.2", "1"]
+    assert document["validation"]["horizons"]["1"]["motor_position"] == 99.4
+    assert document["choices"]["input_delay"]["interval"] == [0.00287, 0.00317]
+    assert document["choices"]["term_evidence"][1]["name"] == "alpha_cubic"
+    assert document["choices"]["segment_evidence"][0]["duration"] == 0.995
+
+
+def test_the_same_result_gives_the_same_document():
+    """Assert that no order depends on a run."""
+    texts = {to_json(identification_document(made_result())) for _ in range(2)}
+    assert len(texts) == 1
 
 
 def test_output_appears_whole(tmp_path):

@@ -1,8 +1,11 @@
-"""Numbers in the printed table."""
+"""The printed answer, and the numbers in it."""
 
 import pytest
+from made_result import made_result
 
-from flexid.report.identification_table import format_with_interval
+from flexid.identification.result import ModelError
+from flexid.report.identification_table import format_with_interval, print_identification
+from flexid.report.terminal import WIDTH
 
 
 @pytest.mark.parametrize(
@@ -17,3 +20,54 @@ from flexid.report.identification_table import format_with_interval
 def test_digits_follow_the_interval(numbers, expected):
     """Assert that no more digits are printed than the interval's width justifies."""
     assert format_with_interval(*numbers) == expected
+
+
+@pytest.fixture
+def printed(capsys):
+    """Return a function that prints a result and gives what stands on the page."""
+
+    def of(result):
+        print_identification(result, explain=True)
+        return capsys.readouterr().out
+
+    return of
+
+
+def test_the_answer_fits_the_page(printed):
+    """Assert that no line is wider than 100 columns and nothing is cut off."""
+    page = printed(made_result())
+    assert max(map(len, page.splitlines())) <= WIDTH
+    assert "…" not in page
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Residual over the sensors' noise: link_position 1.02, motor_position 3.04",
+        "Prediction over 0.05, 0.2, 1 s: link_position 99.9, 99.7, 99.5 %",
+        "Prediction over 0.05, 0.2, 1 s: motor_position 99.8, 99.6, 99.4 %",
+        "  alpha_coulomb: its interval is wide",
+    ],
+)
+def test_the_evidence_is_printed(printed, line):
+    """Assert that residuals by position, horizons and reasons have a line each."""
+    assert line in [each.rstrip() for each in printed(made_result()).splitlines()]
+
+
+def test_a_channel_at_rest_has_no_horizons(printed):
+    """Assert that what is not tested is not predicted either."""
+    assert "s: deflection" not in printed(made_result())
+
+
+def test_what_the_model_does_without_is_bounded(printed):
+    """Assert that a removed parameter shows the far end of its interval, or that none is known."""
+    page = " ".join(printed(made_result()).split())
+    assert "Without: joint_damping below 0.0005 N m s/rad, gravity_angle, of which" in page
+
+
+def test_a_model_error_is_told(printed):
+    """Assert that a model error says how large residuals are and what the intervals hold of it."""
+    assert "Model error: none" in printed(made_result())
+    page = " ".join(printed(made_result(ModelError(16.0, 9.0, 0.72))).split())
+    assert "Model error: the intervals hold 72 %" in page
+    assert "residuals of 4 times the noise" in page

@@ -246,7 +246,10 @@ def _sentence(stream: LogStream, held_out: Sequence[HeldOut]) -> str:
     """What the stream did, for the summary."""
     head = stream.head_rows * stream.sample_time
     whole = stream.rows * stream.sample_time
-    runs = f"; {len(held_out)} stretches of it were kept out and predicted" if held_out else ""
+    kept_out = (
+        "1 stretch of it was" if len(held_out) == 1 else f"{len(held_out)} stretches of it were"
+    )
+    runs = f"; {kept_out} kept out and predicted" if held_out else ""
     return (
         f"Stream: all of this was chosen on the first {head:.4g} s; then {stream.rows} samples "
         f"({_duration(whole)}) were fitted in one pass{runs}."
