@@ -75,7 +75,9 @@ def _approach(problem: SegmentedMotion, point: Point, tolerance: float, halvings
     return minimise(problem, Point(found.values, found.initial_states[::2]), tolerance)
 
 
-def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimum:
+def minimise(
+    problem: SegmentedMotion, point: Point, tolerance: float, *, insist: bool = True
+) -> Minimum:
     """Least sum of squares near a point.
 
     Parameters
@@ -86,6 +88,8 @@ def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimu
         Where to start.
     tolerance : float
         The iteration ends where the next step is shorter than this, in standard deviations.
+    insist : bool, optional
+        Whether it has to end there; if not, the least that was found is the answer.
 
     Raises
     ------
@@ -110,11 +114,11 @@ def minimise(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimu
             point, equations, damping = _descend(problem, point, equations, reduced, damping)
         except ConvergenceError:
             # Dry friction makes the sum of squares rough; its bottom may be between two steps.
-            if reduced.decrement > _FLAT * equations.cost:
+            if insist and reduced.decrement > _FLAT * equations.cost:
                 raise
             return Minimum(point, equations, reduced, iterations, float(last_step))
     reduced = problem.solve(equations)
-    if reduced.decrement <= _FLAT * equations.cost:  # to and fro over a rough bottom
+    if not insist or reduced.decrement <= _FLAT * equations.cost:  # to and fro over a rough bottom
         return Minimum(point, equations, reduced, _ITERATIONS, float(last_step))
     raise ConvergenceError(
         "prediction error",

@@ -26,6 +26,7 @@ from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_s
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.joint import Joint
+from flexid.models.flexible_joint import DISSIPATIVE
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import position_noise
 
@@ -43,6 +44,8 @@ START_RATES = (20.0, 60.0, 7.0)
 
 _MARGIN = 0.03  # s at both ends of a piece in which late channels have no partner
 _LARGEST_MARGIN = 0.05  # of a piece
+_SPRINGS = ("theta2", "alpha1", "beta1")
+_CURVATURES = ("alpha_cubic", "theta_cubic")
 _FINEST = 1e-9  # noise over the largest position that is still told from none
 
 
@@ -237,7 +240,25 @@ def least_squares_start(
     hold = "zero" if structure.timing.hold == "zero" else "linear"
     fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
     values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-    return {**structure.timing.delays, **values}, fit
+    return {**structure.timing.delays, **_passive(values)}, fit
+
+
+def _passive(values: Mapping[str, float]) -> dict[str, float]:
+    """Values of a joint that no motion can run away from: where a fit may begin.
+
+    Least squares of channels that do not match in time has frictions that feed energy in, and
+    springs that push.
+    """
+    found = {}
+    for name, value in values.items():
+        base = name.partition("[")[0]
+        if base in DISSIPATIVE:
+            found[name] = max(value, 0.0)
+        elif base in _SPRINGS:
+            found[name] = abs(value)
+        else:
+            found[name] = 0.0 if base in _CURVATURES else value
+    return found
 
 
 def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
@@ -283,6 +304,7 @@ def climb(
     start: Mapping[str, float],
     ladder: Sequence[Segments],
     states: FloatArray | None = None,
+    insist: bool = True,
 ) -> list[Fitted]:
     """Fit over segments of growing length, each from where the one before it ended.
 
@@ -298,6 +320,8 @@ def climb(
         From short to long, each of several of the one before put together.
     states : array, shape (n_segments, n_states), optional
         Where the states of the first length begin, if not near the measured positions.
+    insist : bool, optional
+        Whether the shortest segments have to be fitted well; if not, as well as may be.
 
     Returns
     -------
@@ -316,7 +340,9 @@ def climb(
             before = found[-1].minimum.point.initial_states
             states = before[:: len(before) // len(segments)]
         try:
-            fitted = _fit_segments(structure, data, segments, values, states, ROUGH)
+            fitted = _fit_segments(
+                structure, data, segments, values, states, ROUGH, insist=insist or bool(found)
+            )
         except ConvergenceError:
             if not found:
                 raise
@@ -426,6 +452,8 @@ def _fit_segments(
     start: Mapping[str, float],
     states: FloatArray | None,
     tolerance: float,
+    *,
+    insist: bool = True,
 ) -> Fitted:
     unknowns = structure.unknowns(data.groups)
     timing = replace(structure.timing, relative_to=data.relative_to)
@@ -433,7 +461,7 @@ def _fit_segments(
     states = first_states(segments) if states is None or len(states) != len(segments) else states
     point = Point(np.array([start.get(name, 0.0) for name in problem.names]), states)
     problem = problem.at(point, 1.0 / data.noise)
-    found = minimise(problem, point, tolerance)
+    found = minimise(problem, point, tolerance, insist=insist)
     duration = float(np.mean(segments.lengths * segments.sample_times))
     return Fitted(structure, data, problem, found, duration)
 

@@ -35,6 +35,10 @@ from flexid.recording.recording import Hold
 
 _ROUNDS = 2  # of taking away and fitting over longer segments
 _HOLD_DURATION = 0.5  # s of segments from which on the holds of an input are told apart
+_BARE = frozenset(
+    {"theta1", "alpha2", "alpha_coulomb", "theta_offset", "alpha_offset"}
+    | {"gamma1", "gamma_viscous", "gamma_coulomb", "gamma_offset"}
+)
 _CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
 
 Progress = Callable[[str], None]
@@ -133,10 +137,24 @@ def choose_structure(
             break  # the wider model does not follow; what it said of shorter segments stands
         structure, evidence = eliminate(wider, kept, thresholds)
     fitted = best if best.structure is structure else _fit_like(structure, best)
+    while fitted is not None:
+        # Far from where it was expanded a quadratic form is none; the leaner fit has its own.
+        leaner, own = eliminate(fitted, kept, thresholds)
+        evidence = _latest(evidence, own)
+        if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
+            break
+        structure, fitted = leaner, _fit_like(leaner, fitted)
     tests = tuple(_length_test(one) for one in found)
     if fitted is None:
         structure, fitted = best.structure, best
     return Choice(wider.structure, structure, fitted, evidence, tests, hold_reason)
+
+
+def _latest(
+    before: Sequence[TermEvidence], after: Sequence[TermEvidence]
+) -> tuple[TermEvidence, ...]:
+    """Evidence on every term, the later where there is some."""
+    return tuple({e.name: e for e in (*before, *after)}.values())
 
 
 def _wider(best: Fitted, with_shapes: bool) -> Fitted:
@@ -174,22 +192,22 @@ def _climbed(
 def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> list[Fitted]:
     """Climb from the least squares that leads farthest and fits best."""
     best: list[Fitted] = []
-    error: ConvergenceError | None = None
     for rate in START_RATES:
         start, _ = least_squares_start(structure, data, rate)
         try:
             found = climb(structure, data, start, ladder)
-        except ConvergenceError as problem:
-            error = problem
+        except ConvergenceError:
             continue
         if len(found) > len(best) or found[-1].excess < best[-1].excess:
             best = found
         if len(best) == len(ladder):
             return best
-    if not best:
-        assert error is not None
-        raise error
-    return best
+    if best:
+        return best
+    # Nothing of this kind of drive: the least that a joint has, be the fit as bad as it may.
+    bare = replace(structure, absent=structure.absent | (structure.joint.optional - _BARE))
+    start, _ = least_squares_start(bare, data, START_RATES[0])
+    return climb(bare, data, start, ladder, insist=False)
 
 
 def _onward(last: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
@@ -306,6 +324,7 @@ def eliminate(
         [thresholds.shape_chance if b in joint.shapes else thresholds.term_chance for b in base]
     )
     frictions = np.array([b in DISSIPATIVE for b in base])
+    delays = np.array([b in full.structure.timing.sought for b in base])
     quadratic = _Quadratic.of(full)
     left = np.ones(len(names), dtype=np.bool_)
     tests: dict[str, TermEvidence] = {}
@@ -314,10 +333,14 @@ def eliminate(
         chance = 2.0 * stdtr(quadratic.freedom, -np.abs(values) / deviations)
         negative = frictions & (values < 0.0) & (values > -thresholds.friction_sign * deviations)
         ratio = np.where(negative, 1.0, chance) / limits
+        # A channel later than the margin of the data has no partner there.
+        ratio[delays & (np.abs(values) > full.data.margin)] = np.inf
         candidates = [i for i in np.flatnonzero(left) if may_go[i] and (ratio[i] > 1.0)]
         free = [i for i in candidates if not np.isfinite(deviations[i])]
         tests |= {
-            names[i]: TermEvidence(names[i], True, values[i], deviations[i], chance[i])
+            names[i]: TermEvidence(
+                names[i], True, float(values[i]), float(deviations[i]), float(chance[i])
+            )
             for i in np.flatnonzero(left)
             if may_go[i]
         }
@@ -355,7 +378,8 @@ class _Quadratic:
         return cls(
             information,
             information @ full.values,
-            np.where(usable, factors, middle),
+            # Few blocks may agree by chance; the sensors' noise is there in any case.
+            np.maximum(np.where(usable, factors, middle), 1.0),
             np.where(usable & (freedom > 0.0), freedom, 5.0),
         )
 
