@@ -40,7 +40,7 @@ def test_an_estimate_comes_back_from_its_document(document):
 
 def test_the_evidence_is_in_the_document(document):
     """Assert that model error, horizons, delays and evidence of terms are there."""
-    assert document["model_error"]["excess"] == 1.05
+    assert document["model_error"] == {"excess": 0.05, "growth": 0.9, "share": 0.0}
     assert list(document["validation"]["horizons"]) == ["0.05", "0.2", "1"]
     assert document["validation"]["horizons"]["1"]["motor_position"] == 99.4
     assert document["choices"]["input_delay"]["interval"] == [0.00287, 0.00317]

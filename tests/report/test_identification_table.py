@@ -66,8 +66,7 @@ def test_what_the_model_does_without_is_bounded(printed):
 
 
 def test_a_model_error_is_told(printed):
-    """Assert that a model error says how large residuals are and what the intervals hold of it."""
+    """Assert that a model error says how large it is and how much of it repeats itself."""
     assert "Model error: none" in printed(made_result())
-    page = " ".join(printed(made_result(ModelError(16.0, 9.0, 0.72))).split())
-    assert "Model error: the intervals hold 72 %" in page
-    assert "residuals of 4 times the noise" in page
+    page = " ".join(printed(made_result(ModelError(16.0, 1.2, 0.72))).split())
+    assert "the residuals hold 4 times the sensors' noise beyond it, 72 % of that" in page

@@ -64,12 +64,12 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
 
 
 def _model_error(error: ModelError) -> str:
-    """What terms beyond the model find in the residuals, and what follows."""
+    """What residuals beyond the sensors' noise say of the model."""
     if error.share == 0.0:
         return "Model error: none that shows in the residuals"
     return (
-        f"Model error: the intervals hold {100 * error.share:.0f} % of the largest that residuals "
-        f"of {error.excess**0.5:.3g} times the noise allow"
+        f"Model error: the residuals hold {error.excess**0.5:.2g} times the sensors' noise beyond "
+        f"it, {100 * error.share:.0f} % of that as an error that repeats itself"
     )
 
 
