@@ -122,3 +122,13 @@ def test_samples_of_each_piece():
     pieces = [record(300, 0.01), record(10, 0.03), record(200, 0.02)]
     segments = divide(pieces, 1.0, margin=0.1)
     assert segments.by_piece() == [(slice(0, 300), 0.01), (slice(300, 500), 0.02)]
+
+
+def test_merging_undoes_halving():
+    """Assert that halves put together are the whole ones, and that an odd number has no pairs."""
+    segments = divide([record(400), record(250, start_time=9.0)], 1.0, margin=0.05)
+    whole = segments.halved().merged()
+    assert whole is not None
+    for name in ("starts", "lengths", "sample_times", "start_times", "pieces"):
+        assert np.array_equal(getattr(whole, name), getattr(segments, name))
+    assert divide([record(400), record(300)], 1.0).merged() is None

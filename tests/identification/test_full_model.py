@@ -1,0 +1,191 @@
+"""The model of a log and its fit over segments of growing length, against made logs."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from made_joint import COEFFICIENTS, NOISE, SAMPLE_TIME, made
+from scipy.stats import t
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.identification.full_model import (
+    FINE,
+    LINK,
+    LONGEST,
+    SHORTEST,
+    Data,
+    Structure,
+    climb,
+    data_of,
+    fit_to,
+    least_squares_start,
+    lengths,
+    refit,
+)
+from flexid.identification.joint import flexible
+from flexid.models.flexible_joint import PAPER_TERMS
+from flexid.recording.recording import Recording
+from flexid.recording.velocities import with_velocities
+
+JOINT = flexible()
+ON = {c for term in PAPER_TERMS for c in JOINT.terms[term]}
+PAPER = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"))
+
+
+def data(*pieces: Recording) -> Data:
+    """Pieces as a fit takes them, each of its own log."""
+    return data_of(JOINT, [with_velocities(piece) for piece in pieces], range(len(pieces)))
+
+
+@pytest.fixture(scope="module")
+def late() -> Data:
+    """Eight seconds whose torque acts 1.3 ms and whose link is read 0.7 ms late."""
+    return data(made(11, 8.0, input_delay=1.3e-3, link_delay=0.7e-3))
+
+
+def test_noise_is_that_of_the_encoders(late):
+    """Assert that each position's noise is found from it alone, to a tenth."""
+    assert late.noise == pytest.approx([NOISE, NOISE], rel=0.1)
+    assert late.relative_to == {}
+
+
+def test_deflection_is_late_against_the_motor():
+    """Assert that of a log with a deflection the link is known to be late relative to the motor."""
+    piece = replace(made(1, 0.5), link_from_deflection=True)
+    assert data(piece).relative_to == {"link": "motor"}
+
+
+def test_noiseless_positions_have_a_noise():
+    """Assert that a weight is finite where the positions have no noise at all."""
+    piece = made(1, 0.5, noise=0.0)
+    still = replace(piece, motor_position=np.zeros(len(piece)))
+    assert np.all(data(still).noise > 0.0)
+
+
+def test_lengths_double():
+    """Assert that each length holds two segments of the one before, down to short ones.
+
+    Both ends of the log are left to what is late.
+    """
+    ladder = lengths(data(made(1, 12.0, noise=0.0)))
+    durations = [float(np.mean(s.lengths * s.sample_times)) for s in ladder]
+    assert durations[0] < 2.0 * SHORTEST
+    assert durations[-1] < 1.5 * LONGEST  # whole parts of the log
+    for short, long in pairwise(ladder):
+        assert np.array_equal(short.starts[::2], long.starts)
+        assert len(short) == 2 * len(long)
+    assert ladder[-1].starts[0] == 15  # 30 ms
+    assert ladder[-1].lengths.sum() == 6000 - 30
+
+
+def test_delays_and_coefficients_are_found_together(late):
+    """Assert that from least squares all is found within its 99.9 % interval, to 0.1 per cent."""
+    structure = replace(PAPER, timing=Timing("cubic", sought=(INPUT, LINK)))
+    start, _ = least_squares_start(structure, late, 20.0)
+    found = climb(structure, late, start, lengths(late))
+    assert [fitted.duration for fitted in found] == sorted(fitted.duration for fitted in found)
+    last = refit(
+        structure,
+        late,
+        found[-1].by_name,
+        found[-1].problem.segments,
+        FINE,
+        found[-1].minimum.point.initial_states,
+    )
+    truth = np.array([*COEFFICIENTS.values(), 1.3e-3, 0.7e-3])
+    assert last.names == (*COEFFICIENTS, INPUT, LINK)
+    assert last.values == pytest.approx(truth, rel=1e-3)
+    quantile = t.ppf(0.9995, np.array(last.fit.degrees_of_freedom))
+    deviations = np.maximum(last.fit.standard_deviations, last.unit_deviations)
+    assert np.all(np.abs(last.values - truth) < quantile * deviations)
+    assert last.excess == pytest.approx(1.0, abs=0.1)
+    assert last.delays == pytest.approx({INPUT: 1.3e-3, LINK: 0.7e-3, "motor_delay": 0.0}, rel=1e-3)
+
+
+def test_short_segments_forgive_a_bad_start(late):
+    """Assert that from values two or three times wrong short segments lead to long ones."""
+    timing = Timing("cubic", {INPUT: 1.3e-3, LINK: 0.7e-3})
+    start = {"theta1": 0.0, "theta2": 40.0, "alpha1": 800.0, "alpha2": 0.0, "beta1": 7.0}
+    found = climb(replace(PAPER, timing=timing), late, start, lengths(late))
+    assert found[-1].duration > 0.5 * late.duration
+    assert found[-1].values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)
+
+
+def test_least_squares_starts_no_motion_that_runs_away(late):
+    """Assert that frictions start from zero on, and springs and inertias above it.
+
+    Least squares of a log whose link is read 20 ms late finds frictions that feed energy in.
+    """
+    early = replace(PAPER, absent=PAPER.absent - {"theta_viscous", "alpha_cubic", "theta_cubic"})
+    seen = replace(late.samples[0], positions=late.samples[0].positions.copy())
+    seen.positions[10:, 0] = late.samples[0].positions[:-10, 0]
+    start, fit = least_squares_start(early, replace(late, samples=(seen,)), 20.0)
+    assert dict(zip(fit.names, fit.values, strict=True))["theta_viscous"] < 0.0
+    assert start["theta_viscous"] == 0.0
+    assert min(start["theta2"], start["alpha1"], start["beta1"]) > 0.0
+    assert start["alpha_cubic"] == 0.0
+
+
+def test_a_start_that_leads_nowhere_is_said(late):
+    """Assert that a start from which even short segments run away is an error."""
+    with pytest.raises(ConvergenceError):
+        climb(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
+
+
+def test_fit_to_other_data():
+    """Assert that values nearly right are fitted to other data over segments of a given length."""
+    other = data(made(12, 4.0))
+    found, rungs = fit_to(PAPER, other, {c: 1.02 * v for c, v in COEFFICIENTS.items()}, 1.0)
+    assert found.duration == pytest.approx(1.0, rel=0.1)
+    assert found in rungs
+    durations = [rung.duration for rung in rungs]
+    assert durations == sorted(durations)
+    assert durations[-1] == pytest.approx(4.0, rel=0.1)
+    assert found.values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)
+
+
+def test_coefficient_ends_at_its_bound():
+    """Assert that a friction that has to be greater than it is ends at its bound, and is fixed."""
+    bounded = replace(PAPER, bounds={"alpha2": (1.0, 2.0)})
+    found, _ = fit_to(bounded, data(made(12, 4.0)), COEFFICIENTS, 1.0)
+    assert found.at_bound == {"alpha2": 1.0}
+    assert "alpha2" not in found.names
+    place = found.problem.unknowns.system.coefficients.index("alpha2")
+    assert found.coefficients(0)[place] == 1.0
+
+
+def test_given_coefficient_is_kept():
+    """Assert that a given motor gain is not sought, and that a wrong one is not made up for."""
+    given = replace(PAPER, fixed={"beta1": 10 / 3})
+    found, _ = fit_to(given, data(made(12, 4.0)), COEFFICIENTS, 1.0)
+    assert found.names == ("theta1", "theta2", "alpha1", "alpha2")
+    wrong, _ = fit_to(replace(PAPER, fixed={"beta1": 4.0}), found.data, COEFFICIENTS, 1.0)
+    assert wrong.excess > 100.0 * found.excess
+
+
+def test_what_is_taken_away_is_gone():
+    """Assert that coefficients become absent and delays zero, offsets of every log together."""
+    timing = Timing("zero", {INPUT: 0.01}, (INPUT, LINK))
+    full = Structure(JOINT, frozenset(JOINT.shapes), timing)
+    less = full.without(["theta_offset[1]", "theta_offset[2]", INPUT, "theta1"])
+    assert less.absent == full.absent | {"theta_offset", "theta1"}
+    assert less.timing == Timing("zero", {}, (LINK,))
+    assert "gravity" not in less.terms
+    assert "link_offset" not in less.terms
+
+
+def test_terms_are_those_with_a_coefficient_of_their_own():
+    """Assert that a spring's damping counts by its motor side, from which the other follows."""
+    on = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "alpha_damping"}), Timing("zero"))
+    assert on.terms == ("gravity", "joint_damping")
+    off = Structure(JOINT, frozenset(JOINT.optional - {"theta1", "theta_damping"}), Timing("zero"))
+    assert off.terms == ("gravity",)
+
+
+def test_margin_is_small_in_a_short_log():
+    """Assert that no more than a twentieth of the shortest piece is left out at either end."""
+    assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
+    assert data(made(1, 8.0)).margin == pytest.approx(0.03)
+    assert data(made(1, 8.0)).duration == pytest.approx(4000 * SAMPLE_TIME)
