@@ -82,12 +82,15 @@ class Equations:
         Right-hand sides.
     residuals : array, shape (n_samples, n_outputs)
         Measured less computed outputs.
+    diverged : array of bool, shape (n_segments,)
+        Segments whose motion did.
     """
 
     cost: float
     normal: FloatArray
     gradient: FloatArray
     residuals: FloatArray
+    diverged: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,7 +322,7 @@ class SegmentedMotion:
         if not np.all(np.abs(normal) < _LARGEST):
             cost = np.inf
         normal, gradient = self._gathered(normal, gradient, point.values, wanted)
-        return Equations(cost, normal, gradient, residuals)
+        return Equations(cost, normal, gradient, residuals, ~np.isfinite(costs))
 
     def _gathered(
         self,

@@ -38,11 +38,12 @@ from flexid.identification.result import (
     ModelError,
     ObserverTrace,
     ParameterEstimate,
+    Validation,
 )
 from flexid.identification.settings import Settings, check_for
 from flexid.identification.structure import Choice, choose_structure
 from flexid.identification.summary import summary
-from flexid.identification.validation import validate
+from flexid.identification.validation import misprediction, validate
 from flexid.identification.warnings import (
     compliance_warnings,
     model_warnings,
@@ -50,7 +51,7 @@ from flexid.identification.warnings import (
     validation_warnings,
 )
 from flexid.models.terms import SMOOTHING
-from flexid.recording.recording import Log
+from flexid.recording.recording import Hold, Log
 from flexid.recording.velocities import with_velocities
 
 Progress = Callable[[str], None]
@@ -104,10 +105,7 @@ def identify(
     job = _job(pieces, settings)
     training = data_of(job.joint, pieces.fitted, pieces.groups)
     whole = data_of(job.joint, pieces.whole, pieces.groups)
-    choice = job.chosen(training, progress, thresholds)
-    progress("predicting the held-out data")
-    validation = validate(choice.fitted, whole, pieces.starts)
-
+    choice, validation = _predicting(job, training, whole, pieces, progress, thresholds)
     progress("fit to all data")
     reported, rungs, retreat = _reported(choice, whole)
     error = model_error(reported, rungs, thresholds)
@@ -197,9 +195,18 @@ class _Job:
     given: Mapping[str, float]
     settings: Settings
 
-    def chosen(self, training: Data, progress: Progress, thresholds: Thresholds) -> Choice:
-        """The structure that some data show."""
+    def chosen(
+        self,
+        training: Data,
+        progress: Progress,
+        thresholds: Thresholds,
+        rival_of: Choice | None = None,
+    ) -> Choice:
+        """The structure that some data show; as a rival of another, without its unusual terms."""
         settings = self.settings
+        holds: Sequence[Hold] = ("zero", "cubic") if settings.hold == "auto" else (settings.hold,)
+        if rival_of is not None:
+            holds = (rival_of.structure.timing.hold,)
         smooth = settings.coulomb_velocity
         joint = self.joint.scaled(training.samples)
         if smooth != "auto":
@@ -216,9 +223,9 @@ class _Job:
         return choose_structure(
             base,
             training,
-            ("zero", "cubic") if settings.hold == "auto" else (settings.hold,),
+            holds,
             stay,
-            settings.terms == "auto",
+            settings.terms == "auto" and rival_of is None,
             () if duration == "auto" else (duration,),
             progress,
             thresholds,
@@ -239,6 +246,32 @@ def _job(pieces: Pieces, settings: Settings) -> _Job:
     check_for(joint, settings)
     given = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
     return _Job(joint, input_unit, given, settings)
+
+
+def _predicting(
+    job: _Job,
+    training: Data,
+    whole: Data,
+    pieces: Pieces,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> tuple[Choice, Validation]:
+    """The structure that the data before the held-out ends show, and how it predicts these.
+
+    Terms beyond the usual ones have to pay there: a rig with too little data for them is better
+    described without.
+    """
+    choice = job.chosen(training, progress, thresholds)
+    progress("predicting the held-out data")
+    validation = validate(choice.fitted, whole, pieces.starts)
+    if job.settings.terms != "auto" or choice.structure.joint.shapes <= choice.structure.absent:
+        return choice, validation
+    progress("the usual terms alone as a rival")
+    rival = job.chosen(training, progress, thresholds, choice)
+    other = validate(rival.fitted, whole, pieces.starts)
+    if misprediction(validation) < misprediction(other):
+        return choice, validation
+    return rival, other
 
 
 def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:

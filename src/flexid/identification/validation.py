@@ -23,6 +23,7 @@ HORIZONS = (0.05, 0.2, 1.0, 5.0)
 _WARM_UP = 0.5  # s of data before a prediction from which its first state is taken
 _MOST_STEPS = 10
 _CONVERGED = 1e-6  # relative fall of the sum of squares by a step that ends the search
+_SMALLEST, _LARGEST = 1e-9, 1e4  # per cent of the motion, errors that are compared
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
 
 
@@ -86,6 +87,14 @@ def validate_with(
             predicted = _predictions(joint, problem, values, data, origins, horizon)
             horizons[horizon] = _percent(joint, predicted, spreads)
     return Validation(_percent(joint, runs, spreads), tuple(runs), horizons)
+
+
+def misprediction(validation: Validation) -> float:
+    """Mean logarithm of the errors over horizons and channels: what a better model has less of."""
+    fits = [f for by_channel in validation.horizons.values() for f in by_channel.values()]
+    fits += list(validation.fit_percent.values())
+    errors = np.array([100.0 - fit for fit in fits if not np.isnan(fit)])
+    return float(np.mean(np.log(np.clip(errors, _SMALLEST, _LARGEST)))) if len(errors) else 0.0
 
 
 def _origins(length: int, start: int, sample_time: float, horizon: float) -> list[int]:
@@ -156,12 +165,13 @@ def _predictions(
     for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):
         part = slice(first + skipped, first + length)
         seen = measured[part]
-        predicted = seen - equations.residuals[part]
-        if not np.isfinite(equations.cost):
-            predicted = np.full_like(seen, np.inf)
+        channels = joint.channels_of(seen)
+        predicted = joint.channels_of(seen - equations.residuals[part])
+        if equations.diverged[s]:
+            predicted = np.full_like(channels, np.inf)
         samples = data.samples[pieces[s]]
         time = samples.time[places[s] : places[s] + len(seen)]
-        runs.append(FreeRun(time, joint.channels_of(seen), joint.channels_of(predicted)))
+        runs.append(FreeRun(time, channels, predicted))
     return runs
 
 
@@ -220,5 +230,6 @@ def _spread(stretches: Sequence[FloatArray]) -> FloatArray:
 def _percent(joint: Joint, runs: Sequence[FreeRun], spreads: FloatArray) -> dict[str, float]:
     squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
     error = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in runs))
-    fits = 100.0 * (1.0 - error / spreads)
+    with np.errstate(invalid="ignore"):
+        fits = 100.0 * (1.0 - error / spreads)
     return dict(zip(joint.channels, map(float, fits), strict=True))
