@@ -1,0 +1,105 @@
+"""What residuals add to the intervals, on made logs with more, or noisier, than the model has."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from made_joint import COEFFICIENTS, made
+from scipy.stats import t
+
+from flexid.estimators.segmented_motion import Timing
+from flexid.identification.estimate import Estimate
+from flexid.identification.full_model import Fitted, Structure, data_of, fit_to
+from flexid.identification.joint import flexible
+from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.model_error import model_error, widened
+from flexid.identification.result import ModelError
+from flexid.models.flexible_joint import PAPER_TERMS
+from flexid.recording.velocities import with_velocities
+
+JOINT = flexible()
+ON = {c for term in PAPER_TERMS for c in JOINT.terms[term]}
+PAPER = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"))
+TRUTH = np.array([*COEFFICIENTS.values()])
+
+
+@cache
+def fitted(seed: int, held: bool = False, **more: float) -> tuple[Fitted, ModelError]:
+    """The paper's model fitted to ten seconds of a drive that may have more, and its error."""
+    recording = with_velocities(made(seed, 10.0, held=held, **more))
+    structure = replace(PAPER, timing=Timing("zero" if held else "cubic"))
+    data = data_of(JOINT, [recording], (0,))
+    found, rungs = fit_to(structure, data, COEFFICIENTS, 1.0)
+    return found, model_error(found, rungs, THRESHOLDS)
+
+
+def misses(found: Fitted, estimate: Estimate) -> np.ndarray:
+    """Errors over half the 95 % intervals: beyond 1 an interval misses the truth."""
+    half = t.ppf(0.975, np.array(estimate.degrees_of_freedom)) * estimate.deviations
+    return np.abs(found.values - TRUTH) / half
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_right_model_is_not_widened(seed):
+    """Assert that white noise of the sensors is no model error, and intervals stay as they are.
+
+    But none is narrower than this noise makes it.
+    """
+    found, error = fitted(seed)
+    assert error.share == 0.0
+    deviations = widened(found, error).deviations
+    least = np.maximum(found.fit.standard_deviations, found.unit_deviations)
+    assert deviations == pytest.approx(least, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_backlash_widens(seed):
+    """Assert that a gap of 6 mrad, which no term describes, is seen, and that its bias is covered.
+
+    The fit's own intervals miss the stiffness by far.
+    """
+    found, error = fitted(seed, half_gap=0.003)
+    assert error.share > 0.5
+    assert misses(found, Estimate.of(found.fit)).max() > 2.0
+    assert misses(found, widened(found, error)).max() < 1.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_ripple_of_the_torque_widens(seed):
+    """Assert that a torque that repeats ten times a turn is seen, and that its bias is covered."""
+    found, error = fitted(seed, ripple_torque=0.5, ripple_number=10.0)
+    assert error.share > 0.5
+    assert misses(found, widened(found, error)).max() < 1.0
+
+
+@pytest.mark.xfail(reason="its residuals grow like noise", strict=True)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_saturating_torque_widens(seed):
+    """Assert that a torque that falls 10 % short at its peak is seen, and its bias is covered."""
+    found, error = fitted(seed, saturation=0.1, peak_torque=30.0)
+    assert misses(found, widened(found, error)).max() < 1.0
+
+
+@pytest.mark.xfail(reason="its residuals do not grow like noise here", strict=True)
+@pytest.mark.parametrize("size", [0.3, 2.0])
+def test_noise_of_the_torque_is_no_model_error(size):
+    """Assert that a torque with white noise makes residuals large without widening anything."""
+    found, error = fitted(1, held=True, torque_noise=size)
+    assert found.excess > 100.0
+    assert misses(found, Estimate.of(found.fit)).max() < 1.5
+    assert error.share == 0.0
+
+
+def test_error_is_what_residuals_beyond_noise_allow():
+    """Assert that the whole allowance is the deviation for unit noise by the root of their sum.
+
+    Half the share, a quarter of the variance.
+    """
+    found, _ = fitted(1)
+    freedom = found.problem.degrees_of_freedom
+    none = widened(found, ModelError(9.0, 0.0, 0.0)).covariance
+    more = [widened(found, ModelError(9.0, 0.0, share)).covariance - none for share in (1.0, 0.5)]
+    expected = 9.0 * freedom * found.minimum.reduced.inverse
+    assert more[0] == pytest.approx(expected, rel=1e-6)
+    assert more[1] == pytest.approx(0.25 * expected, rel=1e-6)
