@@ -38,3 +38,14 @@ def write_log(path, torque, start, seed=11):
     table = np.column_stack([t, positions, torque[::10]])
     np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
     return path
+
+
+def write_held_log(path, torque, noise=NOISE, seed=3):
+    """The same from rest under a torque at `SAMPLE_TIME` that is held from sample to sample."""
+    x = free_run(flexible_joint(), TRUE, np.zeros(4), torque, SAMPLE_TIME, "zero")
+    t = SAMPLE_TIME * np.arange(len(x))
+    rng = np.random.default_rng(seed)
+    positions = x[:, [0, 2]] + noise * rng.standard_normal((len(t), 2))
+    table = np.column_stack([t, positions, torque])
+    np.savetxt(path, table, delimiter=",", header=HEADER, comments="", fmt="%.9g")
+    return path

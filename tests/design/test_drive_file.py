@@ -82,6 +82,26 @@ def test_an_estimate_replaces_beliefs(examples, tmp_path):
     file = read_drive(examples / "drive.toml", path)
     assert file.drive.parameters == {**PARAMETERS, "link_inertia": 1.5}
     assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
+    (warning,) = file.warnings
+    assert "joint_damping" in warning
+
+
+def test_what_an_estimate_cannot_give_is_said(examples, tmp_path):
+    """Assert that shapes, guesses and missing values are named; no value changes nothing."""
+    path = tmp_path / "estimate.json"
+    estimates = {
+        "link_inertia": {"value": None, "status": "undetermined"},
+        "joint_stiffness": {"value": 90.0, "status": "undetermined"},
+    }
+    terms = ["gravity", "motor_stribeck"]
+    path.write_text(json.dumps({"parameters": estimates, "choices": {"terms": terms}}))
+    file = read_drive(examples / "drive.toml", path)
+    assert file.drive.parameters == {**PARAMETERS, "joint_stiffness": 90.0}
+    shape, value, guess = file.warnings
+    assert "motor_stribeck" in shape
+    assert "gravity" not in shape
+    assert "link_inertia" in value
+    assert "joint_stiffness" in guess
 
 
 @pytest.mark.parametrize(

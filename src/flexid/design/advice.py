@@ -28,6 +28,7 @@ _LEAST, _MOST = 1 / 16, 32.0  # size of an addition, over the input's root mean 
 _STEP = 4.0  # between one amplitude and the next
 _REFINEMENTS = 4  # halvings of the last step, on a logarithmic scale
 _MARGIN = 1.25  # on amplitude or length: the next log has other noise
+_SHORT = 5.0  # s, below which a log is too short whatever it shows
 _MOST_TIMES = 100.0  # the length of the log
 # A second tone at 2.65 times the first with a fifth of its amplitude brings the condition number of
 # the flexible joint of Huang (2003), Table I, near 1 at any amplitude.
@@ -107,13 +108,13 @@ class _Trial:
         """The addition if it suffices, else None."""
         rehearsal = self.rehearsal
         try:
-            change = rehearsal.positions(inputs) - rehearsal.recorded
-            positions = rehearsal.record.positions + change
-            found = rehearsal.outlook(positions, inputs)
+            change = rehearsal.change(inputs)
+            found = rehearsal.outlook(change, inputs)
         except SimulationError:
             return None
         if not found.enough:
             return None
+        positions = rehearsal.record.positions + change
         return Addition(
             amplitude,
             rate,
@@ -147,8 +148,9 @@ def advise(
     lacking = [c for c in result.coefficients.values() if c.status != "determined"]
     if not lacking:
         return None
-    if any(name in POSITIVE and c.value <= 0.0 for name, c in result.coefficients.items()):
-        return rule_of_thumb(pieces)
+    impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
+    if impossible or not all(np.isfinite(c.std) for c in lacking):
+        return rule_of_thumb(pieces)  # a model of guessed values tells nothing of other inputs
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         return Advice(None, None, None, 0.0, caution=_capital(lacking[0].reason))
     try:
@@ -192,7 +194,8 @@ def _longer(rehearsal: Rehearsal) -> float | None:
     """Seconds of the same motion that suffice; a wrong model stays wrong however long."""
     if rehearsal.result.model_error.share > 0.0:
         return None
-    now = rehearsal.outlook(rehearsal.record.positions, rehearsal.record.inputs)
+    still = np.zeros_like(rehearsal.record.positions)
+    now = rehearsal.outlook(still, rehearsal.record.inputs)
     lacking = [width for name, width in now.widths.items() if now.statuses[name] != "determined"]
     times = _MARGIN * (max(lacking, default=0.0) / THRESHOLDS.determined_width) ** 2
     return times * rehearsal.data.duration if 1.0 < times <= _MOST_TIMES else None
@@ -222,7 +225,10 @@ def rule_of_thumb(pieces: Sequence[Samples]) -> Advice:
     spectrum = input_spectrum(max(pieces, key=len))
     place = int(np.argmax(spectrum[1]))
     rate, amplitude = map(float, spectrum[:, place])
-    return Advice(None, None, None, 0.0, (_RULE_AMPLITUDE * amplitude, _RULE_FREQUENCY * rate))
+    rule = (_RULE_AMPLITUDE * amplitude, _RULE_FREQUENCY * rate)
+    duration = sum(len(piece) * piece.sample_time for piece in pieces)
+    caution = f"And record longer: {duration:.2g} s show little of any drive"
+    return Advice(None, None, None, 0.0, rule, caution if duration < _SHORT else "")
 
 
 def input_spectrum(piece: Samples) -> FloatArray:
@@ -245,8 +251,8 @@ def _smallest(
     while amplitude <= most and found is None:
         found = tried(amplitude)
         amplitude *= _STEP
-    if found is None:
-        return None
+    if found is None or found.amplitude == least:
+        return found
     enough, too_little = found.amplitude, found.amplitude / _STEP
     for _ in range(_REFINEMENTS):
         middle = float(np.sqrt(enough * too_little))

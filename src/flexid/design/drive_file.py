@@ -82,7 +82,7 @@ def _refusing(path: Path) -> Refuse:
 
 def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> list[str]:
     """Replace parameters by estimates of the same name; returns what is to be said of them."""
-    from flexid.design.drive_schema import EstimateContent
+    from flexid.design.drive_schema import EstimateContent, Parameters
 
     try:
         found = json.loads(raw.decode("utf-8"))
@@ -103,6 +103,14 @@ def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> list[str]:
     parameters = content.get("parameters")
     if not isinstance(parameters, dict):
         return warnings
+    missing = [
+        n for n in estimate.parameters if n in Parameters.model_fields and n not in parameters
+    ]
+    if missing:
+        warnings.append(
+            f"{path}: {', '.join(missing)} is no parameter of the drive file, so the design leaves "
+            f"it out: add the key, with any value, to heed it"
+        )
     for name, parameter in estimate.parameters.items():
         if name not in parameters:
             continue

@@ -15,7 +15,8 @@ import numpy as np
 
 from flexid.errors import SimulationError
 from flexid.estimators.samples import FloatArray, Samples
-from flexid.estimators.segments import divide
+from flexid.estimators.segments import divide, first_states
+from flexid.identification.following import following_states
 from flexid.identification.full_model import Data
 from flexid.identification.intervals import interval
 from flexid.identification.judgement import verdict
@@ -95,38 +96,52 @@ class Rehearsal:
         """Length of all pieces over that of the record."""
         return self.data.duration / (len(self.record) * self.record.sample_time)
 
-    def positions(self, inputs: FloatArray) -> FloatArray:
-        """Positions, shape (n, n_rows), from the start of the record on under other inputs.
+    def change(self, inputs: FloatArray) -> FloatArray:
+        """What other inputs change about the positions, shape (n, n_rows), by the model.
 
         Raises
         ------
         SimulationError
             If the motion diverges.
         """
-        record = replace(self.record, inputs=inputs)
-        segments = divide([record], self.data.duration)
+        return self._run(inputs) - self._recorded
+
+    def outlook(self, change: FloatArray, inputs: FloatArray) -> Outlook:
+        """What a changed motion would tell if as much of it were recorded as there was in all.
+
+        Raises
+        ------
+        SimulationError
+            If the model's motion diverges within a segment.
+        """
+        factors = self._factors
+        moved = first_states(divide([replace(self.record, positions=change)], self._duration))
+        deviations = self._deviations(self._states + moved, inputs)
+        return self._judged({name: factors[name] * std for name, std in deviations.items()})
+
+    @cached_property
+    def _duration(self) -> float:
+        return self.result.choices.segment_duration or self.data.duration
+
+    @cached_property
+    def _states(self) -> FloatArray:
+        """States at the start of each segment of the log."""
+        segments = divide([self.record], self._duration)
         problem, point = self.model.motion(segments, self.noise, self.data)
-        equations = problem.equations(point)
+        return following_states(problem, point.values, segments)
+
+    def _run(self, inputs: FloatArray) -> FloatArray:
+        """Positions under an input from the start of the record on."""
+        whole = divide([replace(self.record, inputs=inputs)], self.data.duration)
+        problem, point = self.model.motion(whole, self.noise, self.data)
+        equations = problem.equations(replace(point, initial_states=self._states[:1]))
         if not np.isfinite(equations.cost):
             raise SimulationError("the model's motion diverges: see its coefficients", 0.0)
         return problem.timely(point.values) - equations.residuals
 
     @cached_property
-    def recorded(self) -> FloatArray:
-        """Positions under the recorded input."""
-        return self.positions(self.record.inputs)
-
-    def outlook(self, positions: FloatArray, inputs: FloatArray) -> Outlook:
-        """What a motion would tell if as much of it were recorded as there was in all.
-
-        Raises
-        ------
-        SimulationError
-            If the model's motion diverges from that motion.
-        """
-        factors = self._factors
-        deviations = self._deviations(positions, inputs)
-        return self._judged({name: factors[name] * std for name, std in deviations.items()})
+    def _recorded(self) -> FloatArray:
+        return self._run(self.record.inputs)
 
     @cached_property
     def in_white_noise(self) -> Outlook:
@@ -135,7 +150,7 @@ class Rehearsal:
 
     @cached_property
     def _of_the_log(self) -> dict[str, float]:
-        return self._deviations(self.record.positions, self.record.inputs)
+        return self._deviations(self._states, self.record.inputs)
 
     @cached_property
     def _factors(self) -> dict[str, float]:
@@ -154,12 +169,11 @@ class Rehearsal:
         own = f"{name}[{self.group + 1}]"
         return coefficients[own if own in coefficients else name]
 
-    def _deviations(self, positions: FloatArray, inputs: FloatArray) -> dict[str, float]:
-        """Standard deviations of the coefficients in white noise."""
-        record = replace(self.record, positions=positions, inputs=inputs)
-        duration = self.result.choices.segment_duration or self.data.duration
-        segments = divide([record], duration)
+    def _deviations(self, states: FloatArray, inputs: FloatArray) -> dict[str, float]:
+        """Standard deviations of the coefficients in white noise, segments starting from states."""
+        segments = divide([replace(self.record, inputs=inputs)], self._duration)
         problem, point = self.model.motion(segments, self.noise, self.data, self.result.fit.names)
+        point = replace(point, initial_states=states)
         equations = problem.equations(point)
         if not np.isfinite(equations.cost):
             raise SimulationError("the model's motion diverges within a segment", 0.0)

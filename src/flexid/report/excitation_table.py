@@ -15,6 +15,9 @@ from flexid.report.identification_table import format_with_interval
 from flexid.report.style import STATUS_COLOURS
 from flexid.report.terminal import print_parts, titled_table
 
+_MANY = 99  # times, beyond which a factor is no more than large
+_LITTLE = 1e-4  # share below which one is no more than small
+
 
 def print_excitation(report: ExcitationReport) -> None:
     """Print coefficients, rows and advice on standard output."""
@@ -50,7 +53,7 @@ def _table(assessment: Assessment) -> Table:
     table.add_column("unit", no_wrap=True)
     for heading in ("within", "alone", "times"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("partner", no_wrap=True)
+    table.add_column("partner")
     table.add_column("verdict", no_wrap=True)
     for name, c in assessment.coefficients.items():
         table.add_row(
@@ -67,9 +70,12 @@ def _table(assessment: Assessment) -> Table:
 
 
 def _cost(c: CoefficientAssessment) -> str:
+    """How much wider the others make an interval; nothing where that is no question."""
     if c.std == 0.0 or (isnan(c.width_alone) and isfinite(c.width)):
         return ""
-    return f"{c.inflation:.2g}" if isfinite(c.inflation) else "unknown"
+    if not isfinite(c.inflation):
+        return "unknown"
+    return _two_digits(c.inflation) if c.inflation < _MANY else f">{_MANY}"
 
 
 def format_percent(share: float) -> str:
@@ -77,10 +83,16 @@ def format_percent(share: float) -> str:
 
     Examples
     --------
-    >>> format_percent(0.01234), format_percent(float("inf"))
-    ('1.2 %', 'unknown')
+    >>> format_percent(0.01234), format_percent(3.7), format_percent(float("inf"))
+    ('1.2 %', '370 %', 'unknown')
     """
-    return f"{100 * share:.2g} %" if isfinite(share) else "unknown"
+    if not isfinite(share):
+        return "unknown"
+    return f"{_two_digits(100 * share)} %" if share >= _LITTLE else f"<{100 * _LITTLE:g} %"
+
+
+def _two_digits(number: float) -> str:
+    return f"{float(f'{number:.2g}'):g}"
 
 
 def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
@@ -94,8 +106,8 @@ def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
             f"By rule of thumb, add a sine of {amplitude:.3g} {unit} at {_frequency(rate)}: the "
             f"log yields no model to try others on. Then look again."
         )
-        return
-    yield from _additions(advice, unit)
+    else:
+        yield from _additions(advice, unit)
     if advice.caution:
         yield f"{advice.caution}."
 
@@ -123,7 +135,7 @@ def _additions(advice: Advice, unit: str) -> Iterator[str]:
             f"{_outcome(multiple, unit)}"
         )
     if advice.longer is not None:
-        yield f"Or record about {advice.longer:.2g} s of the same motion."
+        yield f"Or record about {_two_digits(advice.longer)} s of the same motion."
 
 
 def _frequency(rate: float) -> str:
