@@ -5,10 +5,12 @@ One path: recordings, full model, structure, estimate, judgement, result.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.identification.absence import hidden_covariance
 from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.compliance import compare_with_rigid, one_encoder
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
@@ -23,6 +25,7 @@ from flexid.identification.full_model import (
     fit_to,
     least_squares_start,
     refit,
+    smooth_unknowns,
 )
 from flexid.identification.intervals import interval
 from flexid.identification.joint import Joint, flexible, rigid
@@ -56,6 +59,7 @@ from flexid.recording.velocities import with_velocities
 
 Progress = Callable[[str], None]
 
+_HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 _FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
 
 
@@ -109,14 +113,17 @@ def identify(
     progress("fit to all data")
     reported, rungs, retreat = _reported(choice, whole)
     error = model_error(reported, rungs, thresholds)
-    estimate = widened(reported, error)
     progress("what the model does without")
+    full = _full(choice, whole, reported)
+    filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
+    scales = _scales(full, pieces, filter_rate)
+    estimate = widened(reported, error).widened(hidden_covariance(reported, full, scales))
     contradicted = contradictions(job.given, choice.full, whole, thresholds)
     given = {**job.given, **reported.at_bound}
     estimate, against = with_prior_knowledge(
         job.joint, estimate, given, settings, job.input_unit, thresholds
     )
-    squares = _least_squares(choice.structure, pieces, reported)
+    squares = _least_squares(choice.structure, pieces, reported, filter_rate)
     unknowns = reported.problem.unknowns
     coefficients = coefficient_estimates(
         estimate,
@@ -127,23 +134,20 @@ def identify(
         job.input_unit,
         thresholds,
     )
-    coefficients = {
-        name: replace(found, status="undetermined", reason=contradicted[0])
-        if contradicted
-        else found
-        for name, found in coefficients.items()
-    }
     parameters = parameter_estimates(
         job.joint, estimate, unknowns, coefficients, job.input_unit, thresholds
     )
+    if contradicted:  # nothing that rests on it is known
+        doubt: dict[str, Any] = {"status": "undetermined", "reason": contradicted[0]}
+        coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
+        parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
     progress("the rigid joint as a rival")
     compliance = (
         compare_with_rigid(choice.structure, pieces, validation)
         if job.joint.kind == "flexible"
         else one_encoder()
     )
-    full = _full(choice, whole, reported)
-    choices = _choices(choice, reported, full, settings)
+    choices = _choices(choice, reported, full, settings, filter_rate)
     return Identification(
         model=job.joint.kind,
         coefficients=coefficients,
@@ -204,7 +208,7 @@ class _Job:
     ) -> Choice:
         """The structure that some data show; as a rival of another, without its unusual terms."""
         settings = self.settings
-        holds: Sequence[Hold] = ("zero", "cubic") if settings.hold == "auto" else (settings.hold,)
+        holds: Sequence[Hold] = _HOLDS if settings.hold == "auto" else (settings.hold,)
         if rival_of is not None:
             holds = (rival_of.structure.timing.hold,)
         smooth = settings.coulomb_velocity
@@ -324,14 +328,24 @@ def _removed(
     return {name: p for name, p in found.items() if name not in kept}
 
 
-def _least_squares(structure: Structure, pieces: Pieces, reported: Fitted) -> LeastSquaresFit:
+def _scales(full: Fitted, pieces: Pieces, filter_rate: float) -> dict[str, float]:
+    """How large each coefficient may be: as much as moves its row as it does move; and delays."""
+    rows = _least_squares(full.structure, pieces, full, filter_rate).rows
+    sizes = row_sizes(rows)
+    scales = {name: 1.0 / size for name, size in sizes.items() if size > 0.0}
+    return scales | dict.fromkeys(full.structure.timing.sought, full.data.margin)
+
+
+def _least_squares(
+    structure: Structure, pieces: Pieces, reported: Fitted, filter_rate: float
+) -> LeastSquaresFit:
     """Least squares of the same unknowns on aligned data: what each does to its row."""
     alignment = _alignment(structure, reported.delays)
     recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
     joint = structure.joint
     data = data_of(joint, recordings, pieces.groups)
     bare = replace(structure, fixed={**structure.fixed, **reported.at_bound})
-    return least_squares_start(bare, data, _FILTER_RATE)[1]
+    return least_squares_start(bare, data, filter_rate)[1]
 
 
 def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
@@ -358,14 +372,7 @@ def _stream(structure: Structure, pieces: Pieces, alignment: Alignment) -> Obser
     """The paper's observer with the same terms, as far as it needs no derivative of the input."""
     joint = structure.joint
     recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
-    smooth = replace(joint, system=joint.smooth, shapes=frozenset(), ties={})
-    known = {c for c in joint.smooth.coefficients if c in structure.absent}
-    known |= {
-        c
-        for c, (source, _, _) in joint.ties.items()
-        if source in structure.absent and c in joint.smooth.coefficients
-    }
-    unknowns = smooth.unknowns(known, structure.fixed, pieces.groups)
+    unknowns = smooth_unknowns(structure, pieces.groups)
     hold = "zero" if structure.timing.hold == "zero" else "linear"
     return stream([joint.samples(piece) for piece in recordings], unknowns, hold)
 
@@ -378,7 +385,9 @@ def without_estimate(
     return fixed | {name: (value, "at its bound") for name, value in at_bound.items()}
 
 
-def _choices(choice: Choice, reported: Fitted, full: Fitted, settings: Settings) -> Choices:
+def _choices(
+    choice: Choice, reported: Fitted, full: Fitted, settings: Settings, filter_rate: float
+) -> Choices:
     delays = {name: _delay(name, settings, reported, full) for name in (INPUT, LINK)}
     joint = choice.structure.joint
     smooth = settings.coulomb_velocity
@@ -389,7 +398,7 @@ def _choices(choice: Choice, reported: Fitted, full: Fitted, settings: Settings)
         ),
         hold=choice.structure.timing.hold,
         coulomb_velocity=joint.smooth.constants[SMOOTHING] if smooth != "auto" else None,
-        filter_rate=_FILTER_RATE,
+        filter_rate=filter_rate,
         estimator="prediction-error",
         segment_duration=choice.duration,
         term_evidence=choice.terms,

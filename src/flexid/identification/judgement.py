@@ -37,7 +37,10 @@ class Thresholds:
         "term is determined to be as small as it is",
     )
     term_chance: float = _threshold(
-        0.02, "1", "probability of a coefficient as large by chance, from which on its term goes"
+        0.005,
+        "1",
+        "probability of a coefficient as large by chance, from which on its term goes; a dozen are "
+        "tried, so one log in twenty keeps one that is not there",
     )
     shape_chance: float = _threshold(
         0.001, "1", "the same for terms beyond the usual ones, of which there are many"

@@ -39,7 +39,7 @@ def model_error(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds)
     own = _beyond(fitted, floor, rungs[0])
     growth = _growth(fitted, rungs, floor)
     if own <= 0.0:
-        return ModelError(fitted.excess, growth, 0.0)
+        return ModelError(0.0, growth, 0.0)
     white, repeated = thresholds.white_growth, thresholds.repeated_growth
     share = (white - growth) / (white - repeated) if np.isfinite(growth) else 1.0
     return ModelError(own / fitted.problem.degrees_of_freedom, growth, float(np.clip(share, 0, 1)))

@@ -40,9 +40,10 @@ def model_warnings(error: ModelError) -> Iterator[str]:
     """Warn of residuals that show a drive which no model here describes."""
     if error.share > 0.0:
         yield (
-            f"the residuals are {error.excess**0.5:.3g} times as large as the sensors' noise and "
-            f"not by chance: the drive has something that no term here describes, or the input as "
-            f"recorded is not what acted; the intervals make allowance for that"
+            f"the residuals are {(1.0 + error.excess) ** 0.5:.3g} times the sensors' noise, and do "
+            f"not grow as noise of the torque would: the drive has something that no term here "
+            f"describes, or the input as recorded is not what acted; the intervals make allowance "
+            f"for that"
         )
 
 
