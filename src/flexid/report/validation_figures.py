@@ -34,6 +34,7 @@ def validation_figure(result: EstimateValidation) -> Figure:
     first = {**dict(zip(labels, handles, strict=True)), **dict(zip(more[1], more[0], strict=True))}
     figure.legend(first.values(), first.keys(), loc="outside upper right", ncols=4)
     axes[-1].set_xlabel("time (s)")
+    figure.align_ylabels()
     return figure
 
 
