@@ -15,32 +15,38 @@ def arm(shared_data, examples):
     return identify([log], Settings(validation_share=0.5))
 
 
-def test_arm_is_repeated_over_its_second_half(arm):
+def test_arm_is_predicted_over_its_second_half(arm):
     """Assert that the free run reaches what is asked, its first state taken from data before."""
     fit = arm.validation.fit_percent
-    assert fit["motor_position"] >= 96.5
-    assert fit["link_position"] >= 96.5
-    assert fit["deflection"] >= 84.5
+    assert fit["motor_position"] >= 97.0
+    assert fit["link_position"] >= 96.8
+    assert fit["deflection"] >= 85.0
 
 
-def test_arm_needs_its_offsets(arm):
-    """Assert that the constant torques are found, and that the free run says what they buy."""
-    saved = {e.term: 1 - e.with_term / e.without_term for e in arm.choices.term_evidence}
-    assert {"link_offset", "motor_offset"} <= set(arm.choices.terms)
-    assert saved["motor_offset"] > 0.5
+def test_arm_is_predicted_over_every_horizon(arm):
+    """Assert that no horizon is predicted much worse than another: the model drifts hardly."""
+    assert list(arm.validation.horizons) == [0.05, 0.2, 1.0, 5.0]
+    for fits in arm.validation.horizons.values():
+        assert fits["motor_position"] >= 97.0
+        assert fits["deflection"] >= 83.0
 
 
-def test_arm_gets_no_delay_that_the_free_run_contradicts(arm):
-    """Assert that the input's delay, which least squares would like, is refused."""
-    assert arm.choices.alignment.input_delay.value == 0.0
-    assert arm.choices.alignment.input_delay.estimate > 5e-3
+def test_arm_needs_its_offsets_and_friction(arm):
+    """Assert that constant torques and dry friction are found."""
+    assert {"link_offset", "motor_offset", "motor_viscous"} <= set(arm.choices.terms)
+    assert {"link_coulomb", "motor_coulomb"} & set(arm.choices.terms)
 
 
-def test_arm_is_flexible(arm):
-    """Assert that the compliance is called visible, and that a rigid joint repeats less."""
+def test_arm_is_flexible_but_not_as_modelled(arm):
+    """Assert that the compliance is visible, and that a model error widens every interval.
+
+    A flexible beam is no spring between two inertias.
+    """
     assert arm.compliance.visible
-    rigid = arm.compliance.rigid_fit_percent["motor_position"]
-    assert rigid < arm.validation.fit_percent["motor_position"]
+    assert arm.model_error.share > 0.5
+    stiffness = arm.parameters["joint_stiffness_per_link_inertia"]
+    lower, upper = stiffness.interval
+    assert upper - lower > 0.1 * stiffness.value
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +56,10 @@ def pendulum(shared_data, examples):
     return identify([read_log(file, examples / "columns_pendulum.toml")])
 
 
+FRICTION = pytest.mark.xfail(reason="its dry friction is taken away", strict=True)
+
+
+@FRICTION
 def test_pendulum_has_gravity_and_inertia(pendulum):
     """Assert that gravity torque and inertia agree with the balance of energy and work.
 
@@ -58,7 +68,13 @@ def test_pendulum_has_gravity_and_inertia(pendulum):
     for name, value in {"gravity_torque": 3.77, "inertia": 0.202}.items():
         lower, upper = pendulum.parameters[name].interval
         assert lower <= value <= upper
-        assert upper - lower < 0.2 * value
+        assert upper - lower < 0.3 * value
+
+
+@FRICTION
+def test_pendulum_is_predicted(pendulum):
+    """Assert that the model swings through the held-out end as the pendulum did."""
+    assert pendulum.validation.fit_percent["motor_position"] > 95.0
 
 
 def test_pendulum_shows_no_compliance(pendulum):
@@ -69,19 +85,28 @@ def test_pendulum_shows_no_compliance(pendulum):
     assert not any("stiffness" in name for name in pendulum.parameters)
 
 
-@pytest.mark.parametrize("axis", [1, 3])
-def test_skewed_axes_give_no_confident_stiffness(shared_data, tmp_path, axis):
-    """Assert that KUKA's axes, all skew and hardly any deflection, are not called known."""
-    columns = tmp_path / "columns.toml"
+@pytest.fixture(scope="module", params=[1, 3])
+def axis(request, shared_data, tmp_path_factory):
+    """One axis of a KUKA KR300: all skew and hardly any deflection."""
+    columns = tmp_path_factory.mktemp("kuka") / "columns.toml"
     columns.write_text(
         'time = {column = "t_s", unit = "s"}\n'
-        f'link_position = {{column = "a{axis}_q_link_deg", unit = "deg"}}\n'
-        f'motor_position = {{column = "a{axis}_q_mot_deg", unit = "deg"}}\n'
-        f'motor_torque = {{column = "a{axis}_tau_mot_Nm", unit = "N m"}}\n'
+        f'link_position = {{column = "a{request.param}_q_link_deg", unit = "deg"}}\n'
+        f'motor_position = {{column = "a{request.param}_q_mot_deg", unit = "deg"}}\n'
+        f'motor_torque = {{column = "a{request.param}_tau_mot_Nm", unit = "N m"}}\n'
     )
-    result = identify([read_log(shared_data / "kr300" / "kr300_A.csv", columns)])
-    stiffness = result.parameters["joint_stiffness"]
-    lower, upper = stiffness.interval
-    right = axis == 3 and lower <= 4.10e6 <= upper and abs(stiffness.value / 4.10e6 - 1) < 0.2
-    assert stiffness.status == "undetermined" or right
-    assert 2.5e-3 < result.choices.alignment.link_delay.value < 3.5e-3
+    return identify([read_log(shared_data / "kr300" / "kr300_A.csv", columns)])
+
+
+def test_skewed_axis_gives_no_confident_stiffness(axis):
+    """Assert that a stiffness of so little deflection is not called known."""
+    assert axis.parameters["joint_stiffness"].status != "determined"
+    assert not axis.compliance.visible
+
+
+def test_skew_is_found(axis):
+    """Assert that the link's encoder is found about 3 ms late, zero being out of the question."""
+    skew = axis.choices.alignment.link_delay
+    assert skew.status == "found"
+    assert 2.4e-3 < skew.value < 3.5e-3
+    assert skew.interval[0] > 1e-3
