@@ -6,20 +6,26 @@ Run `python docs/real-logs/make_ist_figures.py LOG` with the log `ist_square_1p5
 
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.axes import Axes
 
 from flexid.errors import ConvergenceError
-from flexid.identification.candidate import AnyFit, Candidate, Fitted
+from flexid.estimators.segmented_motion import Timing
+from flexid.identification.full_model import (
+    START_RATES,
+    Data,
+    Structure,
+    climb,
+    data_of,
+    least_squares_start,
+    lengths,
+)
 from flexid.identification.identify import identify
 from flexid.identification.joint import flexible
 from flexid.identification.preparation import prepare
 from flexid.identification.result import Identification
-from flexid.identification.segment_choice import DURATIONS
 from flexid.identification.settings import Settings
 from flexid.identification.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
@@ -30,40 +36,48 @@ from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
 ROOT = Path(__file__).parents[2]
 ASSETS = ROOT / "docs" / "assets"
 SHARE = 0.5  # of the log that is kept out
-INPUT_DELAY = 0.0167  # s, that least squares likes
-RATE_FACTORS = (0.25, 0.5, 1.0, 2.0)  # of the filter rate that was chosen
+RATES = (7.1, 14.1, 28.3, 56.6)  # 1/s, of the filter of least squares
+TERMS = ("motor_viscous", "link_offset", "motor_offset")  # without dry friction
 Values = Mapping[str, float]
 SHOWN = {"theta2": "stiffness / link inertia, 1/s²", "alpha1": "stiffness / motor inertia, 1/s²"}
 
 
-def candidate_of(result: Identification) -> Candidate:
-    """What was chosen, to be fitted again."""
-    choices, joint = result.choices, flexible()
-    if choices.coulomb_velocity is not None:
-        joint = joint.with_coulomb_velocity(choices.coulomb_velocity)
-    return Candidate(joint, choices.terms, choices.hold, choices.filter_rate, 0.0)
+def structure_of(result: Identification, data: Data) -> Structure:
+    """The structure that was found, to be fitted again."""
+    joint = flexible().scaled(data.samples)
+    on = {c for term in result.choices.terms for c in joint.terms[term]}
+    delays = {"input_delay": result.choices.alignment.input_delay}
+    found = {name: delay.value for name, delay in delays.items() if delay.status == "found"}
+    return Structure(
+        joint, frozenset(joint.optional - on), Timing(result.choices.hold, found, tuple(found))
+    )
 
 
-def ways(candidate: Candidate, part: Recording) -> dict[str, Values]:
-    """All coefficients from a part of the log, by every way of estimating them."""
-    pieces, groups = [with_velocities(part)], [0]
+def ways(result: Identification, log: Log, part: Recording) -> dict[str, Values]:
+    """The coefficients from a part of the log, by every way of estimating them."""
+    data = data_of(flexible(), [with_velocities(part)], [0])
+    structure = structure_of(result, data)
     found = {}
-    for factor in RATE_FACTORS:
-        tried = replace(candidate, filter_rate=factor * candidate.filter_rate)
-        found[f"{tried.filter_rate:.3g} 1/s"] = values_of(tried.least_squares(pieces, groups))
-    for duration in DURATIONS:
-        tried = replace(candidate, segment_duration=duration)
+    for rate in RATES:
+        values, _ = least_squares_start(structure, data, rate)
+        found[f"{rate:.3g} 1/s"] = values
+    for rate in START_RATES:
         try:
-            found[f"{duration:g} s"] = values_of(tried.prediction_error(pieces, groups))
+            start, _ = least_squares_start(structure, data, rate)
+            climbed = climb(structure, data, start, lengths(data))
+            break
         except ConvergenceError as error:
-            print(f"{duration:g} s: {error}")
+            print(f"from least squares at {rate:g} 1/s: {error}")
+    else:
+        return found
+    pieces, _ = prepare([log], SHARE)
+    whole = data_of(flexible(), pieces.whole, pieces.groups)
+    for fitted in climbed:
+        way = f"{float(f'{fitted.duration:.1g}'):g} s"
+        found[way] = fitted.by_name
+        fit = format_fits(validate(fitted, whole, pieces.starts).fit_percent)
+        print(f"    {way}: residuals² {fitted.excess:.3g} of noise; over the second half {fit}")
     return found
-
-
-def values_of(fitted: Fitted[AnyFit]) -> Values:
-    """Every coefficient of the model by name, those of terms that are off too."""
-    (values,) = fitted.coefficients(1)
-    return dict(zip(fitted.unknowns.system.coefficients, map(float, values), strict=True))
 
 
 def draw_ways(ax: Axes, parts: Mapping[str, Mapping[str, Values]], name: str) -> None:
@@ -74,23 +88,18 @@ def draw_ways(ax: Axes, parts: Mapping[str, Mapping[str, Values]], name: str) ->
         ax.plot(
             range(len(labels)), values, "o-", color=colour, markersize=3, linewidth=0.8, label=part
         )
-    ax.axvline(len(RATE_FACTORS) - 0.5, color=GREY, linewidth=0.8, linestyle="--")
+    ax.axvline(len(RATES) - 0.5, color=GREY, linewidth=0.8, linestyle="--")
     ax.set_xticks(range(len(labels)), labels, rotation=60)
     ax.set_title(SHOWN[name])
     ax.set_ylim(0, 1.1 * ax.get_ylim()[1])
 
 
-def print_ways(candidate: Candidate, log: Log, parts: Mapping[str, Mapping[str, Values]]) -> None:
-    """Coefficients by every way; and what those of the first half make of the second."""
-    pieces, _ = prepare([log], SHARE)
-    names = candidate.joint.system.coefficients
+def print_ways(parts: Mapping[str, Mapping[str, Values]]) -> None:
+    """Coefficients by every way."""
     for part, found in parts.items():
         for way, values in found.items():
-            line = ", ".join(f"{name} {values[name]:.4g}" for name in ("theta2", "alpha1", "beta1"))
-            if part == "first half":
-                array = np.array([values[name] for name in names])
-                run = validate(candidate.joint, pieces, [array], candidate.hold)
-                line += f"; free run {format_fits(run.fit_percent)}"
+            shown = (name for name in ("theta2", "alpha1", "beta1", "input_delay"))
+            line = ", ".join(f"{name} {values[name]:.4g}" for name in shown if name in values)
             print(f"{part}, {way}: {line}")
 
 
@@ -101,17 +110,24 @@ def main() -> None:
     half = len(piece) // 2
     result = identify([log], Settings(validation_share=SHARE))
     print_identification(result, explain=True)
-    delayed = identify([log], Settings(validation_share=SHARE, input_delay=INPUT_DELAY))
-    print(f"input {INPUT_DELAY:g} s late: {', '.join(delayed.choices.terms)}")
-    print(f"  free run {format_fits(delayed.validation.fit_percent)}")
+    for name, settings in {
+        "three terms": Settings(terms=TERMS, validation_share=SHARE),
+        "three terms, input in time": Settings(
+            terms=TERMS, validation_share=SHARE, input_delay=0.0
+        ),
+    }.items():
+        print(name)
+        print_identification(identify([log], settings))
     windows = {
         "first half": piece.window(0, half),
         "second half": piece.window(half, len(piece)),
         "all": piece,
     }
-    candidate = candidate_of(result)
-    parts = {name: ways(candidate, window) for name, window in windows.items()}
-    print_ways(candidate, log, parts)
+    parts = {}
+    for name, window in windows.items():
+        print(name)
+        parts[name] = ways(result, log, window)
+    print_ways(parts)
     with mpl.rc_context(STYLE):
         save(fit_figure(result), ASSETS, "ist-free-run")
         figure = new_figure(7.2, 3.2)
