@@ -38,6 +38,14 @@ def test_what_is_free_stays_free():
     assert found.covariance[2].tolist() == [0.0, 0.0, np.inf]
 
 
+def test_scaling_keeps_correlations():
+    """Assert that deviations grow by their factors and covariances by both, what is free stays."""
+    found = ESTIMATE.scaled(np.array([2.0, 3.0, 5.0]))
+    assert found.deviations.tolist() == [4.0, 9.0, np.inf]
+    assert found.covariance[0, 1] == 6.0
+    assert found.covariance[2, :2].tolist() == [0.0, 0.0]
+
+
 def test_estimate_of_a_fit_is_the_fit():
     """Assert that an estimator's result is taken as it is."""
     found = Estimate.of(ESTIMATE)

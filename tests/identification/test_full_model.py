@@ -128,6 +128,15 @@ def test_least_squares_starts_no_motion_that_runs_away(late):
     assert start["alpha_cubic"] == 0.0
 
 
+def test_gain_starts_as_that_of_an_inertia(late):
+    """Assert that a torque of the wrong sign starts a fit with a positive gain all the same."""
+    turned = replace(late.samples[0], inputs=-late.samples[0].inputs)
+    start, fit = least_squares_start(PAPER, replace(late, samples=(turned,)), 20.0)
+    gain = dict(zip(fit.names, fit.values.tolist(), strict=True))["beta1"]
+    assert gain == pytest.approx(-10 / 3, rel=0.1)
+    assert start["beta1"] == -gain
+
+
 def test_a_start_that_leads_nowhere_is_said(late):
     """Assert that a start from which even short segments run away is an error."""
     with pytest.raises(ConvergenceError):

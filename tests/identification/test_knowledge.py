@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_joint import made
+from made_joint import COEFFICIENTS, made
 
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.estimate import Estimate
-from flexid.identification.full_model import Data, Structure, data_of
+from flexid.identification.full_model import Data, Structure, data_of, fit_to
 from flexid.identification.joint import flexible
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
@@ -37,6 +37,16 @@ def test_inertia_twice_the_truth_is_told(data):
     (sentence,) = said(data, {"beta1": 1.0 / 0.6})
     assert sentence.startswith("motor_inertia is known as 0.6")
     assert "it says 0.3 ±" in sentence
+
+
+def test_inertia_is_told_with_the_deviation_of_its_gain(data):
+    """Assert that the log's own inertia is as uncertain, relatively, as the gain it is one over."""
+    (sentence,) = said(data, {"beta1": 1.0 / 0.6})
+    inertia = float(sentence.partition("±")[2].partition(" by")[0].split(";")[0])
+    structure = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"))
+    fit = fit_to(structure, data, COEFFICIENTS, 1.0)[0].fit
+    gain = fit.standard_deviations[fit.names.index("beta1")]
+    assert inertia / 0.3 == pytest.approx(gain / (10 / 3), rel=0.3)
 
 
 def test_right_knowledge_is_not_doubted(data):

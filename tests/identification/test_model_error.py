@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -89,6 +91,52 @@ def test_noise_of_the_torque_is_no_model_error(size):
     assert found.excess > 100.0
     assert misses(found, Estimate.of(found.fit)).max() < 1.5
     assert error.share == 0.0
+
+
+LIMITS = replace(THRESHOLDS, sensor_excess=1.1, white_growth=2.6, repeated_growth=1.8)
+
+
+def rung(duration: float, excess: float) -> Fitted:
+    """A fit of which only the size of its residuals is known, of 10⁶ numbers and 200 states."""
+    made_up = SimpleNamespace(
+        duration=duration,
+        excess=excess,
+        problem=SimpleNamespace(degrees_of_freedom=1_000_000),
+        minimum=SimpleNamespace(point=SimpleNamespace(initial_states=np.zeros((50, 4)))),
+    )
+    return cast(Fitted, made_up)
+
+
+@pytest.mark.parametrize(
+    ("power", "share"), [(3.0, 0.0), (2.61, 0.0), (2.2, 0.5), (1.79, 1.0), (0.5, 1.0)]
+)
+def test_growth_tells_noise_of_the_torque_from_an_error(power, share):
+    """Assert that residuals beyond noise are weighed by the power of time they grow with."""
+    rungs = [rung(t, 1.0 + 50.0 * t**power) for t in (0.25, 1.0, 2.0, 4.0)]
+    rungs[0] = rung(0.25, 1.0)
+    error = model_error(rungs[1], rungs, LIMITS)
+    assert error.growth == pytest.approx(power, abs=0.01)
+    assert error.share == pytest.approx(share, abs=0.01)
+    assert error.excess == pytest.approx(50.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("excess", "beyond"), [(1.09, False), (1.15, True)])
+def test_residuals_a_tenth_beyond_noise_may_be_noise(excess, beyond):
+    """Assert that where short segments leave a tenth more than noise, so may long ones."""
+    rungs = [rung(0.25, 1.2), rung(1.0, excess), rung(2.0, excess)]
+    error = model_error(rungs[1], rungs, LIMITS)
+    assert (error.share > 0.0) == beyond
+    assert (error.excess > 0.0) == beyond
+
+
+@pytest.mark.parametrize(("beyond", "seen"), [(55e-6, False), (65e-6, True)])
+def test_chance_is_no_error(beyond, seen):
+    """Assert that three deviations of what the shortest segments' states took are chance.
+
+    200 states: 3 √400 = 60 of a sum of squares of a million.
+    """
+    rungs = [rung(0.25, 1.0), rung(1.0, 1.0 + beyond), rung(2.0, 1.0 + beyond)]
+    assert (model_error(rungs[1], rungs, LIMITS).share > 0.0) == seen
 
 
 def test_error_is_what_residuals_beyond_noise_allow():

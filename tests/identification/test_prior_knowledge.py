@@ -147,6 +147,15 @@ def test_what_is_unknown_or_free_is_refused():
         informed(free, [Known("motor_inertia", 0.3, 0.01)], PARAMETERS)
 
 
+@pytest.mark.xfail(reason="it reaches back to the log, but not to what is known", strict=True)
+def test_contradiction_with_a_sharp_log_spans_both():
+    """Assert that two deviations reach what is known also where the log alone decides."""
+    fit = Fit(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))
+    found, contradicted = informed(fit, [Known("a", 7.0, 1.0)])
+    assert contradicted
+    assert found.values[0] + 2.0 * found.deviations[0] >= 7.0
+
+
 @pytest.mark.parametrize("std", [-0.1, np.nan, np.inf])
 def test_an_uncertainty_that_is_none(std):
     """Assert that negative and infinite standard deviations are refused."""

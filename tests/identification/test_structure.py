@@ -1,6 +1,7 @@
 """Which terms stay: on made-up quadratic forms whose answer is known, and on small logs."""
 
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -14,6 +15,7 @@ from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.structure import eliminate
 
 JOINT = flexible()
+LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.001, friction_sign=4.0)
 MANY = 1e9  # degrees of freedom: as good as normal
 
 
@@ -33,12 +35,17 @@ class _Quadratic:
     freedom: float = MANY
     spread: np.ndarray | float = 1.0  # true standard deviations over those of white noise
     sought: tuple[str, ...] = ()
+    margin: float = 10.0  # s
     structure: Structure = field(init=False)
 
     def __post_init__(self) -> None:
         base = {name.partition("[")[0] for name in self.names}
         absent = frozenset(JOINT.optional - base)
         self.structure = Structure(JOINT, absent, Timing("zero", {}, self.sought))
+
+    @property
+    def data(self) -> SimpleNamespace:
+        return SimpleNamespace(margin=self.margin)
 
     @property
     def unit_deviations(self) -> np.ndarray:
@@ -50,7 +57,7 @@ class _Quadratic:
         return _Fit(np.diag(deviations**2), (self.freedom,) * len(self.names))
 
 
-def left(quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=THRESHOLDS) -> set[str]:
+def left(quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=LIMITS) -> set[str]:
     """Optional coefficients and delays that stay."""
     structure, _ = eliminate(cast(Fitted, quadratic), kept, thresholds)
     names = {name.partition("[")[0] for name in quadratic.names}
@@ -94,6 +101,13 @@ def test_correlated_residuals_ask_for_more():
     assert left(alone("theta_offset", edge - 0.05, spread=3.0)) == set()
 
 
+def test_blocks_that_agree_by_chance_prove_nothing():
+    """Assert that deviations below those of the sensors' noise are taken for these."""
+    edge = normal(0.02)
+    assert left(alone("theta_offset", edge + 0.02, spread=0.1)) == {"theta_offset"}
+    assert left(alone("theta_offset", edge - 0.02, spread=0.1)) == set()
+
+
 @pytest.mark.parametrize(
     "name", ["alpha2", "theta_viscous", "theta_coulomb", "alpha_damping", "alpha_drag"]
 )
@@ -117,7 +131,7 @@ def test_what_is_to_stay_stays():
 def test_spring_and_gain_stay():
     """Assert that what every joint has is no term that could go."""
     quadratic = alone("theta1", 0.1)
-    structure, tests = eliminate(cast(Fitted, quadratic), (), THRESHOLDS)
+    structure, tests = eliminate(cast(Fitted, quadratic), (), LIMITS)
     assert not {"theta2", "alpha1", "beta1"} & structure.absent
     assert [test.name for test in tests] == ["theta1"]
 
@@ -126,7 +140,16 @@ def test_spring_and_gain_stay():
 def test_delays_go_like_terms(size, stays):
     """Assert that a delay which chance explains is sought no more."""
     quadratic = alone(INPUT, size, sought=(INPUT,))
-    structure, _ = eliminate(cast(Fitted, quadratic), (), THRESHOLDS)
+    structure, _ = eliminate(cast(Fitted, quadratic), (), LIMITS)
+    assert structure.timing.sought == ((INPUT,) if stays else ())
+
+
+@pytest.mark.parametrize(("margin", "stays"), [(0.91, True), (0.89, False)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_delays_beyond_the_margin_are_none(side, margin, stays):
+    """Assert that a delay longer than what is left of the log at its ends is sought no more."""
+    quadratic = alone(INPUT, side * 9.0, sought=(INPUT,), margin=margin)
+    structure, _ = eliminate(cast(Fitted, quadratic), (), LIMITS)
     assert structure.timing.sought == ((INPUT,) if stays else ())
 
 
@@ -144,7 +167,7 @@ def test_others_follow_along_the_quadratic_form():
     names = ("theta2", "alpha1", "beta1", "theta_cosine", "theta_offset")
     values = np.array([100.0, 300.0, 3.0, 1.5, 2.0])
     quadratic = _Quadratic(names, values, information)
-    structure, tests = eliminate(cast(Fitted, quadratic), (), THRESHOLDS)
+    structure, tests = eliminate(cast(Fitted, quadratic), (), LIMITS)
     found = {test.name: test for test in tests}
     assert "theta_cosine" in structure.absent
     assert not found["theta_cosine"].kept
@@ -202,4 +225,4 @@ def test_offset_of_one_log_keeps_the_term():
 def test_thresholds_are_those_given(changed, name, deviations):
     """Assert that each of the three limits is taken from the thresholds."""
     assert left(alone(name, deviations)) == set()
-    assert left(alone(name, deviations), thresholds=replace(THRESHOLDS, **changed)) == {name}
+    assert left(alone(name, deviations), thresholds=replace(LIMITS, **changed)) == {name}
