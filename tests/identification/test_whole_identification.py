@@ -137,6 +137,7 @@ def test_option_of_the_same_name_repeats_the_choice(clean, automatic):
 def test_segments_are_no_longer_than_the_log(clean):
     """Assert that a segment length beyond the log's is reported as what it came to."""
     choices = identify([clean], replace(SETTINGS, segment_duration=60.0)).choices
+    assert choices.segment_duration is not None
     assert 5.0 < choices.segment_duration <= 10.0
 
 

@@ -27,7 +27,8 @@ MISSING = {
 def identified(term: str, terms: tuple[str, ...] | None):
     """Identify ten seconds of a joint with a term more than the paper's."""
     more, _ = MISSING[term]
-    return identify([log(made(1, **more))], Settings(terms=terms or "auto"))
+    recording = made(1, **more)  # pyright: ignore[reportArgumentType]
+    return identify([log(recording)], Settings(terms=terms or "auto"))
 
 
 UNSEEN = pytest.mark.xfail(reason="its residuals grow like noise", strict=True)
