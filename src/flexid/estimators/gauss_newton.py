@@ -10,7 +10,7 @@ from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Equations, Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, first_states
 
-_ITERATIONS = 30  # far beyond the five or so that a good start takes
+_ITERATIONS = 20  # far beyond the five or so that a good start takes
 _HALVINGS = 4  # of segments too long to be fitted from the start at once
 _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3

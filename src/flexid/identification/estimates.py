@@ -64,7 +64,9 @@ def coefficient_estimates(
         ends = interval(value, std, estimate.degrees_of_freedom[place])
         unit = _unit(joint.units[_base(name)], input_unit)
         half = 0.5 * (ends[1] - ends[0])
-        effect = half * sizes[name] if name in sizes else np.inf
+        # Only what may be absent can be determined to be negligible.
+        small = name in sizes and _base(name) in joint.optional
+        effect = half * sizes[name] if small else np.inf
         judged = _possible(name, value, verdict(value, ends, effect, thresholds))
         estimates[name] = CoefficientEstimate(name, unit, value, std, ends, *judged)
     for name, (value, reason) in fixed.items():

@@ -116,7 +116,7 @@ def identify(
     progress("what the model does without")
     full = _full(choice, whole, reported)
     filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
-    scales = _scales(full, pieces, filter_rate)
+    scales = _scales(full, reported, pieces, filter_rate)
     estimate = widened(reported, error).widened(hidden_covariance(reported, full, scales))
     contradicted = contradictions(job.given, choice.full, whole, thresholds)
     given = {**job.given, **reported.at_bound}
@@ -328,9 +328,9 @@ def _removed(
     return {name: p for name, p in found.items() if name not in kept}
 
 
-def _scales(full: Fitted, pieces: Pieces, filter_rate: float) -> dict[str, float]:
+def _scales(full: Fitted, reported: Fitted, pieces: Pieces, filter_rate: float) -> dict[str, float]:
     """How large each coefficient may be: as much as moves its row as it does move; and delays."""
-    rows = _least_squares(full.structure, pieces, full, filter_rate).rows
+    rows = _least_squares(full.structure, pieces, reported, filter_rate).rows
     sizes = row_sizes(rows)
     scales = {name: 1.0 / size for name, size in sizes.items() if size > 0.0}
     return scales | dict.fromkeys(full.structure.timing.sought, full.data.margin)

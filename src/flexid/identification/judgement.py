@@ -55,16 +55,16 @@ class Thresholds:
         "encoder's steps are no white noise where the joint hardly moves",
     )
     white_growth: float = _threshold(
-        2.6,
+        0.4,
         "1",
-        "power of time with which residuals grow, from which on they are noise of the torque: that "
-        "of white noise is 3, of which estimates scatter by 0.3",
+        "how far from 3 the power of time may be with which residuals grow, if they are white "
+        "noise of the torque: estimates of that power scatter by about as much",
     )
     repeated_growth: float = _threshold(
-        1.8,
+        0.8,
         "1",
-        "the same up to which residuals are an error that repeats itself: a constant error of the "
-        "torque, the start free, grows by the square at most before the joint turns round",
+        "the same from which on they are an error that repeats itself in full: errors of friction "
+        "and spring turn round with the motion and grow by less, one of slow torque by the fourth",
     )
     contradiction: float = _threshold(
         3.0, "standard deviations", "between log and prior knowledge, beyond which they contradict"

@@ -8,7 +8,7 @@ weighted sum of squares beyond noise.
 
 Noise of the torque makes residuals large, too, without any bias. It is told apart by how they grow:
 the variance of a motion under white noise grows with the cube of the time since its known start,
-that of an error which repeats itself more slowly.
+that of an error which turns round with the motion more slowly, that of a slow one faster.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from flexid.identification.full_model import Fitted
 from flexid.identification.judgement import Thresholds
 from flexid.identification.result import ModelError
 
+_WHITE = 3.0  # power of time with which the variance of a motion under white noise grows
 _CHANCE = 3.0  # standard deviations of a sum of squares
 
 
@@ -41,7 +42,8 @@ def model_error(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds)
     if own <= 0.0:
         return ModelError(0.0, growth, 0.0)
     white, repeated = thresholds.white_growth, thresholds.repeated_growth
-    share = (white - growth) / (white - repeated) if np.isfinite(growth) else 1.0
+    off = abs(growth - _WHITE)
+    share = (off - white) / (repeated - white) if np.isfinite(growth) else 1.0
     return ModelError(own / fitted.problem.degrees_of_freedom, growth, float(np.clip(share, 0, 1)))
 
 

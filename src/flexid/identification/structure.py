@@ -35,10 +35,7 @@ from flexid.recording.recording import Hold
 
 _ROUNDS = 2  # of taking away and fitting over longer segments
 _HOLD_DURATION = 0.5  # s of segments from which on the holds of an input are told apart
-_BARE = frozenset(
-    {"theta1", "alpha2", "alpha_coulomb", "theta_offset", "alpha_offset"}
-    | {"gamma1", "gamma_viscous", "gamma_coulomb", "gamma_offset"}
-)
+_FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
 _CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
 
 Progress = Callable[[str], None]
@@ -184,30 +181,36 @@ def _climbed(
     hold, reason = _best_hold(found)
     progress("the full model over longer segments")
     climbed = found[hold]
-    if len(climbed) == first:
+    if len(climbed[-1].problem.segments) == len(ladder[first - 1]):
         climbed = climbed + _onward(climbed[-1], ladder)
     return climbed, reason
 
 
 def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> list[Fitted]:
-    """Climb from the least squares that leads farthest and fits best."""
-    best: list[Fitted] = []
+    """Climb from least squares; where the full model finds no way, by way of a small one."""
+    start, _ = least_squares_start(structure, data, START_RATES[0])
+    try:
+        return climb(structure, data, start, ladder)
+    except ConvergenceError:
+        pass
+    few = structure.without({*(structure.joint.optional - _FEW), *structure.timing.sought})
     for rate in START_RATES:
-        start, _ = least_squares_start(structure, data, rate)
+        start, _ = least_squares_start(few, data, rate)
         try:
-            found = climb(structure, data, start, ladder)
+            found = climb(few, data, start, ladder)
         except ConvergenceError:
             continue
-        if len(found) > len(best) or found[-1].excess < best[-1].excess:
-            best = found
-        if len(best) == len(ladder):
-            return best
-    if best:
-        return best
-    # Nothing of this kind of drive: the least that a joint has, be the fit as bad as it may.
-    bare = replace(structure, absent=structure.absent | (structure.joint.optional - _BARE))
-    start, _ = least_squares_start(bare, data, START_RATES[0])
-    return climb(bare, data, start, ladder, insist=False)
+        for wider in (structure, replace(few, timing=structure.timing)):
+            last = found[-1]
+            states = last.minimum.point.initial_states
+            try:
+                return climb(wider, data, last.by_name, [last.problem.segments], states=states)
+            except ConvergenceError:
+                continue
+        return found
+    # No drive of this kind: be the fit as bad as it may.
+    start, _ = least_squares_start(few, data, START_RATES[0])
+    return climb(few, data, start, ladder, insist=False)
 
 
 def _onward(last: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
@@ -247,9 +250,11 @@ def _best_hold(found: Mapping[Hold, list[Fitted]]) -> tuple[Hold, str]:
     """The hold that explains the log best; where none does, the one that needs least delay."""
     if len(found) == 1:
         return next(iter(found)), "as given"
-    farthest = max(map(len, found.values()))
+    farthest = min(len(fits[-1].problem.segments) for fits in found.values())
     last: list[tuple[Hold, Fitted]] = [
-        (hold, fits[-1]) for hold, fits in found.items() if len(fits) == farthest
+        (hold, fits[-1])
+        for hold, fits in found.items()
+        if len(fits[-1].problem.segments) == farthest
     ]
     last.sort(key=lambda pair: pair[1].minimum.equations.cost)
     (best, fitted), others = last[0], last[1:]

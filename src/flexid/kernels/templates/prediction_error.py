@@ -10,6 +10,7 @@
 BOUND = 1e12  # a residual beyond it means that the segment diverged
 MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
 MOST_TRIALS = 8  # of the secant that locates a change
+STOPPING_SAMPLES = 3.0  # within which a row stops that counts as stuck from the start
 NEAR = 1e-9  # of an interval, to which a change is located
 
 
@@ -95,16 +96,25 @@ def change_mode(z, row, drive, place, modes, dry, p, c, at, delay, rate, other, 
 
 
 @njit(cache=True, error_model="numpy")
-def first_modes(z, drive, modes, dry, p, c, at, delay, rate, u, du):
-    """Modes at the start of a segment."""
+def first_modes(z, drive, h, modes, dry, p, c, at, delay, rate, u, du):
+    """Modes at the start of a segment; a row that would stop within a few samples sticks at once.
+
+    How fast such a row was leaves no trace in its positions, and a fit must not chase it.
+    """
     for row in range(N_ROWS):
         velocity = z[2 * row + 1, 0]
         modes[row] = -1.0 if velocity < 0.0 else 1.0
-        if dry[row] and velocity == 0.0:
+        if not dry[row]:
+            continue
+        forward = pull(z, row, 1.0, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du)
+        backward = pull(z, row, -1.0, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du)
+        braking = -forward if velocity >= 0.0 else backward
+        if forward <= 0.0 <= backward and abs(velocity) <= STOPPING_SAMPLES * h * braking:
             modes[row] = 0.0
-            if margin(z, row, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du) < 0.0:
-                forward = pull(z, row, 1.0, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du)
-                modes[row] = 1.0 if forward > 0.0 else -1.0
+            for j in range(z.shape[1]):
+                z[2 * row + 1, j] = 0.0
+        elif velocity == 0.0:
+            modes[row] = 1.0 if forward > -backward else -1.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -225,7 +235,8 @@ def segment_equations(
         for i in range(N_STATES):
             z[i, 0] = initial_states[s, i]
             z[i, 1 + i] = 1.0
-        first_modes(z, drives[starts[s]], modes, dry, p[s], c, at, delay, rate, u, du)
+        h = sample_times[s]
+        first_modes(z, drives[starts[s]], h, modes, dry, p[s], c, at, delay, rate, u, du)
         blocks = first_blocks[s + 1] - first_blocks[s]
         for k in range(starts[s], starts[s] + lengths[s]):
             b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
