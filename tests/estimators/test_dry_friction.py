@@ -145,14 +145,29 @@ def test_block_at_rest_under_a_greater_force_moves_at_once(side):
 def test_two_changes_within_one_interval():
     """Assert that a block stops and is let go again between two samples.
 
-    v' = -1 + 2 t from v = 0.2: at rest from t = (1 - √0.2)/2 to 1/2, then v = (t - 1/2)².
+    At t = 4 its speed is 0.2; from there v' = -1 + 2 t: at rest from t = (1 - √0.2)/2 to 1/2, then
+    v = (t - 1/2)².
     """
-    force = 2.0 * np.minimum(np.arange(20.0), 1.0)
+    force = np.array([1.0, 1.0, 1.0, 1.0, 0.0, *[2.0] * 15])
     problem = replace(problem_of(BLOCK, force, 1.0), substeps=4)
     stop = 0.5 * (1.0 - 0.2**0.5)
     rest = 0.2 * stop - 0.5 * stop**2 + stop**3 / 3.0
-    found = motion(problem, point_of([1.0, 1.0], 0.0, 0.2))
-    assert found[1, 0] == pytest.approx(rest + 0.5**3 / 3.0, abs=1e-7)
+    found = motion(problem, point_of([1.0, 1.0], 0.0, 0.7))
+    before = 4 * 0.7 - 1.0 / 6.0
+    assert found[4, 0] == pytest.approx(before, abs=1e-7)
+    assert found[5, 0] == pytest.approx(before + rest + 0.5**3 / 3.0, abs=1e-7)
+
+
+@pytest.mark.parametrize(("samples", "slides"), [(2.9, False), (3.1, True)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_block_that_stops_at_once_sticks(side, samples, slides):
+    """Assert that a first speed that three samples use up is none, and leaves no derivative."""
+    problem = problem_of(BLOCK, 0.0 * TIME, 0.01)
+    point = point_of([2.0, 1.0], 0.3, side * 2.0 * 0.01 * samples)
+    travelled = motion(problem, point)[-1, 0] - 0.3
+    expected = side * (0.01 * samples) ** 2 if slides else 0.0
+    assert travelled == pytest.approx(expected, abs=1e-10)
+    assert (derivatives(problem, point, 50)[1] != 0.0) == slides
 
 
 def test_friction_that_is_known_sticks_too():
