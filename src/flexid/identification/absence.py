@@ -37,7 +37,8 @@ def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float
     kept = [names.index(name) for name in reported.names if name in names]
     places = [i for i, name in enumerate(reported.names) if name in names]
     added = np.zeros((len(reported.names), len(reported.names)))
-    information, right = full.information, full.information @ full.values
+    information = full.information
+    right = information @ full.values + full.minimum.reduced.scores.sum(axis=1)
     part = information[np.ix_(kept, kept)]
     diagonal = np.sqrt(np.diag(part))
     inverse, _ = scaled_inverse(part, np.where(diagonal > 0.0, diagonal, 1.0))

@@ -1,6 +1,6 @@
 """An estimate: names, values, covariance and degrees of freedom, whatever it came from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -90,6 +90,13 @@ class Estimate:
         finite = np.isfinite(np.diag(self.covariance))
         factors = np.where(finite, factors, 1.0)
         return replace(self, covariance=self.covariance * np.outer(factors, factors))
+
+    def without_knowledge_of(self, names: Collection[str]) -> "Estimate":
+        """The same with infinite variance for some names."""
+        lost = np.array([name in names for name in self.names], dtype=np.bool_)
+        covariance = np.where(lost[:, None] | lost, 0.0, self.covariance)
+        covariance[lost, lost] = np.inf
+        return replace(self, covariance=covariance)
 
     def widened(self, more: FloatArray) -> "Estimate":
         """The same with a further covariance, shape (k, k), added to what is finite."""

@@ -417,6 +417,25 @@ def _beyond(fitted: Fitted) -> list[Fitted]:
     return found
 
 
+def expanded(structure: Structure, fitted: Fitted) -> Fitted:
+    """A wider structure about the values of a fit, not fitted itself: its quadratic form there."""
+    unknowns = structure.unknowns(fitted.data.groups)
+    problem = replace(
+        segmented_motion(unknowns.system, fitted.problem.segments, fitted.problem.timing, unknowns),
+        timing=replace(fitted.problem.timing, sought=structure.timing.sought),
+        substeps=fitted.problem.substeps,
+        weights=fitted.problem.weights,
+    )
+    values = {**structure.timing.delays, **fitted.by_name}
+    point = Point(
+        np.array([values.get(name, 0.0) for name in problem.names]),
+        fitted.minimum.point.initial_states,
+    )
+    equations = problem.equations(point)
+    minimum = Minimum(point, equations, problem.solve(equations), 0, np.inf)
+    return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
+
+
 def _bounded(
     structure: Structure,
     data: Data,

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.estimators.state_variable_filter import LeastSquaresFit
@@ -14,7 +16,7 @@ from flexid.identification.absence import hidden_covariance
 from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.compliance import compare_with_rigid, one_encoder
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
-from flexid.identification.excitations import row_excitation
+from flexid.identification.excitations import row_excitation, unexcited
 from flexid.identification.full_model import (
     FINE,
     LINK,
@@ -22,6 +24,7 @@ from flexid.identification.full_model import (
     Fitted,
     Structure,
     data_of,
+    expanded,
     fit_to,
     least_squares_start,
     refit,
@@ -118,6 +121,9 @@ def identify(
     filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
     scales = _scales(full, reported, pieces, filter_rate)
     estimate = widened(reported, error).widened(hidden_covariance(reported, full, scales))
+    heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))
+    rows = _least_squares(heavy, pieces, reported, filter_rate).rows
+    estimate = estimate.without_knowledge_of(unexcited(rows))
     contradicted = contradictions(job.given, choice.full, whole, thresholds)
     given = {**job.given, **reported.at_bound}
     estimate, against = with_prior_knowledge(
@@ -308,7 +314,7 @@ def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
             reported.minimum.point.initial_states,
         )
     except ConvergenceError:
-        return reported
+        return expanded(usual, reported)
 
 
 def _removed(
@@ -318,7 +324,9 @@ def _removed(
     kept: Mapping[str, ParameterEstimate],
     thresholds: Thresholds,
 ) -> dict[str, ParameterEstimate]:
-    """Parameters of the full model that the reported one does without."""
+    """Parameters of the full model that the reported one does without; none if it has no fit."""
+    if not np.isfinite(full.minimum.last_step):
+        return {}
     estimate = widened(full, error)
     unknowns = full.problem.unknowns
     every = coefficient_estimates(
@@ -326,6 +334,11 @@ def _removed(
     )
     found = parameter_estimates(job.joint, estimate, unknowns, every, job.input_unit, thresholds)
     return {name: p for name, p in found.items() if name not in kept}
+
+
+def _gravity(full: Structure) -> frozenset[str]:
+    """Gravity, if the log might show it."""
+    return frozenset({"theta1", "gamma1"} - full.absent)
 
 
 def _scales(full: Fitted, reported: Fitted, pieces: Pieces, filter_rate: float) -> dict[str, float]:
