@@ -99,7 +99,7 @@ def test_thresholds_are_these():
         "shape_chance": 0.001,
         "friction_sign": 4.0,
         "sensor_excess": 1.1,
-        "white_growth": 2.6,
-        "repeated_growth": 1.8,
+        "white_growth": 0.4,
+        "repeated_growth": 0.8,
         "contradiction": 3.0,
     }

@@ -93,7 +93,7 @@ def test_noise_of_the_torque_is_no_model_error(size):
     assert error.share == 0.0
 
 
-LIMITS = replace(THRESHOLDS, sensor_excess=1.1, white_growth=2.6, repeated_growth=1.8)
+LIMITS = replace(THRESHOLDS, sensor_excess=1.1, white_growth=0.4, repeated_growth=0.8)
 
 
 def rung(duration: float, excess: float) -> Fitted:
@@ -108,7 +108,17 @@ def rung(duration: float, excess: float) -> Fitted:
 
 
 @pytest.mark.parametrize(
-    ("power", "share"), [(3.0, 0.0), (2.61, 0.0), (2.2, 0.5), (1.79, 1.0), (0.5, 1.0)]
+    ("power", "share"),
+    [
+        (3.0, 0.0),
+        (2.61, 0.0),
+        (2.4, 0.5),
+        (2.19, 1.0),
+        (0.5, 1.0),
+        (3.39, 0.0),
+        (3.6, 0.5),
+        (4.0, 1.0),
+    ],
 )
 def test_growth_tells_noise_of_the_torque_from_an_error(power, share):
     """Assert that residuals beyond noise are weighed by the power of time they grow with."""

@@ -190,6 +190,21 @@ def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
         assert left(_Quadratic(names, values, information)) == {usual}
 
 
+def test_the_less_usual_goes_before_the_less_probable():
+    """Assert that a shape that chance could make goes first, though a usual term is nearer to zero.
+
+    They share their information, r = 0.95; the shape at 2.5 deviations would make up for the
+    offset at 0.8, which alone is far from zero.
+    """
+    r = 0.95
+    information = np.zeros((5, 5))
+    information[:3, :3] = 1e4 * np.eye(3)
+    information[3:, 3:] = np.linalg.inv(np.array([[1.0, -r], [-r, 1.0]]))
+    names = ("theta2", "alpha1", "beta1", "theta_offset", "alpha_backlash")
+    quadratic = _Quadratic(names, np.array([100.0, 300.0, 3.0, 0.8, 2.5]), information)
+    assert left(quadratic) == {"theta_offset"}
+
+
 def test_least_probable_goes_first():
     """Assert that of two that could go the one goes that is nearer to zero, and saves the other.
 
