@@ -14,13 +14,16 @@ import numpy as np
 from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.identify import identify
 from flexid.identification.result import Identification
-from flexid.recording import Log, Recording, read_log
+from flexid.identification.settings import Settings
+from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.identification_table import format_fits
 from flexid.report.style import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
 
 ROOT = Path(__file__).parents[2]
 ASSETS = ROOT / "docs" / "assets"
 GEAR = {1: 256.9, 2: 267.4, 3: 252.3}
+DELAY = 0.003  # s, of the link's encoder
+SLOW = 0.02  # rad/s, over which friction changes sign in a regression
 COLUMNS = """
 time = "t_s"
 link_position = {{ column = "a{axis}_q_link_deg", unit = "deg" }}
@@ -37,44 +40,61 @@ def read_axis(log: Path, axis: int) -> Log:
         return read_log(log, columns)
 
 
-def link_aligned(piece: Recording, found: Identification) -> Recording:
+def link_aligned(piece: Recording) -> Recording:
     """A log with its link's encoder on the motor's clock."""
-    none = Delay(0.0, 0.0, (0.0, 0.0), "none")
-    alignment = found.choices.alignment
-    return aligned(piece, Alignment(alignment.hold, none, alignment.link_delay, ""))
+    none, late = (Delay(value, 0.0, (value, value), "given") for value in (0.0, DELAY))
+    return aligned(piece, Alignment("linear", none, late, ""))
 
 
-def print_axis(label: str, piece: Recording, found: Identification) -> None:
-    """What the page quotes of one axis."""
-    delay = found.choices.alignment.link_delay
-    low, high = (1e3 * end for end in delay.interval)
-    after = link_aligned(piece, found).deflection.std()
+def regressed_delays(recording: Recording) -> tuple[float, float]:
+    """Delay in s for which a late encoder explains the deflection best.
+
+    Alone, and beside a spring that the torque, friction and gravity wind.
+    """
+    piece = with_velocities(recording)
+    speed, position = piece.motor_velocity, piece.motor_position
+    assert speed is not None
+    late = [np.ones_like(speed), speed]
+    wound = [piece.input, np.tanh(speed / SLOW), np.sin(position), np.cos(position)]
+    found = [
+        np.linalg.lstsq(np.column_stack(columns), piece.deflection, rcond=None)[0]
+        for columns in (late, late + wound)
+    ]
+    return -float(found[0][1]), -float(found[1][1])
+
+
+def print_axis(label: str, piece: Recording, delays: tuple[float, float]) -> None:
+    """What the page quotes of the skew of one axis."""
+    before, after = (np.rad2deg(p.deflection.std()) for p in (piece, link_aligned(piece)))
+    alone, beside = (1e3 * delay for delay in delays)
     print(
-        f"{label}: {1e3 * delay.value:.2f} ms ({low:.2f} to {high:.2f}, {delay.status}), "
-        f"deflection {np.rad2deg(piece.deflection.std()):.4f} -> {np.rad2deg(after):.4f} deg"
+        f"{label}: {alone:.2f} ms, beside a spring {beside:.2f} ms; "
+        f"deflection {before:.4f} -> {after:.4f} deg"
     )
-    stiffness = found.parameters["joint_stiffness"]
+
+
+def print_identified(found: Identification) -> None:
+    """What flexid says of one axis."""
+    stiffness, late = found.parameters["joint_stiffness"], found.choices.alignment.link_delay
     low, high = stiffness.interval
-    error = found.model_error
+    residuals = ", ".join(f"{ratio:.3g}" for ratio in found.residual_excess.values())
     print(
-        f"    stiffness {stiffness.value:.3g} [{low:.3g}, {high:.3g}] {stiffness.status}; exit "
-        f"{0 if found.supported else 1}; {found.compliance.reason}; segments of "
-        f"{found.choices.segment_duration:.2g} s; residuals "
-        + ", ".join(f"{ratio:.3g}" for ratio in found.residual_excess.values())
-        + f" times noise, growth {error.growth:.2g}, share {error.share:.2g}"
-        + f"; free run {format_fits(found.validation.fit_percent)}"
+        f"    link {1e3 * late.value:.2f} ms late ({late.status}), stiffness "
+        f"{stiffness.value:.3g} [{low:.3g}, {high:.3g}] {stiffness.status}; exit "
+        f"{0 if found.supported else 1}; residuals {residuals} times noise; "
+        f"free run {format_fits(found.validation.fit_percent)}"
     )
 
 
-def deflection_figure(pieces: dict[int, Recording], found: dict[int, Identification]) -> None:
+def deflection_figure(pieces: dict[int, Recording]) -> None:
     """Deflection as logged and aligned, of the three axes of one log."""
     with mpl.rc_context(STYLE):
         figure = new_figure(7.2, 5.2)
         for place, (axis, piece) in enumerate(pieces.items()):
             axes = figure.add_subplot(3, 1, place + 1)
-            after = link_aligned(piece, found[axis])
+            after = link_aligned(piece)
             axes.plot(piece.time, np.rad2deg(piece.deflection), color=GREY, label="as logged")
-            axes.plot(after.time, np.rad2deg(after.deflection), color=BLUE, label="aligned")
+            axes.plot(after.time, np.rad2deg(after.deflection), color=BLUE, label="3 ms later")
             axes.set_title(f"Axis {axis}")
             axes.set_ylabel("link − motor, deg")
             if place == 0:
@@ -83,36 +103,38 @@ def deflection_figure(pieces: dict[int, Recording], found: dict[int, Identificat
         save(figure, ASSETS, "kuka-deflection")
 
 
-def delay_figure(delays: dict[str, Delay]) -> None:
-    """Delay of the link's encoder with its interval, for each axis of each log."""
+def delay_figure(delays: dict[str, tuple[float, float]]) -> None:
+    """Delay of the link's encoder for each axis of each log, by two regressions."""
     with mpl.rc_context(STYLE):
         figure = new_figure(7.2, 2.6)
         axes = figure.add_subplot()
-        for place, delay in enumerate(delays.values()):
-            low, high = (1e3 * end for end in delay.interval)
-            axes.plot([low, high], [place, place], color=ORANGE, linewidth=3.0)
-            axes.plot(1e3 * delay.value, place, "o", color=INK)
+        places = range(len(delays))
+        alone, beside = (1e3 * np.array(list(delays.values()))).T
+        axes.plot(alone, places, "o", color=ORANGE, label="late encoder alone")
+        axes.plot(beside, places, "o", color=INK, label="beside a spring")
         axes.axvline(0.0, color=GREY)
-        axes.set_yticks(range(len(delays)), list(delays))
-        axes.set_xlim(left=-0.5)
+        axes.set_yticks(places, list(delays))
+        axes.set_xlim(-0.2, 4.0)
         axes.set_xlabel("delay of the link's encoder behind the motor's, ms")
+        axes.legend(loc="center left", bbox_to_anchor=(0.1, 0.5))
         save(figure, ASSETS, "kuka-delay")
 
 
 def main() -> None:
     """Read both logs, print the numbers and write the figures."""
     logs = dict(zip("AB", map(Path, sys.argv[1:3]), strict=True))
-    delays: dict[str, Delay] = {}
+    delays: dict[str, tuple[float, float]] = {}
     for name, log in logs.items():
         read = {axis: read_axis(log, axis) for axis in GEAR}
         pieces = {axis: one.pieces[0] for axis, one in read.items()}
-        found = {axis: identify([one]) for axis, one in read.items()}
         for axis, piece in pieces.items():
             label = f"log {name}, axis {axis}"
-            delays[label] = found[axis].choices.alignment.link_delay
-            print_axis(label, piece, found[axis])
+            delays[label] = regressed_delays(piece)
+            print_axis(label, piece, delays[label])
+            print_identified(identify([read[axis]]))
+            print_identified(identify([read[axis]], Settings(link_delay=DELAY)))
         if name == "A":
-            deflection_figure(pieces, found)
+            deflection_figure(pieces)
     delay_figure(delays)
 
 
