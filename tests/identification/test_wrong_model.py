@@ -32,16 +32,13 @@ def identified(term: str, terms: tuple[str, ...] | None):
 
 
 UNSEEN = pytest.mark.xfail(reason="its residuals grow like noise", strict=True)
-BIASED = pytest.mark.xfail(
-    reason="the viscous friction is off by more than is allowed", strict=True
-)
 
 
 @pytest.mark.parametrize(
     "term",
     [
         "cubic_stiffness",
-        pytest.param("motor_coulomb", marks=BIASED),
+        "motor_coulomb",
         pytest.param("link_coulomb", marks=UNSEEN),
     ],
 )
