@@ -147,7 +147,6 @@ def test_what_is_unknown_or_free_is_refused():
         informed(free, [Known("motor_inertia", 0.3, 0.01)], PARAMETERS)
 
 
-@pytest.mark.xfail(reason="it reaches back to the log, but not to what is known", strict=True)
 def test_contradiction_with_a_sharp_log_spans_both():
     """Assert that two deviations reach what is known also where the log alone decides."""
     fit = Fit(("a",), np.array([2.0]), np.array([[1e-6]]), (np.inf,))

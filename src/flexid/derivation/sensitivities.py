@@ -55,7 +55,7 @@ def _mode(place: int) -> sp.Symbol:
 
 def _with_modes(symbolic: SymbolicSystem) -> SymbolicSystem:
     """The same with the mode of each row in the place of its velocity's sign."""
-    modes = {sp.sign(row.velocity): _mode(j) for j, row in enumerate(symbolic.rows)}
+    modes = [(sp.sign(row.velocity), _mode(j)) for j, row in enumerate(symbolic.rows)]
     rows = tuple(
         replace(
             row,

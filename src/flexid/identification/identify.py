@@ -273,15 +273,30 @@ def _predicting(
     """
     choice = job.chosen(training, progress, thresholds)
     progress("predicting the held-out data")
-    validation = validate(choice.fitted, whole, pieces.starts)
+    choice, validation = _preferred(choice, whole, pieces, thresholds)
     if job.settings.terms != "auto" or choice.structure.joint.shapes <= choice.structure.absent:
         return choice, validation
     progress("the usual terms alone as a rival")
     rival = job.chosen(training, progress, thresholds, choice)
-    other = validate(rival.fitted, whole, pieces.starts)
+    rival, other = _preferred(rival, whole, pieces, thresholds)
     if misprediction(validation) < misprediction(other):
         return choice, validation
     return rival, other
+
+
+def _preferred(
+    choice: Choice, whole: Data, pieces: Pieces, thresholds: Thresholds
+) -> tuple[Choice, Validation]:
+    """The structure as it was chosen, or a rival of it that predicts far better."""
+    chosen = validate(choice.fitted, whole, pieces.starts)
+    limit = misprediction(chosen) - thresholds.generous_gain
+    best = choice
+    for rival in choice.rivals:
+        other = validate(rival, whole, pieces.starts)
+        if misprediction(other) < limit:
+            limit, chosen = misprediction(other), other
+            best = replace(choice, structure=rival.structure, fitted=rival)
+    return best, chosen
 
 
 def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:

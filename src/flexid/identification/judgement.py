@@ -42,6 +42,17 @@ class Thresholds:
         "probability of a coefficient as large by chance, from which on its term goes; a dozen are "
         "tried, so one log in twenty keeps one that is not there",
     )
+    generous_chance: float = _threshold(
+        0.1,
+        "1",
+        "the same for terms that have to pay on held-out data as well: a short log of a drive that "
+        "no model describes shows friction at 0.02 and is predicted far better with it",
+    )
+    generous_gain: float = _threshold(
+        0.05,
+        "1",
+        "part of the held-out data's prediction errors, as a geometric mean, that such terms save",
+    )
     shape_chance: float = _threshold(
         0.001, "1", "the same for terms beyond the usual ones, of which there are many"
     )

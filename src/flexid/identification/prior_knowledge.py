@@ -105,7 +105,8 @@ def informed(
     alone = _Linearised(fit.names, np.asarray(fit.values, dtype=np.float64), given or {}, wanted)
     variances = np.array([item.std for item in known]) ** 2
     covariance = np.where(np.outer(finite, finite), fit.covariance, 0.0)
-    both, gain = _joined(alone, covariance, np.array([item.value for item in known]), variances)
+    values = np.array([item.value for item in known])
+    both, gain = _joined(alone, covariance, values, variances)
     involved = np.any(both.slopes != 0.0, axis=0)
     fewest = min(fit.degrees_of_freedom[i] for i in np.flatnonzero(involved))
     kept = np.eye(len(fit.names)) - gain @ both.slopes
@@ -122,9 +123,11 @@ def informed(
     total[~finite, ~finite] = np.inf
     estimate = Estimate(fit.names, both.point, total, tuple(freedom.tolist()))
     contradicted = _contradictions(alone, covariance, known, contradiction)
-    if contradicted:
-        change = both.point - alone.point
-        estimate = estimate.widened(np.outer(change, change))
+    if contradicted:  # what is known as certain, and what the log says
+        certain, _ = _joined(alone, covariance, values, np.zeros_like(variances))
+        to_log, to_known = both.point - alone.point, certain.point - both.point
+        farther = max((to_log, to_known), key=lambda c: float(np.linalg.norm(both.slopes @ c)))
+        estimate = estimate.widened(np.outer(farther, farther))
     return estimate, contradicted
 
 

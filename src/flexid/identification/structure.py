@@ -59,6 +59,9 @@ class Choice:
         The segments that were tried.
     hold_reason : str
         Why the input was taken to behave as it does.
+    rivals : tuple of Fitted
+        With terms that chance might explain, and, where the model leaves more than noise, over
+        segments of other lengths: held-out data may prefer one of these.
     """
 
     full: Structure
@@ -67,6 +70,7 @@ class Choice:
     terms: tuple[TermEvidence, ...]
     lengths: tuple[SegmentEvidence, ...]
     hold_reason: str
+    rivals: tuple[Fitted, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -144,7 +148,12 @@ def choose_structure(
     tests = tuple(_length_test(one) for one in found)
     if fitted is None:
         structure, fitted = best.structure, best
-    return Choice(wider.structure, structure, fitted, evidence, tests, hold_reason)
+    more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
+    generous = None if more.absent >= structure.absent else _fit_like(more, fitted)
+    rivals = [] if generous is None else [generous]
+    if fitted.excess > thresholds.sensor_excess and not durations:
+        rivals += [other for other in found if other.duration != fitted.duration]
+    return Choice(wider.structure, structure, fitted, evidence, tests, hold_reason, tuple(rivals))
 
 
 def _latest(

@@ -13,7 +13,7 @@ from flexid.errors import RecordingError
 FloatArray: TypeAlias = NDArray[np.float64]
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
-"""How an input behaves between samples: constant from its sample on, on straight lines, or smooth."""
+"""How an input behaves between samples: constant from each on, on straight lines, or smooth."""
 
 CHANNELS = ("link_position", "motor_position", "input", "link_velocity", "motor_velocity")
 

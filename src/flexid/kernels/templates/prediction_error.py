@@ -96,10 +96,11 @@ def change_mode(z, row, drive, place, modes, dry, p, c, at, delay, rate, other, 
 
 
 @njit(cache=True, error_model="numpy")
-def first_modes(z, drive, h, modes, dry, p, c, at, delay, rate, u, du):
+def first_modes(z, drive, h, trace, modes, dry, p, c, at, delay, rate, u, du):
     """Modes at the start of a segment; a row that would stop within a few samples sticks at once.
 
-    How fast such a row was leaves no trace in its positions, and a fit must not chase it.
+    How fast such a row was leaves no trace in its positions, if it moves by less than `trace`, and
+    a fit must not chase it.
     """
     for row in range(N_ROWS):
         velocity = z[2 * row + 1, 0]
@@ -109,7 +110,9 @@ def first_modes(z, drive, h, modes, dry, p, c, at, delay, rate, u, du):
         forward = pull(z, row, 1.0, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du)
         backward = pull(z, row, -1.0, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du)
         braking = -forward if velocity >= 0.0 else backward
-        if forward <= 0.0 <= backward and abs(velocity) <= STOPPING_SAMPLES * h * braking:
+        soon = abs(velocity) <= STOPPING_SAMPLES * h * braking
+        near = velocity * velocity <= 2.0 * braking * trace[row]
+        if forward <= 0.0 <= backward and soon and near:
             modes[row] = 0.0
             for j in range(z.shape[1]):
                 z[2 * row + 1, j] = 0.0
@@ -226,6 +229,10 @@ def segment_equations(
     u = np.empty(N_INPUTS)
     du = np.empty(N_INPUTS)
     modes = np.empty(N_ROWS)
+    trace = np.zeros(N_ROWS)  # the noise of each row's position
+    for a in range(measured.shape[0]):
+        if measured[a] % 2 == 0:
+            trace[measured[a] // 2] = 1.0 / weights[a]
     any_late = False
     for a in range(measured.shape[0]):
         any_late = any_late or late[a] != 0.0 or late_columns[a] >= 0
@@ -236,7 +243,7 @@ def segment_equations(
             z[i, 0] = initial_states[s, i]
             z[i, 1 + i] = 1.0
         h = sample_times[s]
-        first_modes(z, drives[starts[s]], h, modes, dry, p[s], c, at, delay, rate, u, du)
+        first_modes(z, drives[starts[s]], h, trace, modes, dry, p[s], c, at, delay, rate, u, du)
         blocks = first_blocks[s + 1] - first_blocks[s]
         for k in range(starts[s], starts[s] + lengths[s]):
             b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
