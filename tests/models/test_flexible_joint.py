@@ -5,8 +5,8 @@ import pytest
 
 from flexid.analysis.histories import regressors_along
 from flexid.errors import SettingError
-from flexid.models.flexible_joint import TERMS, flexible_joint, with_stopping_time
-from flexid.simulation.free_run import free_run
+from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES, flexible_joint
+from flexid.models.terms import with_dry_friction
 
 
 def test_paper_s_model():
@@ -72,40 +72,35 @@ def test_impossible_smoothing(velocity: float):
         flexible_joint(("motor_coulomb",), coulomb_velocity=velocity)
 
 
-def test_friction_holds_a_joint_at_rest():
-    """Assert that with a stopping time a joint hardly creeps under a load it should hold."""
-    values = {"theta2": 0.0, "alpha1": 0.0, "alpha_coulomb": 2.0, "beta1": 1.0}
-    torque, start = np.full((2000, 1), 0.5), np.zeros(4)
-    creeping = flexible_joint(("motor_coulomb",), coulomb_velocity=0.02)
-    held = with_stopping_time(flexible_joint(("motor_stiction",)), 0.01, values)
-    far = free_run(creeping, values, start, torque, 1e-3)[-1, 2]
-    near = free_run(held, {**values, "alpha_holding": 0.0}, start, torque, 1e-3)[-1, 2]
-    assert 0 < near < 0.05 * far
+def test_dry_friction_is_the_sign_of_its_row_s_velocity():
+    """Assert that dry friction takes the place of the smoothed one, and of nothing else."""
+    smooth = flexible_joint(("motor_coulomb", "link_coulomb", "motor_viscous"))
+    dry = with_dry_friction(smooth)
+    link, motor = dry.rows
+    assert (link.regressors["theta_coulomb"], motor.regressors["alpha_coulomb"]) == (
+        "-sign(x2)",
+        "-sign(x4)",
+    )
+    assert dry.constants == {}
+    others = set(smooth.coefficients) - {"theta_coulomb", "alpha_coulomb"}
+    for row, before in zip(dry.rows, smooth.rows, strict=True):
+        for name in others & set(row.coefficients):
+            assert row.regressors[name] == before.regressors[name]
 
 
-def test_friction_at_speed_is_coulomb_s():
-    """Assert that a fast motor loses to both kinds of friction the same."""
-    values = {"alpha1": 0.0, "theta2": 0.0, "alpha_coulomb": 2.0, "beta1": 1.0}
-    torque, start = np.zeros((1000, 1)), np.array([0.0, 0.0, 0.0, 10.0])
-    plain = free_run(flexible_joint(("motor_coulomb",)), values, start, torque, 1e-3)
-    system = with_stopping_time(flexible_joint(("motor_stiction",)), 0.01, values)
-    held = free_run(system, {**values, "alpha_holding": 0.0}, start, torque, 1e-3)
-    np.testing.assert_allclose(held, plain, atol=1e-9)
-
-
-def test_derivative_by_the_stopping_time():
-    """Assert that alpha_holding over alpha_coulomb changes ln T, to first order."""
-    values = {"alpha1": 30.0, "alpha2": 0.5, "alpha_coulomb": 2.0, "beta1": 1.0}
-    system = flexible_joint(("motor_viscous", "motor_stiction"))
-    states = np.random.default_rng(5).normal(0.0, 0.02, (50, 4))
-
-    def friction(time: float, holding: float) -> np.ndarray:
-        about = with_stopping_time(system, time, values)
-        r = regressors_along(about, states, np.full((50, 1), 0.7))["motor"]
-        names = about.rows[1].coefficients
-        return r[:, names.index("alpha_coulomb")] * 2 + r[:, names.index("alpha_holding")] * holding
-
-    step = 1e-4
-    exact = friction(0.01 * np.exp(step), 0.0) - friction(0.01 * np.exp(-step), 0.0)
-    linear = friction(0.01, 2.0 * step) - friction(0.01, -2.0 * step)
-    np.testing.assert_allclose(linear, exact, atol=1e-8)
+@pytest.mark.parametrize("term", SHAPE_TERMS)
+def test_shape_terms_of_the_spring_are_tied(term: str):
+    """Assert that what acts on both sides of the spring is one torque over each side's inertia."""
+    declared = SHAPE_TERMS[term]
+    if not (declared.link and declared.motor):
+        return
+    for name, regressor in declared.link.items():
+        source, upper, lower = TIES[name]
+        assert (upper, lower) == ("theta2", "alpha1")
+        point = {n: 0.1 * (i + 1) for i, n in enumerate(("x1", "x2", "x3", "x4"))}
+        model = flexible_joint((term,))
+        states = np.array([list(point.values())])
+        regressors = regressors_along(model, states, np.zeros((1, 1)))
+        here = regressors["link"][0, model.rows[0].coefficients.index(name)]
+        there = regressors["motor"][0, model.rows[1].coefficients.index(source)]
+        assert here == pytest.approx(-there), regressor

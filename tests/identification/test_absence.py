@@ -1,0 +1,78 @@
+"""What may hide behind a term that was taken away, against the posterior by quadrature."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from flexid.identification.absence import hidden_covariance
+
+
+def fitted(names, information, values, robust=1.0) -> Any:
+    """As much of a fit as counts: its quadratic form, and how far blocks agree with noise."""
+    unit = np.sqrt(np.diag(np.linalg.pinv(information)))
+    return SimpleNamespace(
+        names=tuple(names),
+        information=np.asarray(information, dtype=np.float64),
+        values=np.asarray(values, dtype=np.float64),
+        unit_deviations=unit,
+        fit=SimpleNamespace(standard_deviations=robust * unit),
+        minimum=SimpleNamespace(
+            reduced=SimpleNamespace(scores=np.zeros((len(names), 1))),
+        ),
+    )
+
+
+def added(information, values, scale, robust=1.0) -> float:
+    """Variance that the second of two coefficients adds to the first by its absence."""
+    reported = fitted(("kept",), information[:1, :1], values[:1])
+    full = fitted(("kept", "gone"), information, values, robust)
+    covariance = hidden_covariance(cast(Any, reported), cast(Any, full), {"gone": scale})
+    return float(covariance[0, 0])
+
+
+@pytest.mark.parametrize(("value", "scale"), [(0.0, 3.0), (0.4, 3.0), (1.1, 0.5), (2.5, 20.0)])
+def test_it_is_the_mean_square_of_the_posterior(value, scale):
+    """Assert that what is added is E[b²] of a term that is there or not, times its leverage.
+
+    The two share 0.6 of their information: one unit of the second moves the first by 0.6.
+    """
+    information = np.array([[1.0, 0.6], [0.6, 1.0]])
+    deviation = 1.0 / np.sqrt(1.0 - 0.36)
+
+    def there(b):
+        return norm.pdf(value, b, deviation) * norm.pdf(b, 0.0, scale)
+
+    reach = 12.0 * scale
+    evidence = quad(there, -reach, reach, points=[0.0, value], limit=400)[0]
+    square = quad(lambda b: b * b * there(b), -reach, reach, points=[0.0, value], limit=400)[0]
+    expected = 0.36 * square / (evidence + norm.pdf(value, 0.0, deviation))
+    assert added(information, np.array([0.0, value]), scale) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_term_that_the_log_sees_and_does_not_find_adds_nothing():
+    """Assert that a hundred times the information leaves less than a thousandth of its variance."""
+    information = np.array([[1.0, 0.6], [0.6, 1e6]])
+    assert added(information, np.zeros(2), 1.0) < 1e-3 * 0.36 / 1e6
+
+
+def test_a_term_that_the_log_cannot_see_adds_half_of_all_it_could_be():
+    """Assert that of two coefficients that do the same, the one left has the other's doubt."""
+    information = np.ones((2, 2))
+    assert added(information, np.zeros(2), 3.0) == pytest.approx(0.5 * 9.0, rel=1e-6)
+
+
+def test_correlated_residuals_count():
+    """Assert that a term whose scores scatter twice as much is twice as uncertain."""
+    information = np.array([[1.0, 0.6], [0.6, 1.0]])
+    wide = added(information, np.zeros(2), 3.0, robust=2.0)
+    narrow = added(information / 4.0, np.zeros(2), 3.0)
+    assert wide == pytest.approx(narrow, rel=1e-9)
+
+
+def test_a_term_of_no_size_hides_nothing():
+    """Assert that only terms whose size is known of count."""
+    assert added(np.ones((2, 2)), np.zeros(2), 0.0) == 0.0
