@@ -10,13 +10,15 @@ from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Equations, Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, first_states
 
+FLAT = 2e-3
+"""Part of the sum of squares that a step promises, below which none has to be found."""
+
 _ITERATIONS = 20  # far beyond the five or so that a good start takes
 _HALVINGS = 4  # of segments too long to be fitted from the start at once
 _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING = 1e-6  # less than this is none
 _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
-_FLAT = 2e-3  # of the sum of squares that a step promises, below which none has to be found
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 
 
@@ -114,11 +116,11 @@ def minimise(
             point, equations, damping = _descend(problem, point, equations, reduced, damping)
         except ConvergenceError:
             # Dry friction makes the sum of squares rough; its bottom may be between two steps.
-            if insist and reduced.decrement > _FLAT * equations.cost:
+            if insist and reduced.decrement > FLAT * equations.cost:
                 raise
             return Minimum(point, equations, reduced, iterations, float(last_step))
     reduced = problem.solve(equations)
-    if not insist or reduced.decrement <= _FLAT * equations.cost:  # to and fro over a rough bottom
+    if not insist or reduced.decrement <= FLAT * equations.cost:  # to and fro over a rough bottom
         return Minimum(point, equations, reduced, _ITERATIONS, float(last_step))
     raise ConvergenceError(
         "prediction error",

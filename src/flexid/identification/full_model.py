@@ -13,7 +13,7 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import Bounds, bounded_fit
-from flexid.estimators.gauss_newton import Minimum, minimise
+from flexid.estimators.gauss_newton import FLAT, Minimum, minimise
 from flexid.estimators.prediction_error import PredictionErrorFit, described
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import (
@@ -210,6 +210,12 @@ class Fitted:
     def unit_deviations(self) -> FloatArray:
         """Standard deviations if nothing but the sensors' noise were in the residuals."""
         return np.sqrt(np.diag(self.minimum.reduced.inverse))
+
+    @property
+    def converged(self) -> bool:
+        """Whether the least sum of squares was found, as far as its roughness allows."""
+        promised = self.minimum.reduced.decrement
+        return promised <= FLAT * self.minimum.equations.cost or self.minimum.last_step <= ROUGH
 
     def coefficients(self, piece: int) -> FloatArray:
         """All coefficients of the system in a piece."""

@@ -44,6 +44,7 @@ from flexid.identification.result import (
     ModelError,
     ObserverTrace,
     ParameterEstimate,
+    TermEvidence,
     Validation,
 )
 from flexid.identification.settings import Settings, check_for
@@ -123,7 +124,8 @@ def identify(
     estimate = widened(reported, error).widened(hidden_covariance(reported, full, scales))
     heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))
     rows = _least_squares(heavy, pieces, reported, filter_rate).rows
-    estimate = estimate.without_knowledge_of(unexcited(rows))
+    unknown = unexcited(rows) if reported.converged else {*reported.names}
+    estimate = estimate.without_knowledge_of(unknown)
     contradicted = contradictions(job.given, choice.full, whole, thresholds)
     given = {**job.given, **reported.at_bound}
     estimate, against = with_prior_knowledge(
@@ -281,7 +283,7 @@ def _predicting(
     rival, other = _preferred(rival, whole, pieces, thresholds)
     if misprediction(validation) < misprediction(other):
         return choice, validation
-    return rival, other
+    return replace(rival, hold_reason=choice.hold_reason), other
 
 
 def _preferred(
@@ -429,9 +431,16 @@ def _choices(
         filter_rate=filter_rate,
         estimator="prediction-error",
         segment_duration=choice.duration,
-        term_evidence=choice.terms,
+        term_evidence=_evidence(choice),
         segment_evidence=choice.lengths,
     )
+
+
+def _evidence(choice: Choice) -> tuple[TermEvidence, ...]:
+    """What the full model says of each term, and whether it was kept in the end."""
+    structure = choice.structure
+    kept = structure.joint.optional - structure.absent | {*structure.timing.sought}
+    return tuple(replace(e, kept=e.name.partition("[")[0] in kept) for e in choice.terms)
 
 
 def _delay(name: str, settings: Settings, reported: Fitted, full: Fitted) -> Delay:

@@ -100,7 +100,10 @@ class Joint:
     def with_coulomb_velocity(self, velocity: float) -> "Joint":
         """The same with friction smoothed over a velocity in rad/s instead of dry."""
         smooth = self.smooth.with_constants({SMOOTHING: velocity})
-        return replace(self, smooth=smooth, system=smooth, extended=smooth, shapes=frozenset())
+        usual = {t: names for t, names in self.terms.items() if not {*names} <= self.shapes}
+        return replace(
+            self, smooth=smooth, system=smooth, extended=smooth, terms=usual, shapes=frozenset()
+        )
 
     def of_coefficient(self, name: str) -> str | None:
         """The term that a coefficient belongs to; None for those that are always there."""
