@@ -13,15 +13,8 @@ from matplotlib.axes import Axes
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.full_model import (
-    START_RATES,
-    Data,
-    Structure,
-    climb,
-    data_of,
-    least_squares_start,
-    lengths,
-)
+from flexid.identification.fitting import START_RATES, climb, least_squares_start, lengths
+from flexid.identification.full_model import Data, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.joint import flexible
 from flexid.identification.preparation import prepare

@@ -9,7 +9,8 @@ from made_joint import COEFFICIENTS, made
 
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.compliance import compare_with_rigid, one_encoder
-from flexid.identification.full_model import Structure, data_of, fit_to
+from flexid.identification.fitting import fit_to
+from flexid.identification.full_model import Structure, data_of
 from flexid.identification.joint import flexible
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import Validation

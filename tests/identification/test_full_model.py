@@ -10,20 +10,16 @@ from scipy.stats import t
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
-from flexid.identification.full_model import (
-    FINE,
-    LINK,
+from flexid.identification.fitting import (
     LONGEST,
     SHORTEST,
-    Data,
-    Structure,
     climb,
-    data_of,
     fit_to,
     least_squares_start,
     lengths,
     refit,
 )
+from flexid.identification.full_model import FINE, LINK, Data, Structure, data_of
 from flexid.identification.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Recording

@@ -8,7 +8,8 @@ from made_joint import COEFFICIENTS, made
 
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.estimate import Estimate
-from flexid.identification.full_model import Data, Structure, data_of, fit_to
+from flexid.identification.fitting import fit_to
+from flexid.identification.full_model import Data, Structure, data_of
 from flexid.identification.joint import flexible
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.knowledge import contradictions, with_prior_knowledge

@@ -12,7 +12,8 @@ from scipy.stats import t
 
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.estimate import Estimate
-from flexid.identification.full_model import Fitted, Structure, data_of, fit_to
+from flexid.identification.fitting import fit_to
+from flexid.identification.full_model import Fitted, Structure, data_of
 from flexid.identification.joint import flexible
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.model_error import model_error, widened

@@ -4,7 +4,8 @@ import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.full_model import Structure, climb, data_of, least_squares_start, lengths
+from flexid.identification.fitting import climb, least_squares_start, lengths
+from flexid.identification.full_model import Structure, data_of
 from flexid.identification.joint import rigid
 from flexid.identification.preparation import Pieces
 from flexid.identification.result import Compliance, Validation

@@ -1,8 +1,7 @@
-"""The model of a log and its fit: everything at once, from short segments to long ones.
+"""The model of a log: what is fitted, to what, and what a fit of it is.
 
 What is sought are the coefficients of the joint together with what describes the recording: delays
-of its channels. Over short segments the fit finds its way from least squares; each longer length
-starts where the one before it ended, with its states.
+of its channels.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,41 +10,27 @@ from functools import cached_property
 
 import numpy as np
 
-from flexid.errors import ConvergenceError
-from flexid.estimators.bounded import Bounds, bounded_fit
-from flexid.estimators.gauss_newton import FLAT, Minimum, minimise
+from flexid.estimators.bounded import Bounds
+from flexid.estimators.gauss_newton import FLAT, Minimum
 from flexid.estimators.prediction_error import PredictionErrorFit, described
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import (
-    Point,
     SegmentedMotion,
     Timing,
-    segmented_motion,
 )
-from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
-from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.joint import Joint
-from flexid.models.flexible_joint import DISSIPATIVE
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import position_noise
 
-SHORTEST = 0.1
-"""Length in s of the segments that a fit begins with: any start is good enough for these."""
-
-LONGEST = 10.0
-"""Length in s beyond which segments tell hardly more."""
+LINK = "link_delay"
+"""Name of the delay of the link's position."""
 
 ROUGH, FINE = 1.0, 1e-2
 """Length of a step, in standard deviations, that ends an iteration: on the way, and at its end."""
 
-START_RATES = (20.0, 60.0, 7.0)
-"""Rates in 1/s of the filters whose least squares a fit may start from, in this order."""
-
 _MARGIN = 0.03  # s at both ends of a piece in which late channels have no partner
 _LARGEST_MARGIN = 0.05  # of a piece
-_SPRINGS = ("theta2", "alpha1", "beta1")
-_CURVATURES = ("alpha_cubic", "theta_cubic")
 _FINEST = 1e-9  # noise over the largest position that is still told from none
 
 
@@ -226,270 +211,3 @@ class Fitted:
     def delays(self) -> dict[str, float]:
         """Every delay in s."""
         return self.problem.delays(self.values)
-
-
-def least_squares_start(
-    structure: Structure, data: Data, filter_rate: float
-) -> tuple[dict[str, float], LeastSquaresFit]:
-    """Least squares of the data with smoothed friction, delays ignored: where a fit begins.
-
-    Parameters
-    ----------
-    structure : Structure
-        Terms that are on, and what is given.
-    data : Data
-        With velocities.
-    filter_rate : float
-        In 1/s.
-    """
-    unknowns = smooth_unknowns(structure, data.groups)
-    hold = "zero" if structure.timing.hold == "zero" else "linear"
-    fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
-    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-    return {**structure.timing.delays, **_passive(values)}, fit
-
-
-def _passive(values: Mapping[str, float]) -> dict[str, float]:
-    """Values of a joint that no motion can run away from: where a fit may begin.
-
-    Least squares of channels that do not match in time has frictions that feed energy in, and
-    springs that push.
-    """
-    found = {}
-    for name, value in values.items():
-        base = name.partition("[")[0]
-        if base in DISSIPATIVE:
-            found[name] = max(value, 0.0)
-        elif base in _SPRINGS:
-            found[name] = abs(value)
-        else:
-            found[name] = 0.0 if base in _CURVATURES else value
-    return found
-
-
-def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
-    """What least squares seeks of a structure: friction smoothed, and each coefficient for itself.
-
-    Parameters
-    ----------
-    structure : Structure
-        Terms that are on, and what is given.
-    groups : sequence of int
-        The log of each piece.
-    """
-    joint = structure.joint
-    smooth = joint.smooth
-    absent = structure.absent
-    given = {c: v for c, v in structure.fixed.items() if c in smooth.coefficients}
-    off = {c: 0.0 for c in smooth.coefficients if c in absent}
-    # Where the source of a tie is off, so is what follows from it.
-    off |= {
-        c: 0.0
-        for c, (source, _, _) in joint.ties.items()
-        if c in smooth.coefficients and source in absent
-    }
-    sought = structure.unknowns(groups)
-    return Unknowns(smooth, {**off, **given}, sought.per_group, tuple(groups))
-
-
-def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
-    """The data cut into segments of growing length, each of two of the length before."""
-    first = divide(data.samples, min(longest, data.duration), margin=data.margin)
-    found = [first]
-    while True:
-        last = found[-1]
-        mean = float(np.mean(last.lengths * last.sample_times))
-        if mean < 1.5 * shortest or last.lengths.min() < 2 * FEWEST_SAMPLES:
-            return found[::-1]
-        found.append(last.halved())
-
-
-def climb(
-    structure: Structure,
-    data: Data,
-    start: Mapping[str, float],
-    ladder: Sequence[Segments],
-    states: FloatArray | None = None,
-    insist: bool = True,
-) -> list[Fitted]:
-    """Fit over segments of growing length, each from where the one before it ended.
-
-    Parameters
-    ----------
-    structure : Structure
-        What to fit.
-    data : Data
-        To what.
-    start : mapping of str to float
-        Where to begin; what is missing starts at zero.
-    ladder : sequence of Segments
-        From short to long, each of several of the one before put together.
-    states : array, shape (n_segments, n_states), optional
-        Where the states of the first length begin, if not near the measured positions.
-    insist : bool, optional
-        Whether the shortest segments have to be fitted well; if not, as well as may be.
-
-    Returns
-    -------
-    list of Fitted
-        Up to the length at which the fit no longer converges.
-
-    Raises
-    ------
-    ConvergenceError
-        If not even the shortest segments can be fitted.
-    """
-    found: list[Fitted] = []
-    values = dict(start)
-    for segments in ladder:
-        if found:
-            before = found[-1].minimum.point.initial_states
-            states = before[:: len(before) // len(segments)]
-        try:
-            fitted = _fit_segments(
-                structure, data, segments, values, states, ROUGH, insist=insist or bool(found)
-            )
-        except ConvergenceError:
-            if not found:
-                raise
-            break
-        found.append(fitted)
-        values = {**values, **fitted.by_name}
-    return found
-
-
-def refit(
-    structure: Structure,
-    data: Data,
-    start: Mapping[str, float],
-    segments: Segments,
-    tolerance: float,
-    states: FloatArray | None,
-) -> Fitted:
-    """Fit over given segments, within bounds, from values and states that are nearly right.
-
-    Raises
-    ------
-    ConvergenceError
-        If it does not converge.
-    """
-    return _bounded(structure, data, segments, start, states, tolerance)
-
-
-def fit_to(
-    structure: Structure, data: Data, start: Mapping[str, float], duration: float
-) -> tuple[Fitted, list[Fitted]]:
-    """Fit to other data over segments of a length in s, from values that are nearly right.
-
-    Returns
-    -------
-    fitted : Fitted
-        Over segments of that length.
-    rungs : list of Fitted
-        Rough fits over segments of growing length, up to four times as long.
-
-    Raises
-    ------
-    ConvergenceError
-        If it does not converge.
-    """
-    ladder = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
-    found = climb(structure, data, start, ladder)
-    if len(found) < len(ladder):
-        raise ConvergenceError(
-            "prediction error",
-            "what fits short segments does not lead on to longer ones: shorten the segments",
-        )
-    last = found[-1]
-    states = last.minimum.point.initial_states
-    fitted = _bounded(structure, data, ladder[-1], last.by_name, states, FINE)
-    return fitted, [*found[:-1], fitted, *_beyond(fitted)]
-
-
-def _beyond(fitted: Fitted) -> list[Fitted]:
-    """The same over segments of twice and four times the length, as far as these can be had."""
-    found: list[Fitted] = []
-    last = fitted
-    for _ in range(2):
-        segments = last.problem.segments.merged()
-        if segments is None:
-            break
-        states = last.minimum.point.initial_states[::2]
-        try:
-            (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
-        except ConvergenceError:
-            break
-        found.append(last)
-    return found
-
-
-def expanded(structure: Structure, fitted: Fitted) -> Fitted:
-    """A wider structure about the values of a fit, not fitted itself: its quadratic form there."""
-    unknowns = structure.unknowns(fitted.data.groups)
-    problem = replace(
-        segmented_motion(unknowns.system, fitted.problem.segments, fitted.problem.timing, unknowns),
-        timing=replace(fitted.problem.timing, sought=structure.timing.sought),
-        substeps=fitted.problem.substeps,
-        weights=fitted.problem.weights,
-    )
-    values = {**structure.timing.delays, **fitted.by_name}
-    point = Point(
-        np.array([values.get(name, 0.0) for name in problem.names]),
-        fitted.minimum.point.initial_states,
-    )
-    equations = problem.equations(point)
-    minimum = Minimum(point, equations, problem.solve(equations), 0, np.inf)
-    return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
-
-
-def _bounded(
-    structure: Structure,
-    data: Data,
-    segments: Segments,
-    start: Mapping[str, float],
-    states: FloatArray | None,
-    tolerance: float,
-) -> Fitted:
-    def fit_with(unknowns: Unknowns) -> Fitted:
-        # What ended at a bound is fixed there.
-        fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
-        return _fit_segments(
-            replace(structure, fixed={**structure.fixed, **fixed}),
-            data,
-            segments,
-            start,
-            states,
-            tolerance,
-        )
-
-    if not structure.bounds:
-        return fit_with(structure.unknowns(data.groups))
-    sought = {c for c in structure.bounds if c not in structure.absent}
-    bounds = {c: b for c, b in structure.bounds.items() if c in sought}
-    fitted, at_bound = bounded_fit(fit_with, structure.unknowns(data.groups), bounds)
-    return replace(fitted, at_bound=at_bound)
-
-
-def _fit_segments(
-    structure: Structure,
-    data: Data,
-    segments: Segments,
-    start: Mapping[str, float],
-    states: FloatArray | None,
-    tolerance: float,
-    *,
-    insist: bool = True,
-) -> Fitted:
-    unknowns = structure.unknowns(data.groups)
-    timing = replace(structure.timing, relative_to=data.relative_to)
-    problem = segmented_motion(unknowns.system, segments, timing, unknowns)
-    states = first_states(segments) if states is None or len(states) != len(segments) else states
-    point = Point(np.array([start.get(name, 0.0) for name in problem.names]), states)
-    problem = problem.at(point, 1.0 / data.noise)
-    found = minimise(problem, point, tolerance, insist=insist)
-    duration = float(np.mean(segments.lengths * segments.sample_times))
-    return Fitted(structure, data, problem, found, duration)
-
-
-LINK = "link_delay"
-"""Name of the delay of the link's position."""

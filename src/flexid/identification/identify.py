@@ -4,34 +4,29 @@ One path: recordings, full model, structure, estimate, judgement, result.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.absence import hidden_covariance
 from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.compliance import compare_with_rigid, one_encoder
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
 from flexid.identification.excitations import row_excitation, unexcited
-from flexid.identification.full_model import (
-    FINE,
-    LINK,
-    Data,
-    Fitted,
-    Structure,
-    data_of,
+from flexid.identification.fitting import (
     expanded,
     fit_to,
     least_squares_start,
     refit,
     smooth_unknowns,
 )
+from flexid.identification.full_model import FINE, LINK, Data, Fitted, Structure, data_of
 from flexid.identification.intervals import interval
-from flexid.identification.joint import Joint, flexible, rigid
+from flexid.identification.job import Job, job_of, predicting
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.model_error import model_error, widened
@@ -45,12 +40,10 @@ from flexid.identification.result import (
     ObserverTrace,
     ParameterEstimate,
     TermEvidence,
-    Validation,
 )
-from flexid.identification.settings import Settings, check_for
-from flexid.identification.structure import Choice, choose_structure
+from flexid.identification.settings import Settings
+from flexid.identification.structure import Choice
 from flexid.identification.summary import summary
-from flexid.identification.validation import misprediction, validate
 from flexid.identification.warnings import (
     compliance_warnings,
     model_warnings,
@@ -58,12 +51,11 @@ from flexid.identification.warnings import (
     validation_warnings,
 )
 from flexid.models.terms import SMOOTHING
-from flexid.recording.recording import Hold, Log
+from flexid.recording.recording import Log
 from flexid.recording.velocities import with_velocities
 
 Progress = Callable[[str], None]
 
-_HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 _FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
 
 
@@ -110,10 +102,10 @@ def identify(
     """
     settings = settings or Settings()
     pieces, dropped = prepare(logs, settings.validation_share)
-    job = _job(pieces, settings)
+    job = job_of(pieces, settings)
     training = data_of(job.joint, pieces.fitted, pieces.groups)
     whole = data_of(job.joint, pieces.whole, pieces.groups)
-    choice, validation = _predicting(job, training, whole, pieces, progress, thresholds)
+    choice, validation = predicting(job, training, whole, pieces, progress, thresholds)
     progress("fit to all data")
     reported, rungs, retreat = _reported(choice, whole)
     error = model_error(reported, rungs, thresholds)
@@ -186,121 +178,6 @@ def identify(
     )
 
 
-@dataclass(frozen=True)
-class _Job:
-    """What the logs and the settings leave to be found.
-
-    Parameters
-    ----------
-    joint : Joint
-        Flexible or rigid.
-    input_unit : str
-        Of the input.
-    given : mapping of str to float
-        Coefficients known exactly.
-    settings : Settings
-        What the user decides.
-    """
-
-    joint: Joint
-    input_unit: str
-    given: Mapping[str, float]
-    settings: Settings
-
-    def chosen(
-        self,
-        training: Data,
-        progress: Progress,
-        thresholds: Thresholds,
-        rival_of: Choice | None = None,
-    ) -> Choice:
-        """The structure that some data show; as a rival of another, without its unusual terms."""
-        settings = self.settings
-        holds: Sequence[Hold] = _HOLDS if settings.hold == "auto" else (settings.hold,)
-        if rival_of is not None:
-            holds = (rival_of.structure.timing.hold,)
-        smooth = settings.coulomb_velocity
-        joint = self.joint.scaled(training.samples)
-        if smooth != "auto":
-            joint = joint.with_coulomb_velocity(smooth)
-        if settings.terms == "auto":
-            absent = joint.shapes
-            stay = {*settings.known, *settings.bounds}
-        else:
-            on = {c for term in settings.terms for c in joint.terms[term]}
-            absent = joint.optional - on
-            stay = on
-        base = Structure(joint, frozenset(absent), self._timing(), self.given, settings.bounds)
-        duration = settings.segment_duration
-        return choose_structure(
-            base,
-            training,
-            holds,
-            stay,
-            settings.terms == "auto" and rival_of is None,
-            () if duration == "auto" else (duration,),
-            progress,
-            thresholds,
-        )
-
-    def _timing(self) -> Timing:
-        settings = self.settings
-        asked = {INPUT: settings.input_delay}
-        if self.joint.kind == "flexible":
-            asked[LINK] = settings.link_delay
-        given = {name: value for name, value in asked.items() if not isinstance(value, str)}
-        return Timing("zero", given, tuple(name for name in asked if name not in given))
-
-
-def _job(pieces: Pieces, settings: Settings) -> _Job:
-    input_unit = pieces.recorded[0].input_unit
-    joint = rigid() if pieces.recorded[0].link_position is None else flexible()
-    check_for(joint, settings)
-    given = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
-    return _Job(joint, input_unit, given, settings)
-
-
-def _predicting(
-    job: _Job,
-    training: Data,
-    whole: Data,
-    pieces: Pieces,
-    progress: Progress,
-    thresholds: Thresholds,
-) -> tuple[Choice, Validation]:
-    """The structure that the data before the held-out ends show, and how it predicts these.
-
-    Terms beyond the usual ones have to pay there: a rig with too little data for them is better
-    described without.
-    """
-    choice = job.chosen(training, progress, thresholds)
-    progress("predicting the held-out data")
-    choice, validation = _preferred(choice, whole, pieces, thresholds)
-    if job.settings.terms != "auto" or choice.structure.joint.shapes <= choice.structure.absent:
-        return choice, validation
-    progress("the usual terms alone as a rival")
-    rival = job.chosen(training, progress, thresholds, choice)
-    rival, other = _preferred(rival, whole, pieces, thresholds)
-    if misprediction(validation) < misprediction(other):
-        return choice, validation
-    return replace(rival, hold_reason=choice.hold_reason), other
-
-
-def _preferred(
-    choice: Choice, whole: Data, pieces: Pieces, thresholds: Thresholds
-) -> tuple[Choice, Validation]:
-    """The structure as it was chosen, or a rival of it that predicts far better."""
-    chosen = validate(choice.fitted, whole, pieces.starts)
-    limit = misprediction(chosen) - thresholds.generous_gain
-    best = choice
-    for rival in choice.rivals:
-        other = validate(rival, whole, pieces.starts)
-        if misprediction(other) < limit:
-            limit, chosen = misprediction(other), other
-            best = replace(choice, structure=rival.structure, fitted=rival)
-    return best, chosen
-
-
 def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
     """The structure fitted to all data; where that fails, as it was fitted to choose."""
     try:
@@ -335,7 +212,7 @@ def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
 
 
 def _removed(
-    job: _Job,
+    job: Job,
     full: Fitted,
     error: ModelError,
     kept: Mapping[str, ParameterEstimate],

@@ -7,14 +7,8 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.identification.estimate import Estimate
-from flexid.identification.full_model import (
-    START_RATES,
-    Data,
-    Structure,
-    climb,
-    least_squares_start,
-    lengths,
-)
+from flexid.identification.fitting import START_RATES, climb, least_squares_start, lengths
+from flexid.identification.full_model import Data, Structure
 from flexid.identification.joint import Joint
 from flexid.identification.judgement import Thresholds
 from flexid.identification.prior_knowledge import Known, contradiction_warning, informed

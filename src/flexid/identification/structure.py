@@ -17,17 +17,8 @@ from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.full_model import (
-    FINE,
-    START_RATES,
-    Data,
-    Fitted,
-    Structure,
-    climb,
-    least_squares_start,
-    lengths,
-    refit,
-)
+from flexid.identification.fitting import START_RATES, climb, least_squares_start, lengths, refit
+from flexid.identification.full_model import FINE, Data, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.result import SegmentEvidence, TermEvidence
 from flexid.models.flexible_joint import DISSIPATIVE
