@@ -133,11 +133,6 @@ def test_known_motor_inertia(flexid, good_log):
     assert lower < 100 < upper
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="what the log cannot tell from the spring is taken away, and the spring then counts as "
-    "known at the value that makes up for it",
-)
 def test_small_single_sine_is_undetermined(flexid, tmp_path):
     """Assert that a log that cannot tell gravity from stiffness exits 1 and calls no value known.
 

@@ -96,6 +96,8 @@ def test_thresholds_are_these():
         "weak_width": 1.0,
         "negligible_share": 0.04,
         "term_chance": 0.005,
+        "generous_chance": 0.1,
+        "generous_gain": 0.05,
         "shape_chance": 0.001,
         "friction_sign": 4.0,
         "sensor_excess": 1.1,

@@ -56,10 +56,6 @@ def pendulum(shared_data, examples):
     return identify([read_log(file, examples / "columns_pendulum.toml")])
 
 
-FRICTION = pytest.mark.xfail(reason="its dry friction is taken away", strict=True)
-
-
-@FRICTION
 def test_pendulum_has_gravity_and_inertia(pendulum):
     """Assert that gravity torque and inertia agree with the balance of energy and work.
 
@@ -71,7 +67,6 @@ def test_pendulum_has_gravity_and_inertia(pendulum):
         assert upper - lower < 0.3 * value
 
 
-@FRICTION
 def test_pendulum_is_predicted(pendulum):
     """Assert that the model swings through the held-out end as the pendulum did."""
     assert pendulum.validation.fit_percent["motor_position"] > 95.0

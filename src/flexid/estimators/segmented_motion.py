@@ -33,6 +33,7 @@ _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e
 _MOST_SUBSTEPS = 100.0  # per sample; a model still faster is fitted badly, and then refused
 _LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
 _SEEN_SAMPLES = 3.0  # times what one sample tells of a velocity; twenty tell 2500 times that
+_HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _NOT_SOUGHT = -1
 
 
@@ -358,9 +359,9 @@ class SegmentedMotion:
         positions = np.flatnonzero(self.segments.measured % 2 == 0)
         for a in positions.tolist():
             velocity = int(self.segments.measured[a]) + 1
-            normal[:, velocity, velocity] += (
-                _SEEN_SAMPLES * (self.weights[a] * self.segments.sample_times) ** 2
-            )
+            least = _SEEN_SAMPLES * (self.weights[a] * self.segments.sample_times) ** 2
+            own = normal[:, velocity, velocity]
+            normal[:, velocity, velocity] = np.where(own < _HARDLY * least, own + least, own)
         return solve_arrow(normal, gradient, self._kernel.N_STATES, damping)
 
     def clusters(self, equations: Equations, reduced: Reduced) -> Clusters:
