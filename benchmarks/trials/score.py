@@ -257,6 +257,6 @@ def _term_mistakes(found: Sequence[Record]) -> tuple[dict[str, int], dict[str, i
     for record in found:
         true = set(record["terms"])
         chosen = set(record["chosen"]["terms"])
-        missed.update(true - chosen)
-        extra.update(chosen - true)
+        missed.update(sorted(true - chosen))
+        extra.update(sorted(chosen - true))
     return dict(missed.most_common()), dict(extra.most_common())
