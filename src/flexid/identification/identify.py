@@ -310,6 +310,7 @@ def _choices(
         segment_duration=choice.duration,
         term_evidence=_evidence(choice),
         segment_evidence=choice.lengths,
+        shapes={} if joint.shapes <= choice.structure.absent else dict(joint.extended.constants),
     )
 
 

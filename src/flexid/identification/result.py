@@ -230,6 +230,8 @@ class Choices:
         What the full model says of each coefficient that may be absent.
     segment_evidence : tuple of SegmentEvidence
         What each length of the segments gives.
+    shapes : mapping of str to float
+        Widths of the shapes of unusual terms, where there are such: constants of the model.
     """
 
     terms: tuple[str, ...]
@@ -241,6 +243,7 @@ class Choices:
     segment_duration: float | None
     term_evidence: tuple[TermEvidence, ...]
     segment_evidence: tuple[SegmentEvidence, ...]
+    shapes: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import numpy as np
 
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
+from flexid.identification.following import following_states
 from flexid.identification.full_model import Data, Fitted
 from flexid.identification.joint import Joint
 from flexid.identification.result import FreeRun, Validation
@@ -21,8 +22,6 @@ HORIZONS = (0.05, 0.2, 1.0, 5.0)
 """Seconds after which predictions begin anew."""
 
 _WARM_UP = 0.5  # s of data before a prediction from which its first state is taken
-_MOST_STEPS = 10
-_CONVERGED = 1e-6  # relative fall of the sum of squares by a step that ends the search
 _SMALLEST, _LARGEST = 1e-9, 1e4  # per cent of the motion, errors that are compared
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
 
@@ -124,7 +123,7 @@ def residuals_over_noise(
         Length in s of segments that each start anew from the state that fits them best.
     """
     segments = divide(data.samples, duration)
-    states = _states(problem, values, segments)
+    states = following_states(problem, values, segments)
     equations = replace(problem, segments=segments).equations(Point(values, states))
     squares = np.mean(equations.residuals[segments.within] ** 2, axis=0)
     ratios = np.sqrt(squares) / data.noise if np.isfinite(equations.cost) else np.inf * squares
@@ -156,7 +155,7 @@ def _predictions(
             pieces.append(piece)
             places.append(origin)
     before = _windows(whole, firsts, warm, pieces)
-    states = _states(model, values, before)
+    states = following_states(model, values, before)
     windows = _windows(whole, firsts, total, pieces)
     problem = replace(model, segments=windows)
     equations = problem.equations(Point(values, states))
@@ -188,30 +187,6 @@ def _windows(
         start_times=whole.start_times[own],
         pieces=own,
     )
-
-
-def _states(model: SegmentedMotion, values: FloatArray, windows: Segments) -> FloatArray:
-    """First states for which the model follows its windows best, its coefficients given."""
-    problem = replace(model, segments=windows)
-    states = first_states(windows)
-    equations = problem.equations(Point(values, states))
-    n = states.shape[1]
-    for _ in range(_MOST_STEPS):
-        firsts = problem.first_blocks[:-1]
-        normal = np.add.reduceat(equations.normal, firsts, axis=0)[:, :n, :n]
-        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)[:, :n]
-        scale = np.sqrt(np.einsum("sii->si", normal))
-        scale = np.where(scale > 0.0, scale, 1.0)
-        inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), rcond=1e-9)
-        step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
-        trial = problem.equations(Point(values, states + step))
-        if not trial.cost < equations.cost:
-            break
-        done = trial.cost > (1.0 - _CONVERGED) * equations.cost
-        states, equations = states + step, trial
-        if done:
-            break
-    return states
 
 
 def _spreads(joint: Joint, data: Data, starts: Sequence[int]) -> FloatArray:

@@ -91,6 +91,7 @@ def _choices_document(choices: Choices) -> dict[str, Any]:
         "estimator": choices.estimator,
         "segment_duration": choices.segment_duration,
         "term_evidence": [asdict(e) for e in choices.term_evidence],
+        "shapes": dict(choices.shapes),
         "segment_evidence": [asdict(e) for e in choices.segment_evidence],
     }
 
