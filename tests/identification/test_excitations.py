@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from flexid.identification.excitations import unexcited
+from flexid.identification.judgement import THRESHOLDS
 
 
 def row(names, correlation) -> Any:
@@ -21,11 +22,12 @@ def row(names, correlation) -> Any:
 def test_a_condition_number_of_a_hundred_thousand_is_the_edge(condition, lost):
     """Assert that beyond it the confounded pair is lost, and what the spring couples with it."""
     correlation = (condition - 1.0) / (condition + 1.0)
-    found = unexcited([cast(Any, row(("theta1", "theta2", "theta_viscous"), correlation))])
+    rows = [cast(Any, row(("theta1", "theta2", "theta_viscous"), correlation))]
+    found = unexcited(rows, THRESHOLDS.lost_condition)
     assert found == (frozenset({"theta1", "theta2", "alpha1", "beta1"}) if lost else frozenset())
 
 
 def test_a_row_without_unknowns_loses_nothing():
     """Assert that a row in which all is given says nothing."""
     empty = SimpleNamespace(name="link", coefficients=(), gram=np.empty((0, 0)), count=1)
-    assert unexcited([cast(Any, empty)]) == frozenset()
+    assert unexcited([cast(Any, empty)], THRESHOLDS.lost_condition) == frozenset()

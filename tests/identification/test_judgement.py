@@ -103,5 +103,6 @@ def test_thresholds_are_these():
         "sensor_excess": 1.1,
         "white_growth": 0.4,
         "repeated_growth": 0.8,
+        "lost_condition": 1e5,
         "contradiction": 3.0,
     }

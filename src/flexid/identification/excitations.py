@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 
 import numpy as np
 
-from flexid.analysis.excitation import LOST_CONDITION, Excitation, excitation_of_gram
+from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.estimators.rowwise import RowSums
 
 _COUPLED = {"theta2", "alpha1", "beta1"}  # by the spring, which acts on both rows
@@ -19,7 +19,7 @@ def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
     return excitation_of_gram(row.name, names, row.gram[np.ix_(sought, sought)] / row.count)
 
 
-def unexcited(rows: Iterable[RowSums]) -> frozenset[str]:
+def unexcited(rows: Iterable[RowSums], lost_condition: float) -> frozenset[str]:
     """Coefficients with a part in a direction that the motion does not excite.
 
     Along such a direction a fit may end anywhere, and the quadratic form about where it ended knows
@@ -30,6 +30,6 @@ def unexcited(rows: Iterable[RowSums]) -> frozenset[str]:
         if not row.coefficients:
             continue
         excitation = row_excitation(row, ())
-        if excitation.condition_number > LOST_CONDITION:
+        if excitation.condition_number > lost_condition:
             found |= {*excitation.confounded}
     return frozenset(found | _COUPLED if found else found)

@@ -116,7 +116,9 @@ def identify(
     estimate = widened(reported, error).widened(hidden_covariance(reported, full, scales))
     heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))
     rows = _least_squares(heavy, pieces, reported, filter_rate).rows
-    unknown = unexcited(rows) if reported.converged else {*reported.names}
+    unknown = (
+        unexcited(rows, thresholds.lost_condition) if reported.converged else {*reported.names}
+    )
     estimate = estimate.without_knowledge_of(unknown)
     contradicted = contradictions(job.given, choice.full, whole, thresholds)
     given = {**job.given, **reported.at_bound}

@@ -77,6 +77,12 @@ class Thresholds:
         "the same from which on they are an error that repeats itself in full: errors of friction "
         "and spring turn round with the motion and grow by less, one of slow torque by the fourth",
     )
+    lost_condition: float = _threshold(
+        1e5,
+        "1",
+        "condition number of a row's normalised Gram matrix beyond which its worst direction is "
+        "lost: one sine of 0.1 rad has 1.5e7, one of 0.3 rad 1.8e5; both mislead by 20 %",
+    )
     contradiction: float = _threshold(
         3.0, "standard deviations", "between log and prior knowledge, beyond which they contradict"
     )
