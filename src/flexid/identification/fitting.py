@@ -163,24 +163,6 @@ def climb(
     return found
 
 
-def refit(
-    structure: Structure,
-    data: Data,
-    start: Mapping[str, float],
-    segments: Segments,
-    tolerance: float,
-    states: FloatArray | None,
-) -> Fitted:
-    """Fit over given segments, within bounds, from values and states that are nearly right.
-
-    Raises
-    ------
-    ConvergenceError
-        If it does not converge.
-    """
-    return _bounded(structure, data, segments, start, states, tolerance)
-
-
 def fit_to(
     structure: Structure, data: Data, start: Mapping[str, float], duration: float
 ) -> tuple[Fitted, list[Fitted]]:
@@ -207,7 +189,7 @@ def fit_to(
         )
     last = found[-1]
     states = last.minimum.point.initial_states
-    fitted = _bounded(structure, data, ladder[-1], last.by_name, states, FINE)
+    fitted = refit(structure, data, last.by_name, ladder[-1], FINE, states)
     return fitted, [*found[:-1], fitted, *_beyond(fitted)]
 
 
@@ -230,14 +212,12 @@ def expanded(structure: Structure, fitted: Fitted) -> Fitted:
     return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
 
 
-def _beyond(fitted: Fitted) -> list[Fitted]:
-    """The same over segments of twice and four times the length, as far as these can be had."""
-    found: list[Fitted] = []
-    last = fitted
-    for _ in range(2):
-        segments = last.problem.segments.merged()
-        if segments is None:
-            break
+def onward(last: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
+    """Climb from a fit to those segments of the ladder that are longer than its own."""
+    found = []
+    for segments in ladder:
+        if len(segments) >= len(last.problem.segments):
+            continue
         states = last.minimum.point.initial_states[::2]
         try:
             (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
@@ -247,14 +227,30 @@ def _beyond(fitted: Fitted) -> list[Fitted]:
     return found
 
 
-def _bounded(
+def _beyond(fitted: Fitted) -> list[Fitted]:
+    """The same over segments of twice and four times the length, as far as these can be had."""
+    ladder = [fitted.problem.segments]
+    while len(ladder) < 3 and (longer := ladder[-1].merged()) is not None:
+        ladder.append(longer)
+    return onward(fitted, ladder[1:])
+
+
+def refit(
     structure: Structure,
     data: Data,
-    segments: Segments,
     start: Mapping[str, float],
-    states: FloatArray | None,
+    segments: Segments,
     tolerance: float,
+    states: FloatArray | None,
 ) -> Fitted:
+    """Fit over given segments, within bounds, from values and states that are nearly right.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not converge.
+    """
+
     def fit_with(unknowns: Unknowns) -> Fitted:
         # What ended at a bound is fixed there.
         fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}

@@ -17,7 +17,14 @@ from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.fitting import START_RATES, climb, least_squares_start, lengths, refit
+from flexid.identification.fitting import (
+    START_RATES,
+    climb,
+    least_squares_start,
+    lengths,
+    onward,
+    refit,
+)
 from flexid.identification.full_model import FINE, Data, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.result import SegmentEvidence, TermEvidence
@@ -118,7 +125,7 @@ def choose_structure(
         leaner = _fit_like(structure, wider)
         if leaner is None:
             break
-        found = [leaner, *_onward(leaner, ladder)]
+        found = [leaner, *onward(leaner, ladder)]
         longer = found[-1] if durations else _best(found)
         if longer is leaner:
             best = leaner
@@ -182,7 +189,7 @@ def _climbed(
     progress("the full model over longer segments")
     climbed = found[hold]
     if len(climbed[-1].problem.segments) == len(ladder[first - 1]):
-        climbed = climbed + _onward(climbed[-1], ladder)
+        climbed = climbed + onward(climbed[-1], ladder)
     return climbed, reason
 
 
@@ -211,21 +218,6 @@ def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> li
     # No drive of this kind: be the fit as bad as it may.
     start, _ = least_squares_start(few, data, START_RATES[0])
     return climb(few, data, start, ladder, insist=False)
-
-
-def _onward(last: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
-    """Climb from a fit to those segments of the ladder that are longer than its own."""
-    found = []
-    for segments in ladder:
-        if len(segments) >= len(last.problem.segments):
-            continue
-        states = last.minimum.point.initial_states[::2]
-        try:
-            (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
-        except ConvergenceError:
-            break
-        found.append(last)
-    return found
 
 
 def _fit_like(structure: Structure, fitted: Fitted) -> Fitted | None:
