@@ -1,20 +1,30 @@
-"""Turn the equations of a page into MathML, which browsers show without any script.
+"""Turn equations into MathML, which browsers show without any script.
 
-MkDocs calls this hook for every page. The Markdown extension `arithmatex` has by then put each
-equation, still in LaTeX, into an element of its own; nothing is fetched, now or when read.
+A Sphinx extension: where the usual ones load a script when a page is read, this writes the equation
+into the page when it is built, so that nothing is fetched.
 """
 
-import html
-import re
 from typing import Any
 
+from docutils import nodes
 from latex2mathml.converter import convert
+from sphinx.application import Sphinx
+from sphinx.writers.html5 import HTML5Translator
 
-INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL)
-DISPLAY = re.compile(r'<div class="arithmatex">\s*\\\[(.+?)\\\]\s*</div>', re.DOTALL)
+
+def inline(writer: HTML5Translator, node: nodes.Element) -> None:
+    """Write an equation that stands in a line of text."""
+    writer.body.append(convert(node.astext()))
+    raise nodes.SkipNode
 
 
-def on_page_content(content: str, **_: Any) -> str:
-    """Return a page's HTML with its equations as MathML."""
-    content = INLINE.sub(lambda found: convert(html.unescape(found[1])), content)
-    return DISPLAY.sub(lambda found: convert(html.unescape(found[1]), display="block"), content)
+def block(writer: HTML5Translator, node: nodes.Element) -> None:
+    """Write an equation that has a line of its own."""
+    writer.body.append(f'<div class="equation">{convert(node.astext(), display="block")}</div>\n')
+    raise nodes.SkipNode
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Offer the renderer under the name ``mathml``."""
+    app.add_html_math_renderer("mathml", (inline, None), (block, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,49 @@
+"""How Sphinx builds these pages: ``sphinx-build -W docs site``."""
+
+import importlib.metadata
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+project = "flexid"
+author = "The flexid developers"
+copyright = author  # noqa: A001
+release = importlib.metadata.version("flexid")
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "mathml",
+]
+exclude_patterns = ["**/*.py"]
+nitpicky = False
+
+# Markdown: equations in dollars, and a name for every heading that a link may go to.
+myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
+myst_heading_anchors = 4
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+
+# Nothing is fetched when a page is read.
+html_math_renderer = "mathml"
+html_theme = "furo"
+html_title = "flexid"
+html_static_path = ["assets/style.css"]
+html_css_files = ["style.css"]
+html_copy_source = False
+html_show_sphinx = False
+
+# What a console shows beside the commands is not copied.
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
+
+# The interface, in the order in which it is written.
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
