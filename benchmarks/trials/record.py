@@ -83,7 +83,7 @@ def _identified(path: Path, settings: Settings) -> Record:
     return {
         "seconds": seconds,
         "estimates": {
-            name: [*_ends(estimate), estimate.status]
+            name: [*_ends(estimate), estimate.verdict]
             for name, estimate in result.parameters.items()
         },
         "removed": {

@@ -28,7 +28,7 @@ def test_every_parameter_is_determined(result):
     """Assert that nothing is doubted in a log that tells everything, and the truth is inside."""
     for name, value in TRUTH.items():
         lower, upper = result.parameters[name].interval
-        assert result.parameters[name].status == "determined"
+        assert result.parameters[name].verdict == "determined"
         assert lower <= value <= upper, name
 
 

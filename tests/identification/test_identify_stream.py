@@ -134,7 +134,7 @@ def test_the_evidence_of_a_stream(log: Callable[..., Path]):
     steps: list[tuple[int, int]] = []
     result = identify_stream(log(), advance=lambda done, rows: steps.append((done, rows)))
     assert set(result.choices.terms) == {"gravity", "motor_viscous"}
-    assert all(c.status == "determined" for c in result.coefficients.values())
+    assert all(c.verdict == "determined" for c in result.coefficients.values())
     for name, value in TRUE.items():
         assert result.coefficients[name].value == pytest.approx(value, rel=0.01)
     assert min(result.validation.fit_percent.values()) > 95.0
@@ -165,7 +165,7 @@ def test_a_wrong_value_that_is_known_is_doubted(log: Callable[..., Path]):
     """Assert that what contradicts the head is said of the whole, and nothing counts as known."""
     result = identify_stream(log(), settings=replace(CHOSEN, known={"motor_inertia": 0.4}))
     assert any("contradicts the log" in warning for warning in result.warnings)
-    assert {c.status for c in result.coefficients.values()} == {"undetermined"}
+    assert {c.verdict for c in result.coefficients.values()} == {"undetermined"}
 
 
 @pytest.mark.usefixtures("small")

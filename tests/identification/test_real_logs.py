@@ -95,7 +95,7 @@ def axis(request, shared_data, tmp_path_factory):
 
 def test_skewed_axis_gives_no_confident_stiffness(axis):
     """Assert that a stiffness of so little deflection is not called known."""
-    assert axis.parameters["joint_stiffness"].status != "determined"
+    assert axis.parameters["joint_stiffness"].verdict != "determined"
     assert not axis.compliance.visible
 
 

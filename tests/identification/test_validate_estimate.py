@@ -180,7 +180,7 @@ def test_a_rigid_joint(tmp_path):
 def test_an_undetermined_value_is_said(log):
     """Assert that what rests on a guess is named."""
     document = stored()
-    document["coefficients"]["alpha2"]["status"] = "undetermined"
+    document["coefficients"]["alpha2"]["verdict"] = "undetermined"
     (warning,) = validate_estimate(document, [log]).warnings
     assert "alpha2" in warning
 

@@ -51,8 +51,8 @@ def test_given_choices_are_kept(alone):
 
 def test_everything_is_determined(alone):
     """Assert that a log that tells everything leaves no doubt and no warning."""
-    assert {c.status for c in alone.coefficients.values()} == {"determined"}
-    assert {p.status for p in alone.parameters.values()} == {"determined"}
+    assert {c.verdict for c in alone.coefficients.values()} == {"determined"}
+    assert {p.verdict for p in alone.parameters.values()} == {"determined"}
     assert alone.warnings == ()
     assert alone.compliance.visible
 
@@ -81,7 +81,7 @@ def test_nothing_need_be_set(automatic):
     """Assert that without any setting every parameter is found, and the torque is smooth."""
     for name, true in TRUTH.items():
         assert automatic.parameters[name].value == pytest.approx(true, rel=1e-3), name
-        assert automatic.parameters[name].status == "determined"
+        assert automatic.parameters[name].verdict == "determined"
     assert set(TERMS) <= set(automatic.choices.terms)
     assert automatic.choices.hold == "cubic"
     assert automatic.choices.coulomb_velocity is None
@@ -190,12 +190,12 @@ def test_wrong_inertia_is_told(doubled):
 
 def test_wrong_inertia_leaves_no_coefficient_determined(doubled):
     """Assert that with a contradicted inertia no coefficient is called known, nor given."""
-    assert {c.status for c in doubled.coefficients.values()} == {"undetermined"}
+    assert {c.verdict for c in doubled.coefficients.values()} == {"undetermined"}
 
 
 def test_wrong_inertia_leaves_no_parameter_determined(doubled):
     """Assert the same of physical parameters."""
-    assert "determined" not in {p.status for p in doubled.parameters.values()}
+    assert "determined" not in {p.verdict for p in doubled.parameters.values()}
 
 
 def test_uncertain_contradiction_is_told(clean):
@@ -252,7 +252,7 @@ def test_narrower_thresholds_doubt_more(clean, alone):
     """Assert that the thresholds are the only thing that a verdict needs to change."""
     strict = replace(THRESHOLDS, determined_width=1e-12, negligible_share=0.0)
     result = identify([clean], SETTINGS, thresholds=strict)
-    assert {c.status for c in result.coefficients.values()} == {"weak"}
+    assert {c.verdict for c in result.coefficients.values()} == {"weak"}
     assert {n: c.value for n, c in result.coefficients.items()} == pytest.approx(
         {n: c.value for n, c in alone.coefficients.items()}
     )

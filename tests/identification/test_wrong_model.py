@@ -49,7 +49,7 @@ def test_what_a_missing_term_spoils_is_covered_or_doubted(term):
     for name, true in COEFFICIENTS.items():
         found = result.coefficients[name]
         lower, upper = found.interval
-        assert lower <= true <= upper or found.status != "determined", name
+        assert lower <= true <= upper or found.verdict != "determined", name
 
 
 @pytest.mark.parametrize(
@@ -68,12 +68,12 @@ def test_term_is_found(term):
     assert {*PAPER_TERMS, term} <= set(result.choices.terms)
     for name, true in {**TRUTH, **MISSING[term][1]}.items():
         assert result.parameters[name].value == pytest.approx(true, rel=0.01), name
-        assert result.parameters[name].status == "determined", name
+        assert result.parameters[name].verdict == "determined", name
 
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-3])
 def test_right_model_is_not_doubted(noise):
     """Assert that noise alone makes no coefficient of a right model look doubtful."""
     result = identify([log(made(1, noise=noise))], Settings(terms=PAPER_TERMS))
-    assert {c.status for c in result.coefficients.values()} == {"determined"}
+    assert {c.verdict for c in result.coefficients.values()} == {"determined"}
     assert result.model_error.share == 0.0

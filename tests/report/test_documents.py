@@ -31,7 +31,7 @@ def test_an_estimate_comes_back_from_its_document(document):
         "std": 0.5,
         "interval": [1.0, 3.0],
         "unit": "rad/s^2",
-        "status": "weak",
+        "verdict": "weak",
         "reason": "its interval is wide",
     }
     assert document["removed"]["joint_damping"]["interval"] == [-3e-4, 5e-4]

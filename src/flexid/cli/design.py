@@ -50,9 +50,9 @@ def design(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from flexid.design.design import STEPS
-    from flexid.design.design import design as run
-    from flexid.design.drive_file import read_drive
+    from flexid.experiment_design.design import STEPS
+    from flexid.experiment_design.design import design as run
+    from flexid.experiment_design.drive_file import read_drive
     from flexid.report.design_files import design_document, save_command
     from flexid.report.design_table import print_design
     from flexid.report.documents import output_directory, to_json

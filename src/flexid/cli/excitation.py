@@ -50,7 +50,7 @@ def excitation(
     """
     from rich.console import Console
 
-    from flexid.design.excitation_report import examine
+    from flexid.experiment_design.excitation_report import examine
     from flexid.identification.settings import Settings
     from flexid.recording.read import read_log
     from flexid.report.design_documents import excitation_document

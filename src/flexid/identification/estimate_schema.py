@@ -19,7 +19,7 @@ class StoredCoefficient(_Part):
 
     value: Number
     unit: str = ""
-    status: str = "determined"
+    verdict: str = "determined"
 
 
 class StoredDelay(_Part):

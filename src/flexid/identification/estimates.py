@@ -10,7 +10,7 @@ from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.identification.estimate import Estimate
 from flexid.identification.intervals import interval, propagated
 from flexid.identification.joint import Joint
-from flexid.identification.judgement import THRESHOLDS, Thresholds, Verdict, verdict
+from flexid.identification.judgement import THRESHOLDS, Judged, Thresholds, verdict
 from flexid.identification.result import CoefficientEstimate, ParameterEstimate
 from flexid.models.physical import Product
 
@@ -96,13 +96,13 @@ def _tied(
         unit = _unit(joint.units[name], input_unit)
         tied = propagated(Product(name, unit, {a: 1, b: 1, d: -1}), values, estimate)
         judged = verdict(tied.value, tied.interval, thresholds=thresholds)
-        if known[a].status == "determined":  # be it as none
+        if known[a].verdict == "determined":  # be it as none
             judged = ("determined", "")
         found[name] = CoefficientEstimate(name, unit, tied.value, tied.std, tied.interval, *judged)
     return found
 
 
-def _possible(name: str, value: float, judged: Verdict) -> Verdict:
+def _possible(name: str, value: float, judged: Judged) -> Judged:
     if name in POSITIVE and value <= 0.0:
         return "undetermined", "it came out negative, which no spring or inertia can be"
     return judged
@@ -130,15 +130,15 @@ def parameter_estimates(
             found = propagated(parameter, values, _renamed(estimate, labels))
             name = parameter.name + of_group
             unit = _unit(parameter.unit, input_unit)
-            status, reason = verdict(found.value, found.interval, thresholds=thresholds)
+            judged, reason = verdict(found.value, found.interval, thresholds=thresholds)
             made = [coefficients[label] for label in own]
             impossible = [c for c in made if c.name in POSITIVE and c.value <= 0.0]
             if impossible:
-                status, reason = "undetermined", impossible[0].reason
-            elif status != "determined" and all(c.status == "determined" for c in made):
-                status, reason = "determined", ""  # as small as it is
+                judged, reason = "undetermined", impossible[0].reason
+            elif judged != "determined" and all(c.verdict == "determined" for c in made):
+                judged, reason = "determined", ""  # as small as it is
             estimates[name] = ParameterEstimate(
-                name, unit, found.value, found.std, found.interval, status, reason
+                name, unit, found.value, found.std, found.interval, judged, reason
             )
     return estimates
 

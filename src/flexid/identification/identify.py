@@ -140,7 +140,7 @@ def identify(
         job.joint, estimate, unknowns, coefficients, job.input_unit, thresholds
     )
     if contradicted:  # nothing that rests on it is known
-        doubt: dict[str, Any] = {"status": "undetermined", "reason": contradicted[0]}
+        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
         parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
     progress("the rigid joint as a rival")

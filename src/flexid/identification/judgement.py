@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, fields
 from math import isfinite
 from typing import Any
 
-from flexid.identification.result import Status
+from flexid.identification.result import Verdict
 
-Verdict = tuple[Status, str]
+Judged = tuple[Verdict, str]
 
 
 def _threshold(value: float, unit: str, reason: str) -> Any:
@@ -105,7 +105,7 @@ def verdict(
     interval: tuple[float, float],
     effect: float = float("inf"),
     thresholds: Thresholds = THRESHOLDS,
-) -> Verdict:
+) -> Judged:
     """Judge a number by its interval.
 
     Parameters
@@ -121,7 +121,7 @@ def verdict(
 
     Returns
     -------
-    status : {"determined", "weak", "undetermined"}
+    verdict : {"determined", "weak", "undetermined"}
     reason : str
         Empty for a determined number.
     """

@@ -13,7 +13,7 @@ from flexid.identification.estimate import Estimate
 from flexid.identification.joint import Kind
 from flexid.recording.recording import Hold
 
-Status = Literal["determined", "weak", "undetermined"]
+Verdict = Literal["determined", "weak", "undetermined"]
 
 Estimator = Literal["prediction-error", "least-squares"]
 
@@ -32,7 +32,7 @@ class CoefficientEstimate:
         Estimate and its standard deviation, in the unit.
     interval : tuple of float
         Lower and upper end of the 95 % interval.
-    status : {"determined", "weak", "undetermined"}
+    verdict : {"determined", "weak", "undetermined"}
         The verdict.
     reason : str
         Why it is not determined; ``"given"`` if the user gave it; else empty.
@@ -43,7 +43,7 @@ class CoefficientEstimate:
     value: float
     std: float
     interval: tuple[float, float]
-    status: Status
+    verdict: Verdict
     reason: str = ""
 
 
@@ -56,7 +56,7 @@ class ParameterEstimate:
     value: float
     std: float
     interval: tuple[float, float]
-    status: Status
+    verdict: Verdict
     reason: str = ""
 
 
@@ -306,4 +306,4 @@ class Identification:
     @property
     def supported(self) -> bool:
         """Whether the data determine every coefficient, be it weakly."""
-        return all(c.status != "undetermined" for c in self.coefficients.values())
+        return all(c.verdict != "undetermined" for c in self.coefficients.values())

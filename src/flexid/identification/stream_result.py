@@ -78,7 +78,7 @@ def stream_result(
     estimates = coefficient_estimates(estimate, joint, unknowns, sizes, fixed, input_unit)
     if contradicted:
         estimates = {
-            name: replace(c, status="undetermined", reason=contradicted[0])
+            name: replace(c, verdict="undetermined", reason=contradicted[0])
             for name, c in estimates.items()
         }
     parameters = parameter_estimates(joint, estimate, unknowns, estimates, input_unit)
@@ -205,7 +205,7 @@ def _motion(task: StreamTask, unknowns: Unknowns, data: Data) -> SegmentedMotion
 def _contradicted(head: Identification, given: Mapping[str, float]) -> tuple[str, ...]:
     """What the head says against coefficients that are known exactly."""
     known = [head.coefficients[name] for name in given if name in head.coefficients]
-    return tuple(dict.fromkeys(c.reason for c in known if c.status != "determined"))
+    return tuple(dict.fromkeys(c.reason for c in known if c.verdict != "determined"))
 
 
 def _stream_warnings(

@@ -237,7 +237,7 @@ def _doubts(stored: "StoredEstimate", logs: Sequence[Log]) -> list[str]:
         for log in logs
         if log.sha256 in fitted
     ]
-    guessed = [name for name, c in stored.coefficients.items() if c.status == "undetermined"]
+    guessed = [name for name, c in stored.coefficients.items() if c.verdict == "undetermined"]
     if guessed:
         doubts.append(
             f"the estimate leaves {', '.join(guessed)} undetermined: what it predicts rests on a "

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from flexid.design.excitation_report import ExcitationReport
+from flexid.experiment_design.excitation_report import ExcitationReport
 from flexid.report.documents import excitation_summary
 
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from flexid.design.result import Design
+from flexid.experiment_design.result import Design
 from flexid.report.style import BLUE, GREEN, GREY, ORANGE, STYLE, new_figure, save
 
 

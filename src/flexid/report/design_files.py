@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from flexid.design.result import Design
+from flexid.experiment_design.result import Design
 
 _DIGITS = 10  # significant; a drive has fewer
 

@@ -6,8 +6,8 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from flexid.design.drive import DOUBT
-from flexid.design.result import Design, Prediction
+from flexid.experiment_design.drive import DOUBT
+from flexid.experiment_design.result import Design, Prediction
 from flexid.report.terminal import print_parts, titled_table
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}

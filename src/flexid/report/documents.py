@@ -71,7 +71,7 @@ def _estimates_document(
             "std": e.std,
             "interval": list(e.interval),
             "unit": e.unit,
-            "status": e.status,
+            "verdict": e.verdict,
             "reason": e.reason,
         }
         for name, e in estimates.items()

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from flexid.design.excitation_report import ExcitationReport
+from flexid.experiment_design.excitation_report import ExcitationReport
 from flexid.identification.judgement import THRESHOLDS
 from flexid.report.style import (
     BLUE,
@@ -47,7 +47,7 @@ def _draw_widths(ax: Axes, report: ExcitationReport) -> None:
     told = np.minimum([c.width for c in coefficients], _UNKNOWN)
     alone = np.array([c.width_alone for c in coefficients])
     alone = np.where(np.isnan(alone), told, np.minimum(alone, _UNKNOWN))
-    colours = [STATUS_COLOURS[c.status] for c in coefficients]
+    colours = [STATUS_COLOURS[c.verdict] for c in coefficients]
     ax.hlines(places, alone, told, color=GREY, linewidth=1.5, zorder=1)
     ax.scatter(alone, places, color=GREY, s=18, label="if all others were known", zorder=2)
     ax.scatter(told, places, color=colours, s=36, label="as it is", zorder=3)

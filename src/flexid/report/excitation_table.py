@@ -7,9 +7,9 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from flexid.design.advice import Addition, Advice
-from flexid.design.assessment import Assessment, CoefficientAssessment
-from flexid.design.excitation_report import ExcitationReport
+from flexid.experiment_design.advice import Addition, Advice
+from flexid.experiment_design.assessment import Assessment, CoefficientAssessment
+from flexid.experiment_design.excitation_report import ExcitationReport
 from flexid.identification.judgement import THRESHOLDS
 from flexid.report.identification_table import format_with_interval
 from flexid.report.style import STATUS_COLOURS
@@ -27,8 +27,8 @@ def print_excitation(report: ExcitationReport) -> None:
 def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
     yield _table(report.assessment)
     for name, c in report.assessment.coefficients.items():
-        if c.status != "determined":
-            yield Text(f"  {name}: {c.reason}", style=STATUS_COLOURS[c.status])
+        if c.verdict != "determined":
+            yield Text(f"  {name}: {c.reason}", style=STATUS_COLOURS[c.verdict])
     yield Text()
     for row, excitation in report.assessment.excitation.items():
         pair = " and ".join(excitation.correlated)
@@ -64,7 +64,7 @@ def _table(assessment: Assessment) -> Table:
             "" if c.std == 0.0 or isnan(c.width_alone) else format_percent(c.width_alone),
             _cost(c),
             f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
-            Text(c.status, STATUS_COLOURS[c.status]),
+            Text(c.verdict, STATUS_COLOURS[c.verdict]),
         )
     return table
 

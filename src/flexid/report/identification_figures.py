@@ -89,7 +89,7 @@ def _draw_estimate(ax: Axes, result: Identification, name: str) -> None:
     ax.axhline(c.value, color=INK, linewidth=1.0, label="estimate")
     if np.all(np.isfinite(c.interval)):
         ax.axhspan(*c.interval, color=BLUE, alpha=0.25, linewidth=0, label="95 % interval")
-    ax.set_title(f"{c.name}: {c.status}", color=_COLOURS[c.status])
+    ax.set_title(f"{c.name}: {c.verdict}", color=_COLOURS[c.verdict])
     ax.set_ylabel(c.unit)
 
 

@@ -12,13 +12,13 @@ from flexid.identification.result import (
     Identification,
     ModelError,
     ParameterEstimate,
-    Status,
     Validation,
+    Verdict,
 )
 from flexid.report.explanation_table import explanation
 from flexid.report.terminal import print_parts, titled_table
 
-_COLOURS: dict[Status, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
+_COLOURS: dict[Verdict, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 
 
 def print_identification(result: Identification, *, explain: bool = False) -> None:
@@ -38,8 +38,8 @@ def _parts(result: Identification) -> Iterator[RenderableType]:
     yield _estimates("Physical parameters", result.parameters.values())
     yield _estimates("Coefficients", result.coefficients.values())
     for name, c in result.coefficients.items():
-        if c.status != "determined":
-            yield Text(f"  {name}: {c.reason}", style=_COLOURS[c.status])
+        if c.verdict != "determined":
+            yield Text(f"  {name}: {c.reason}", style=_COLOURS[c.verdict])
     yield Text()
     for row, excitation in result.excitation.items():
         pair = " and ".join(excitation.correlated)
@@ -104,7 +104,7 @@ def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEs
     for e in estimates:
         value, lower, upper = format_with_interval(e.value, *e.interval)
         interval = f"[{lower}, {upper}]" if e.interval[0] != e.interval[1] else _fixed(e)
-        table.add_row(e.name, value, interval, e.unit, Text(e.status, _COLOURS[e.status]))
+        table.add_row(e.name, value, interval, e.unit, Text(e.verdict, _COLOURS[e.verdict]))
     return table
 
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from flexid.design.drive_file import read_drive
 from flexid.errors import SettingError
+from flexid.experiment_design.drive_file import read_drive
 from flexid.models.physical import lumped_coefficients, physical_parameters
 
 PARAMETERS = {
@@ -90,8 +90,8 @@ def test_what_an_estimate_cannot_give_is_said(examples, tmp_path):
     """Assert that shapes, guesses and missing values are named; no value changes nothing."""
     path = tmp_path / "estimate.json"
     estimates = {
-        "link_inertia": {"value": None, "status": "undetermined"},
-        "joint_stiffness": {"value": 90.0, "status": "undetermined"},
+        "link_inertia": {"value": None, "verdict": "undetermined"},
+        "joint_stiffness": {"value": 90.0, "verdict": "undetermined"},
     }
     terms = ["gravity", "motor_stribeck"]
     path.write_text(json.dumps({"parameters": estimates, "choices": {"terms": terms}}))

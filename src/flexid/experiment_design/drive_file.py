@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from flexid.design.drive import HIGHEST, Drive, Limits
 from flexid.errors import SettingError
+from flexid.experiment_design.drive import HIGHEST, Drive, Limits
 from flexid.models.flexible_joint import SHAPE_TERMS
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
@@ -82,7 +82,7 @@ def _refusing(path: Path) -> Refuse:
 
 def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> list[str]:
     """Replace parameters by estimates of the same name; returns what is to be said of them."""
-    from flexid.design.drive_schema import EstimateContent, Parameters
+    from flexid.experiment_design.drive_schema import EstimateContent, Parameters
 
     try:
         found = json.loads(raw.decode("utf-8"))
@@ -118,7 +118,7 @@ def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> list[str]:
             warnings.append(f"{path}: {name} has no value there, so that of the drive file stays")
             continue
         parameters[name] = parameter.value
-        if parameter.status == "undetermined":
+        if parameter.verdict == "undetermined":
             warnings.append(
                 f"{path}: {name} is undetermined there, so the design rests on a guess: check its "
                 f"largest deviations"
@@ -127,7 +127,7 @@ def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> list[str]:
 
 
 def _drive(path: Path, content: dict[str, Any]) -> Drive:
-    from flexid.design.drive_schema import DriveContent
+    from flexid.experiment_design.drive_schema import DriveContent
 
     checked = validated(content, DriveContent, _refusing(path))
     wanted, sensors = checked.experiment, checked.sensors

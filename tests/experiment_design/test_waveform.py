@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.design.waveform import waveform
+from flexid.experiment_design.waveform import waveform
 
 TONES = waveform(duration=5.0, sample_time=1e-3, ramp=0.5, highest_frequency=30.0, harmonics=6)
 WEIGHTS = np.random.default_rng(1).standard_normal(12)

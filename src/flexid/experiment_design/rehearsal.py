@@ -21,7 +21,7 @@ from flexid.identification.full_model import Data
 from flexid.identification.intervals import interval
 from flexid.identification.judgement import verdict
 from flexid.identification.rebuilt import Rebuilt
-from flexid.identification.result import CoefficientEstimate, Identification, Status
+from flexid.identification.result import CoefficientEstimate, Identification, Verdict
 
 _SLACK = 1.05  # on a standard deviation that must not grow
 
@@ -34,17 +34,17 @@ class Outlook:
     ----------
     widths : mapping of str to float
         Half the predicted 95 % interval of each coefficient that is sought, over its value.
-    statuses : mapping of str to str
+    verdicts : mapping of str to str
         The verdicts on them.
     """
 
     widths: Mapping[str, float]
-    statuses: Mapping[str, Status]
+    verdicts: Mapping[str, Verdict]
 
     @property
     def enough(self) -> bool:
         """Whether every coefficient would be determined."""
-        return all(status == "determined" for status in self.statuses.values())
+        return all(verdict == "determined" for verdict in self.verdicts.values())
 
     @property
     def weakest(self) -> str:
@@ -186,14 +186,14 @@ class Rehearsal:
         fit = self.result.fit
         freedom = dict(zip(fit.names, fit.degrees_of_freedom, strict=True))
         least = min((f for f in freedom.values() if f > 0.0), default=1.0)
-        widths, statuses = {}, {}
+        widths, verdicts = {}, {}
         for name, std in deviations.items():
             now = self._estimate(name)
             of_fit = freedom.get(now.name, least)
             ends = interval(now.value, std, of_fit if of_fit > 0.0 else least)
             # What is as small as it is stays so while it is told as well.
-            small = now.status == "determined" and std <= _SLACK * now.std
-            statuses[name], _ = verdict(now.value, ends, 0.0 if small else np.inf)
+            small = now.verdict == "determined" and std <= _SLACK * now.std
+            verdicts[name], _ = verdict(now.value, ends, 0.0 if small else np.inf)
             half = 0.5 * (ends[1] - ends[0])
             widths[name] = half / abs(now.value) if now.value else np.inf
-        return Outlook(widths, statuses)
+        return Outlook(widths, verdicts)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.design.criterion import deviation, smooth_cost
+from flexid.experiment_design.criterion import deviation, smooth_cost
 
 INFORMATION = np.diag([4.0, 100.0, 1e4])
 

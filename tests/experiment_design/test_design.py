@@ -9,13 +9,13 @@ import pytest
 from joint_logs import SAMPLE_TIME, steady_sine
 from scipy.optimize import brentq
 
-from flexid.design.design import REFERENCES, design, predict
-from flexid.design.drive_file import read_drive
-from flexid.design.rehearse import Rehearsed
-from flexid.design.result import Design
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.experiment_design.design import REFERENCES, design, predict
+from flexid.experiment_design.drive_file import read_drive
+from flexid.experiment_design.rehearse import Rehearsed
+from flexid.experiment_design.result import Design
 from flexid.report.design_files import save_command
 from flexid.simulation.free_run import free_run
 

@@ -16,14 +16,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from flexid.analysis.information import information_at
-from flexid.design.criterion import smooth_cost
-from flexid.design.drive import HIGHEST, Case, Drive
-from flexid.design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
-from flexid.design.waveform import Waveform, waveform
 from flexid.errors import SimulationError
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
 from flexid.estimators.segments import divide
+from flexid.experiment_design.criterion import smooth_cost
+from flexid.experiment_design.drive import HIGHEST, Case, Drive
+from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
+from flexid.experiment_design.waveform import Waveform, waveform
 from flexid.simulation.played_run import Command
 
 _BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexid.design.rehearsal import Rehearsal
 from flexid.errors import SimulationError
 from flexid.estimators.samples import FloatArray, Samples
+from flexid.experiment_design.rehearsal import Rehearsal
 from flexid.identification.estimates import POSITIVE
 from flexid.identification.judgement import THRESHOLDS, verdict
 from flexid.identification.result import Identification
@@ -145,7 +145,7 @@ def advise(
     Advice or None
         None where every coefficient is determined.
     """
-    lacking = [c for c in result.coefficients.values() if c.status != "determined"]
+    lacking = [c for c in result.coefficients.values() if c.verdict != "determined"]
     if not lacking:
         return None
     impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
@@ -196,7 +196,7 @@ def _longer(rehearsal: Rehearsal) -> float | None:
         return None
     still = np.zeros_like(rehearsal.record.positions)
     now = rehearsal.outlook(still, rehearsal.record.inputs)
-    lacking = [width for name, width in now.widths.items() if now.statuses[name] != "determined"]
+    lacking = [width for name, width in now.widths.items() if now.verdicts[name] != "determined"]
     times = _MARGIN * (max(lacking, default=0.0) / THRESHOLDS.determined_width) ** 2
     return times * rehearsal.data.duration if 1.0 < times <= _MOST_TIMES else None
 

@@ -82,7 +82,7 @@ class EstimatedParameter(_Estimate):
     """A parameter of an identification; one that the data leave free may have no value."""
 
     value: Number | None
-    status: str = "determined"
+    verdict: str = "determined"
 
 
 class EstimatedChoices(_Estimate):

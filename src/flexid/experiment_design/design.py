@@ -5,13 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 import flexid
-from flexid.design.criterion import deviation
-from flexid.design.drive import DOUBT, Case, Drive
-from flexid.design.drive_file import DriveFile
-from flexid.design.optimise import Search
-from flexid.design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
-from flexid.design.result import Design, Extreme, Prediction
 from flexid.errors import SettingError, SimulationError
+from flexid.experiment_design.criterion import deviation
+from flexid.experiment_design.drive import DOUBT, Case, Drive
+from flexid.experiment_design.drive_file import DriveFile
+from flexid.experiment_design.optimise import Search
+from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
+from flexid.experiment_design.result import Design, Extreme, Prediction
 from flexid.simulation.played_run import Command
 
 STARTS = 2

@@ -11,8 +11,8 @@ Both are reported as a relative standard deviation: 1/√(min λ), and det M to 
 
 import numpy as np
 
-from flexid.design.drive import Criterion
 from flexid.estimators.samples import FloatArray
+from flexid.experiment_design.drive import Criterion
 
 _SHARPNESS = 4.0  # of the smooth stand-in for the smallest eigenvalue
 _FLOOR = 1e-14  # of an eigenvalue, over the largest one

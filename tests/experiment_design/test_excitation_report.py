@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from joint_logs import FINE, SAMPLE_TIME, steady_sine, write_held_log, write_log
 
-from flexid.design.advice import advise
-from flexid.design.excitation_report import examine
 from flexid.errors import FlexidError, RecordingError
+from flexid.experiment_design.advice import advise
+from flexid.experiment_design.excitation_report import examine
 from flexid.identification.identify import identify
 from flexid.identification.settings import Settings
 from flexid.recording.read import read_log
@@ -47,7 +47,7 @@ def test_answers_are_those_of_identify(faint):
     assert set(report.assessment.coefficients) == set(found.coefficients)
     for name, c in found.coefficients.items():
         own = report.assessment.coefficients[name]
-        assert (own.value, own.interval, own.status) == (c.value, c.interval, c.status)
+        assert (own.value, own.interval, own.verdict) == (c.value, c.interval, c.verdict)
         assert own.reason == c.reason
     for row, excitation in found.excitation.items():
         own = report.assessment.excitation[row]
@@ -73,12 +73,12 @@ def test_what_the_others_cost(faint):
 def test_following_the_advice_is_enough(faint, tmp_path):
     """Assert that with the advised sine in the torque, a new log tells every coefficient."""
     torque, _, report = faint
-    assert report.assessment.status != "determined"
+    assert report.assessment.verdict != "determined"
     sine = report.advice.sine
     more = torque + sine.amplitude * np.sin(sine.angular_frequency * TIME)
     path = write_held_log(tmp_path / "more.csv", more, noise=3e-3, seed=5)
     mended = examine([read_log(path)], HELD)
-    assert mended.assessment.status == "determined"
+    assert mended.assessment.verdict == "determined"
     assert mended.advice is None
     worst = mended.assessment.coefficients[sine.weakest]
     assert worst.width == pytest.approx(sine.width, rel=0.5)
@@ -90,14 +90,14 @@ def test_a_fifth_of_the_advice_is_not_enough(faint, tmp_path):
     sine = report.advice.sine
     more = torque + 0.2 * sine.amplitude * np.sin(sine.angular_frequency * TIME)
     path = write_held_log(tmp_path / "fifth.csv", more, noise=3e-3, seed=5)
-    assert examine([read_log(path)], HELD).assessment.status != "determined"
+    assert examine([read_log(path)], HELD).assessment.verdict != "determined"
 
 
 def test_a_small_sine_loses_the_values(still_sine, tmp_path):
     """Assert that 0.05 rad on one sine is not told, and that what is advised mends it."""
     torque, start, path = still_sine
     report = examine([read_log(path)], ON_TIME)
-    assert report.assessment.coefficients["theta1"].status != "determined"
+    assert report.assessment.coefficients["theta1"].verdict != "determined"
     assert report.assessment.coefficients["theta1"].partner == "theta2"
     advice = report.advice
     assert advice is not None
@@ -109,13 +109,13 @@ def test_a_small_sine_loses_the_values(still_sine, tmp_path):
     t = FINE * np.arange(len(torque))
     more = torque + amplitude * np.sin(rate * t)
     mended = examine([read_log(write_log(tmp_path / "more.csv", more, start))], ON_TIME)
-    assert mended.assessment.status == "determined"
+    assert mended.assessment.verdict == "determined"
 
 
 def test_a_rich_log_needs_nothing(examples):
     """Assert that the example log tells everything, the terms, hold and noise found in it."""
     report = examine([read_log(examples / "flexible_joint.csv")], Settings())
-    assert report.assessment.status == "determined"
+    assert report.assessment.verdict == "determined"
     assert report.advice is None
     assert report.identification.choices.hold == "zero"
     assert set(report.identification.choices.terms) == set(TERMS)
@@ -137,7 +137,7 @@ def test_what_no_input_mends_is_said(faint):
     found = report.identification
     contradicted = {
         name: replace(
-            c, status="undetermined", reason="the log contradicts it", interval=(c.value, c.value)
+            c, verdict="undetermined", reason="the log contradicts it", interval=(c.value, c.value)
         )
         for name, c in found.coefficients.items()
     }
@@ -185,11 +185,11 @@ def test_a_cut_gets_the_status_of_identify(flexid, tmp_path, size):
         return
     first, second = json.loads(one.stdout), json.loads(other.stdout)
     for name, c in first["coefficients"].items():
-        assert second["coefficients"][name]["status"] == c["status"]
+        assert second["coefficients"][name]["verdict"] == c["verdict"]
         assert second["coefficients"][name]["value"] == c["value"]
     for row, e in first["excitation"].items():
         assert second["excitation"][row]["condition_number"] == e["condition_number"]
-    told = all(c["status"] == "determined" for c in first["coefficients"].values())
+    told = all(c["verdict"] == "determined" for c in first["coefficients"].values())
     assert (second["advice"] is None) == told
 
 

@@ -13,14 +13,14 @@ from flexid.analysis.excitation import Excitation
 from flexid.estimators.samples import FloatArray
 from flexid.identification.estimate import Estimate
 from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.result import CoefficientEstimate, Identification, Status
+from flexid.identification.result import CoefficientEstimate, Identification, Verdict
 
 _DEVIATIONS = 2.0  # half the width of a predicted interval
 
 DETERMINED_DEVIATION = THRESHOLDS.determined_width / _DEVIATIONS
 """Predicted standard deviation over the value, up to which a coefficient would be determined."""
 
-_RANK: tuple[Status, ...] = ("determined", "weak", "undetermined")  # from good to bad
+_RANK: tuple[Verdict, ...] = ("determined", "weak", "undetermined")  # from good to bad
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class CoefficientAssessment:
         Its estimate and standard deviation, in the unit.
     interval : tuple of float
         Lower and upper end of the 95 % interval.
-    status : {"determined", "weak", "undetermined"}
+    verdict : {"determined", "weak", "undetermined"}
         The verdict.
     reason : str
         Why it is not determined; ``"given"`` if the user gave it; else empty.
@@ -57,7 +57,7 @@ class CoefficientAssessment:
     value: float
     std: float
     interval: tuple[float, float]
-    status: Status
+    verdict: Verdict
     reason: str
     width: float
     width_alone: float
@@ -85,9 +85,9 @@ class Assessment:
     correlations: Mapping[str, Mapping[str, float]]
 
     @property
-    def status(self) -> Status:
+    def verdict(self) -> Verdict:
         """The worst of all verdicts."""
-        return _RANK[max(_RANK.index(c.status) for c in self.coefficients.values())]
+        return _RANK[max(_RANK.index(c.verdict) for c in self.coefficients.values())]
 
 
 def assess(result: Identification) -> Assessment:
@@ -149,7 +149,7 @@ def _assessed(
         c.value,
         c.std,
         c.interval,
-        c.status,
+        c.verdict,
         c.reason,
         width,
         alone,

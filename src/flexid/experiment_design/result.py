@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.design.assessment import DETERMINED_DEVIATION
-from flexid.design.drive import Drive
-from flexid.design.rehearse import Rehearsed
 from flexid.estimators.samples import FloatArray
+from flexid.experiment_design.assessment import DETERMINED_DEVIATION
+from flexid.experiment_design.drive import Drive
+from flexid.experiment_design.rehearse import Rehearsed
 from flexid.simulation.played_run import Command
 
 

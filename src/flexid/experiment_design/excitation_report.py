@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.design.advice import Advice, advise, beginning, input_spectrum
-from flexid.design.assessment import Assessment, assess
-from flexid.design.rehearsal import Rehearsal
 from flexid.estimators.samples import FloatArray
+from flexid.experiment_design.advice import Advice, advise, beginning, input_spectrum
+from flexid.experiment_design.assessment import Assessment, assess
+from flexid.experiment_design.rehearsal import Rehearsal
 from flexid.identification.full_model import Data, data_of
 from flexid.identification.identify import identify
 from flexid.identification.joint import flexible, rigid
