@@ -22,7 +22,7 @@ def test_a_campaign_is_run_and_summarised(flexid, tiny, tmp_path):
     assert summary.status == 0
     assert "finished 12 (100 %)" in summary.stdout
     assert "tracking_rms" in summary.stdout
-    assert max(map(len, summary.stdout.splitlines())) <= 100
+    assert max(map(len, summary.stdout.splitlines())) <= 80
     document = json.loads((out / "summary.json").read_text())
     assert document["results"]["tracking_rms"]["finite"] == 12
     assert (out / "distributions.png").stat().st_size > 10_000

@@ -108,11 +108,11 @@ def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
 
 
 def test_table_fits_the_page(flexid, good_log):
-    """Assert that the printed answer has every parameter and no line over 100 columns."""
+    """Assert that the printed answer has every parameter and no line over 80 columns."""
     outcome = flexid("identify", good_log)
     assert outcome.status == 0
     assert all(name in outcome.stdout for name in (*PAPER, *TRUE))
-    assert max(map(len, outcome.stdout.splitlines())) <= 100
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
     assert "…" not in outcome.stdout
 
 

@@ -62,7 +62,7 @@ def test_output_prints_within_100_columns(flexid: Callable):
     outcome = flexid("simulate", SAMPLED, *SHORT)
     assert outcome.status == 0
     lines = outcome.stdout.splitlines()
-    assert max(map(len, lines)) <= 100
+    assert max(map(len, lines)) <= 80
     for name in ("theta1", "theta2", "alpha1", "alpha2", "Tracking error", "Motor torque"):
         assert sum(line.strip().startswith(name) for line in lines) == 1
 

@@ -144,7 +144,7 @@ def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):
     """Assert that the command prints within the page and leaves a log that flexid can read."""
     outcome = flexid("design", tiny_drive, "--out", tmp_path, "--criterion", "D")
     assert outcome.status == 0, outcome.stderr
-    assert max(map(len, outcome.stdout.splitlines())) <= 100
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"command.csv", "design.json", "design.png"}
     document = json.loads((tmp_path / "design.json").read_text())

@@ -199,7 +199,7 @@ def test_command_says_it_all(flexid, faint, tmp_path):
     given += ("--input-delay", "0", "--link-delay", "0")
     outcome = flexid("excitation", faint[1], *given, "--out", tmp_path)
     assert outcome.status in (0, 1), outcome.stderr
-    assert max(map(len, outcome.stdout.splitlines())) <= 100
+    assert max(map(len, outcome.stdout.splitlines())) <= 80
     assert "Add a sine of" in outcome.stdout
     assert "rad/s" in outcome.stdout
     assert {p.name for p in tmp_path.iterdir()} == {"excitation.json", "excitation.png"}

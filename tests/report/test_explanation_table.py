@@ -1,22 +1,16 @@
 """What ``--explain`` adds to the answer."""
 
-import io
-
 import pytest
 from made_result import made_result
-from rich.console import Console
 
 from flexid.report.explanation_table import explanation
-from flexid.report.terminal import WIDTH
+from flexid.report.terminal import USUAL, laid_out
 
 
 @pytest.fixture(scope="module")
 def lines():
     """Return the explanation as lines of text."""
-    page = io.StringIO()
-    for part in explanation(made_result()):
-        Console(file=page, width=WIDTH).print(part)
-    return [line.rstrip() for line in page.getvalue().splitlines()]
+    return [line.plain for line in laid_out(explanation(made_result()), USUAL)]
 
 
 def line_with(lines, *words):
@@ -26,14 +20,14 @@ def line_with(lines, *words):
 
 
 def test_no_line_is_wider_than_the_page(lines):
-    """Assert that the explanation fits 100 columns and nothing is cut off."""
-    assert max(map(len, lines)) <= WIDTH
+    """Assert that the explanation fits 80 columns and nothing is cut off."""
+    assert max(map(len, lines)) <= USUAL
     assert not any("…" in line for line in lines)
 
 
 def test_terms_are_shown_with_their_evidence(lines):
     """Assert that each term says value, deviation, probability and whether it is in."""
-    assert line_with(lines, "alpha_cubic").split() == ["alpha_cubic", "0.456", "0.79", "0.57", "no"]
+    assert line_with(lines, "alpha_cubic").split() == ["alpha_cubic", "0.5", "0.79", "0.57", "no"]
     free = line_with(lines, "theta_cosine").split()
     assert free == ["theta_cosine", "0", "unknown", "1", "no"]
 
@@ -51,8 +45,8 @@ def test_lengths_are_shown_and_the_chosen_one_is_marked(lines):
 
 def test_delays_are_shown_with_their_interval(lines):
     """Assert that both channels' delays stand with value, interval and where they come from."""
-    assert line_with(lines, "input", "[2.87, 3.17] ms").split()[-1] == "found"
-    assert line_with(lines, "link", "0 ms", "[-0.2, 0.3] ms").split()[-1] == "none"
+    assert line_with(lines, "input", "3.02 ms", "[2.87, 3.17] ms").split()[-1] == "found"
+    assert line_with(lines, "link", "0.00 ms", "[-0.20, 0.30] ms").split()[-1] == "none"
 
 
 @pytest.mark.parametrize(
@@ -71,4 +65,4 @@ def test_every_other_choice_is_named(lines, words):
 
 def test_least_squares_stands_beside_the_estimate(lines):
     """Assert that both values of a coefficient stand in one line."""
-    assert line_with(lines, "5.0456").split() == ["theta1", "5", "5.0456"]
+    assert line_with(lines, "5.0456").split() == ["theta1", "5.00", "5.0456"]

@@ -22,11 +22,11 @@ def test_document_survives_json(reproduction):
     assert len(document["claims"]) == len(reproduction.claims)
 
 
-def test_printed_tables_fit_100_columns(reproduction, capsys):
-    """Assert that no line is longer than 100 characters and every claim is printed."""
+def test_printed_tables_fit_80_columns(reproduction, capsys):
+    """Assert that no line is longer than 80 characters and every claim is printed."""
     print_reproduction(reproduction)
     lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, lines)) <= 100
+    assert max(map(len, lines)) <= 80
     assert sum("holds" in line or "does not hold" in line for line in lines) >= 15
 
 

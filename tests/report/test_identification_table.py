@@ -4,8 +4,9 @@ import pytest
 from made_result import made_result
 
 from flexid.identification.result import ModelError
-from flexid.report.identification_table import format_with_interval, print_identification
-from flexid.report.terminal import WIDTH
+from flexid.report.digits import format_with_interval
+from flexid.report.identification_table import print_identification
+from flexid.report.terminal import USUAL
 
 
 @pytest.mark.parametrize(
@@ -34,9 +35,9 @@ def printed(capsys):
 
 
 def test_the_answer_fits_the_page(printed):
-    """Assert that no line is wider than 100 columns and nothing is cut off."""
+    """Assert that no line is wider than 80 columns and nothing is cut off."""
     page = printed(made_result())
-    assert max(map(len, page.splitlines())) <= WIDTH
+    assert max(map(len, page.splitlines())) <= USUAL
     assert "…" not in page
 
 

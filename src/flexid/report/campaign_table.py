@@ -1,14 +1,12 @@
-"""The printed summary of a campaign, at most 100 columns wide."""
+"""The printed summary of a campaign."""
 
 from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 
-from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.report.terminal import print_parts, titled_table
+from flexid.report.terminal import Column, Part, Table, number, numbers, print_parts
 
 DETAILS = ("final_error.", "final_state.")
 """Prefixes of results that are quantified, but of which no more is said."""
@@ -21,7 +19,7 @@ def print_campaign(summary: Summary) -> None:
     print_parts(_parts(summary))
 
 
-def _parts(summary: Summary) -> Iterator[RenderableType]:
+def _parts(summary: Summary) -> Iterator[Part]:
     yield from (Text(line) for line in status_lines(summary))
     yield Text()
     yield _quantiles(summary)
@@ -61,50 +59,46 @@ def status_lines(summary: Summary) -> Iterator[str]:
 
 
 def _quantiles(summary: Summary) -> Table:
-    table = titled_table(f"{summary.finished} finished runs, SI units", collapse_padding=True)
-    table.add_column("result", no_wrap=True)
-    for share in QUANTILES:
-        table.add_column(f"{100 * share:g} %", justify="right", no_wrap=True)
-    table.add_column("none", justify="right", no_wrap=True)
+    shares = (f"{100 * share:g} %" for share in QUANTILES)
+    columns = (Column("result"), *numbers(*shares, "none"))
+    table = Table(f"{summary.finished} finished runs, SI units", columns)
     for result in summary.results:
-        shown = (f"{value:.4g}" if isfinite(value) else "" for value in result.quantiles)
-        table.add_row(result.name, *shown, str(result.missing or ""))
+        shown = (number(value, 4) if isfinite(value) else "" for value in result.quantiles)
+        table.add(result.name, *shown, str(result.missing or ""))
     return table
 
 
 def _importance(summary: Summary, title: str, text: Callable[[Result], str]) -> Table:
-    table = titled_table(title, collapse_padding=True)
-    table.add_column("result", no_wrap=True)
-    table.add_column("inputs")
+    table = Table(title, (Column("result"), Column("inputs", wraps=True)))
     for result in summary.results:
         if not result.name.startswith(DETAILS):
-            table.add_row(result.name, text(result))
+            table.add(result.name, text(result))
     return table
 
 
 def correlation_text(result: Result) -> str:
     """The strongest rank correlations of a result in words."""
-    told = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
-    return _sentence(told, len(result.correlations))
+    shown = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
+    return _sentence(shown, len(result.correlations))
 
 
 def index_text(result: Result) -> str:
     """The largest Sobol indices of a result in words."""
-    told = [
+    shown = [
         f"{one.input} {one.total:.2f} ± {one.total_half_width:.2f} ({one.first:.2f})"
         for one in result.indices
         if one.total > one.total_half_width
     ]
-    return _sentence(told, len(result.indices))
+    return _sentence(shown, len(result.indices))
 
 
-def _sentence(told: Sequence[str], inputs: int) -> str:
+def _sentence(significant: Sequence[str], inputs: int) -> str:
     if not inputs:
         return "does not vary, or in too few runs"
-    if not told:
+    if not significant:
         return "none is significant"
-    parts = [*told[:_SHOWN]]
-    if len(told) > _SHOWN:
-        parts.append(f"and {len(told) - _SHOWN} more")
-    untold = inputs - len(told)
-    return ", ".join(parts) + (f"; {untold} not significant" if untold else "")
+    parts = [*significant[:_SHOWN]]
+    if len(significant) > _SHOWN:
+        parts.append(f"and {len(significant) - _SHOWN} more")
+    others = inputs - len(significant)
+    return ", ".join(parts) + (f"; {others} not significant" if others else "")

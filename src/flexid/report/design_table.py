@@ -1,14 +1,12 @@
-"""The printed answer of a design, at most 100 columns wide."""
+"""The printed answer of a design."""
 
 from collections.abc import Callable, Iterator
 
-from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from flexid.experiment_design.drive import DOUBT
 from flexid.experiment_design.result import Design, Prediction
-from flexid.report.terminal import print_parts, titled_table
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, print_parts
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
 
@@ -18,7 +16,7 @@ def print_design(result: Design) -> None:
     print_parts(_parts(result))
 
 
-def _parts(result: Design) -> Iterator[RenderableType]:
+def _parts(result: Design) -> Iterator[Part]:
     yield _predictions(result)
     yield _limits(result)
     drive, broken = result.drive, [p.name for p in result.references if not p.within_limits]
@@ -35,57 +33,52 @@ def _parts(result: Design) -> Iterator[RenderableType]:
 
 def _predictions(result: Design) -> Table:
     inputs = (result.prediction, *result.references)
-    table = titled_table(
+    worst = Column(f"design, worst of ±{100 * DOUBT:.0f} %")
+    columns = (Column("coefficient"), *numbers(*(one.name for one in inputs)), worst)
+    title = (
         f"Predicted standard deviations, {result.drive.criterion}-optimal {result.drive.kind}, "
-        f"equal peak torque",
-        collapse_padding=True,
+        f"equal peak torque"
     )
-    table.add_column("coefficient", no_wrap=True)
-    for one in inputs:
-        table.add_column(one.name, justify="right", no_wrap=True)
-    table.add_column(f"design, worst of ±{100 * DOUBT:.0f} %", no_wrap=True)
+    table = Table(title, columns)
     for name in result.prediction.deviations:
         extreme = result.largest_deviations[name]
-        table.add_row(
+        table.add(
             name,
             *(_percent(one.deviations[name]) for one in inputs),
-            f"{_percent(extreme.value)} ({extreme.case})",
+            _percent(extreme.value).with_unit(f"({extreme.case})"),
         )
-    table.add_section()
+    table.rule()
     for label, value in _summaries().items():
-        table.add_row(label, *(value(one) for one in inputs), "")
-    table.add_section()
+        table.add(label, *(value(one) for one in inputs))
+    table.rule()
     within = (result.prediction, *result.kept_references)
-    table.add_row("worst, within limits", *(_percent(one.worst) for one in within), "")
+    table.add("worst, within limits", *(_percent(one.worst) for one in within))
     return table
 
 
-def _summaries() -> dict[str, Callable[[Prediction], str]]:
+def _summaries() -> dict[str, Callable[[Prediction], Cell]]:
     return {
         "worst": lambda one: _percent(one.worst),
         "criterion E": lambda one: _percent(one.e_deviation),
         "criterion D": lambda one: _percent(one.d_deviation),
-        "torque, peak": lambda one: f"{one.peaks['torque']:.3g} N m",
-        "torque, rms": lambda one: f"{one.torque_rms:.3g} N m",
+        "torque, peak": lambda one: number(one.peaks["torque"], 3, "N m"),
+        "torque, rms": lambda one: number(one.torque_rms, 3, "N m"),
     }
 
 
 def _limits(result: Design) -> Table:
-    table = titled_table("Limits", collapse_padding=True)
-    table.add_column("channel", no_wrap=True)
-    for heading in ("limit", "as believed"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column(f"largest share, ±{100 * DOUBT:.0f} %", no_wrap=True)
+    share = Column(f"largest share, ±{100 * DOUBT:.0f} %")
+    table = Table("Limits", (Column("channel"), *numbers("limit", "as believed"), share))
     for channel, unit in _UNITS.items():
         extreme = result.largest_use[channel]
-        table.add_row(
+        table.add(
             channel,
-            f"{getattr(result.drive.limits, channel):.3g} {unit}",
-            f"{result.prediction.peaks[channel]:.3g} {unit}",
+            number(getattr(result.drive.limits, channel), 3, unit),
+            number(result.prediction.peaks[channel], 3, unit),
             f"{100 * extreme.value:.0f} % ({extreme.case})",
         )
     return table
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.3g} %"
+def _percent(share: float) -> Cell:
+    return number(100 * share, 3, "%")

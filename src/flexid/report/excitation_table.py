@@ -1,19 +1,17 @@
-"""The printed answer to what a log can tell, at most 100 columns wide."""
+"""The printed answer to what a log can tell."""
 
 from collections.abc import Iterator
 from math import isfinite, isnan, pi
 
-from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from flexid.experiment_design.advice import Addition, Advice
 from flexid.experiment_design.assessment import Assessment, CoefficientAssessment
 from flexid.experiment_design.excitation_report import ExcitationReport
 from flexid.identification.judgement import THRESHOLDS
-from flexid.report.identification_table import format_with_interval
+from flexid.report.digits import value_cells
 from flexid.report.style import STATUS_COLOURS
-from flexid.report.terminal import print_parts, titled_table
+from flexid.report.terminal import Cell, Column, Part, Table, print_parts
 
 _MANY = 99  # times, beyond which a factor is no more than large
 _LITTLE = 1e-4  # share below which one is no more than small
@@ -24,7 +22,7 @@ def print_excitation(report: ExcitationReport) -> None:
     print_parts(_parts(report))
 
 
-def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
+def _parts(report: ExcitationReport) -> Iterator[Part]:
     yield _table(report.assessment)
     for name, c in report.assessment.coefficients.items():
         if c.verdict != "determined":
@@ -45,26 +43,27 @@ def _parts(report: ExcitationReport) -> Iterator[RenderableType]:
 
 
 def _table(assessment: Assessment) -> Table:
-    table = titled_table(
-        "What this log tells: 95 % intervals, and what the partner costs", collapse_padding=True
+    columns = (
+        Column("coefficient"),
+        Column("value", right=True),
+        Column("unit"),
+        Column("within", right=True),
+        Column("alone", right=True, spare=2),
+        Column("times", right=True, spare=1),
+        Column("partner", spare=1),
+        Column("verdict"),
     )
-    table.add_column("coefficient", no_wrap=True)
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    for heading in ("within", "alone", "times"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("partner")
-    table.add_column("verdict", no_wrap=True)
+    table = Table("What this log says: 95 % intervals, and what the partner costs", columns)
     for name, c in assessment.coefficients.items():
-        table.add_row(
+        table.add(
             name,
-            format_with_interval(c.value, *c.interval)[0],
+            value_cells(c.value, *c.interval)[0],
             c.unit,
             c.reason if c.std == 0.0 else format_percent(c.width),
             "" if c.std == 0.0 or isnan(c.width_alone) else format_percent(c.width_alone),
             _cost(c),
             f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
-            Text(c.verdict, STATUS_COLOURS[c.verdict]),
+            Cell((c.verdict,), STATUS_COLOURS[c.verdict]),
         )
     return table
 
@@ -149,7 +148,7 @@ def _outcome(addition: Addition, unit: str) -> str:
         f", deflection {addition.peak_deflection:.3g} rad" if addition.peak_deflection else ""
     )
     return (
-        f"Then the worst, {addition.weakest}, is told within {format_percent(addition.width)}"
+        f"Then the worst, {addition.weakest}, is known within {format_percent(addition.width)}"
         f"{kept}; peaks: input {addition.peak_input:.3g} {unit}, position "
         f"{addition.peak_position:.3g} rad{deflection}."
     )

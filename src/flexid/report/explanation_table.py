@@ -3,18 +3,16 @@
 from collections.abc import Iterator
 from math import isclose, isfinite
 
-from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
-from flexid.identification.alignment import Delay
 from flexid.identification.result import Choices, Identification
-from flexid.report.terminal import titled_table
+from flexid.report.digits import value_cells
+from flexid.report.terminal import Column, Part, Table, number, numbers
 
 _LEAST_PROBABILITY = 1e-6  # below which a probability is no more than this
 
 
-def explanation(result: Identification) -> Iterator[RenderableType]:
+def explanation(result: Identification) -> Iterator[Part]:
     """Tables of what was tried, and sentences on what they rest on."""
     choices = result.choices
     yield Text()
@@ -31,16 +29,13 @@ def explanation(result: Identification) -> Iterator[RenderableType]:
 
 
 def _terms(choices: Choices) -> Table:
-    table = titled_table("Terms and delays of the full model, in SI units")
-    table.add_column("name", no_wrap=True)
-    for heading in ("value", "std"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("by chance", justify="right", no_wrap=True)
-    table.add_column("in the model", no_wrap=True)
+    columns = (Column("name"), *numbers("value", "std", "by chance"), Column("in the model"))
+    table = Table("Terms and delays of the full model, in SI units", columns)
     for e in choices.term_evidence:
         kept = "yes" if e.kept else "no"
-        std = f"{e.std:.2g}" if isfinite(e.std) else "unknown"
-        table.add_row(e.name, f"{e.value:.4g}", std, _probability(e.probability), kept)
+        std = number(e.std, 2) if isfinite(e.std) else "unknown"
+        value, _ = value_cells(e.value, e.value - e.std, e.value + e.std)
+        table.add(e.name, value, std, _probability(e.probability), kept)
     return table
 
 
@@ -51,42 +46,33 @@ def _probability(probability: float) -> str:
 
 
 def _segments(choices: Choices) -> Table:
-    table = titled_table("Segments of the prediction error")
-    for heading in ("length", "residual over noise", "mean relative std"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("", no_wrap=True)
+    columns = (Column("length"), *numbers("residual over noise", "mean relative std"), Column(""))
+    table = Table("Segments of the prediction error", columns)
     for e in choices.segment_evidence:
         chosen = choices.segment_duration is not None and isclose(
             e.duration, choices.segment_duration
         )
-        std = f"{100 * e.std:.2g} %" if isfinite(e.std) else "unknown"
-        note = "chosen" if chosen else ""
-        table.add_row(f"{e.duration:.3g} s", f"{e.excess**0.5:.3g}", std, note)
+        std = number(100 * e.std, 2, "%") if isfinite(e.std) else "unknown"
+        length = number(e.duration, 3, "s")
+        table.add(length, number(e.excess**0.5, 3), std, "chosen" if chosen else "")
     return table
 
 
 def _delays(choices: Choices) -> Table:
-    table = titled_table("Time against the motor's encoder")
-    for heading in ("channel", "late by", "95 % interval", ""):
-        justify = "left" if heading in ("channel", "") else "right"
-        table.add_column(heading, justify=justify, no_wrap=True)
+    columns = (Column("channel"), *numbers("late by", "95 % interval"), Column(""))
+    table = Table("Time against the motor's encoder", columns)
     alignment = choices.alignment
     for name, delay in (("input", alignment.input_delay), ("link", alignment.link_delay)):
-        table.add_row(name, f"{1e3 * delay.value:.3g} ms", _interval(delay), delay.status)
+        value, interval = value_cells(*(1e3 * x for x in (delay.value, *delay.interval)))
+        table.add(name, value.with_unit("ms"), interval.with_unit("ms"), delay.status)
     return table
-
-
-def _interval(delay: Delay) -> str:
-    lower, upper = (1e3 * end for end in delay.interval)
-    return f"[{lower:.3g}, {upper:.3g}] ms"
 
 
 def _least_squares(result: Identification) -> Table:
     rate = result.choices.filter_rate
-    table = titled_table(f"Least squares beside the estimate, filter rate {rate:.6g} 1/s")
-    table.add_column("name", no_wrap=True)
-    for heading in ("estimate", "least squares"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    columns = (Column("name"), *numbers("estimate", "least squares"))
+    table = Table(f"Least squares beside the estimate, filter rate {rate:.6g} 1/s", columns)
     for name, value in result.least_squares.items():
-        table.add_row(name, f"{result.coefficients[name].value:.6g}", f"{value:.6g}")
+        estimate = result.coefficients[name]
+        table.add(name, value_cells(estimate.value, *estimate.interval)[0], number(value, 6))
     return table

@@ -1,13 +1,9 @@
-"""The printed answer of the reproduction, at most 100 columns wide."""
+"""The printed answer of the reproduction."""
 
 from collections.abc import Iterator
 
-from rich.console import RenderableType
-from rich.table import Table
-from rich.text import Text
-
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.report.terminal import print_parts, titled_table
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, print_parts
 from flexid.studies.huang2003.evidence import Claim, Verdict
 from flexid.studies.huang2003.readings import Reading
 from flexid.studies.huang2003.reproduction import Reproduction
@@ -31,36 +27,28 @@ def print_reproduction(result: Reproduction) -> None:
     print_parts(_parts(result))
 
 
-def _parts(result: Reproduction) -> Iterator[RenderableType]:
+def _parts(result: Reproduction) -> Iterator[Part]:
     yield _readings(result)
     yield _parameter_errors(result)
     yield _cases(result.cases)
     yield _claims(result.claims)
 
 
-def _table(title: str, texts: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
-    """Table with columns of text, then columns of numbers."""
-    table = titled_table(title)
-    for heading in texts:
-        table.add_column(heading)
-    for heading in numbers:
-        table.add_column(heading, justify="right", no_wrap=True)
-    return table
-
-
 def _readings(result: Reproduction) -> Table:
-    table = _table(
-        f"Readings (a,b,c) of the gains k^a JlM/kem, k^b, k^c JrM, with k = {ATTENUATION:g}",
-        ("reading", ""),
-        ("rightmost pole", "|x1 - qd| to 0.3 s", "20-30 s"),
+    columns = (
+        Column("reading"),
+        Column("", wraps=True),
+        *numbers("rightmost pole (1/s)", "|x1 - qd| to 0.3 s (rad)", "20-30 s (rad)"),
     )
+    title = f"Readings (a,b,c) of the gains k^a JlM/kem, k^b, k^c JrM, with k = {ATTENUATION:g}"
+    table = Table(title, columns)
     for reading in result.readings.values():
         stable = reading.rightmost.real < 0
-        table.add_row(
+        table.add(
             f"({reading.name})",
             reading.meaning,
-            Text(f"{_pole(reading.rightmost)} 1/s", "green" if stable else "red"),
-            f"{reading.early_tracking_error:.4g} rad",
+            Cell((_pole(reading.rightmost),), "green" if stable else "red"),
+            number(reading.early_tracking_error, 4),
             _steady_error(reading),
         )
     return table
@@ -70,57 +58,60 @@ def _pole(pole: complex) -> str:
     return f"{pole.real:+.3g} ± {abs(pole.imag):.3g}j"
 
 
-def _steady_error(reading: Reading) -> str:
+def _steady_error(reading: Reading) -> Cell | str:
     run = reading.simulated
-    return f"{run.max_tracking_error:.4g} rad" if run else "not simulated"
+    return number(run.max_tracking_error, 4) if run else "not simulated"
 
 
 def _parameter_errors(result: Reproduction) -> Table:
     runs = result.runs
-    headings = tuple(text for name in runs for text in (f"({name})", "share"))
-    table = _table("Parameter errors at 30 s", ("coefficient",), ("true", *headings))
+    headings = (text for name in runs for text in (f"({name})", "share"))
+    table = Table("Parameter errors at 30 s", (Column("coefficient"), *numbers("true", *headings)))
     for name in UNKNOWN:
-        cells: list[str] = []
+        cells: list[Cell] = []
         for run in runs.values():
             share = 100 * run.relative_errors[name]
-            cells += [f"{run.parameter_errors[name]:+.6g}", f"{share:.2g} %"]
-        table.add_row(f"{name} ({COEFFICIENT_UNITS[name]})", f"{TRUE[name]:.6g}", *cells)
+            cells += [number(run.parameter_errors[name], 6), number(share, 2, "%")]
+        table.add(f"{name} ({COEFFICIENT_UNITS[name]})", number(TRUE[name], 6), *cells)
     return table
 
 
 def _cases(cases: tuple[TheoremCase, ...]) -> Table:
-    table = _table(
-        "Theorem 1 in three cases, gains (1,2,3)",
-        ("case", "reference", "rows"),
-        ("condition number", "settled", "largest error left"),
+    columns = (
+        Column("case"),
+        Column("reference", wraps=True),
+        Column("rows"),
+        *numbers("condition number", "settled", "largest error left"),
     )
+    table = Table("Theorem 1 in three cases, gains (1,2,3)", columns)
     for case in cases:
         left = max(abs(limit.last / limit.first) for limit in case.limits)
-        table.add_row(
+        table.add(
             case.name,
             f"{case.reference}, {case.duration:g} s",
             ", ".join(case.judged),
-            f"{case.worst_condition:.2g}",
+            number(case.worst_condition, 2),
             "yes" if case.settled else "no",
-            f"{100 * left:.3g} %",
+            number(100 * left, 3, "%"),
         )
     return table
 
 
 def _claims(claims: tuple[Claim, ...]) -> Table:
-    table = _table("Claims of the paper", ("claim, and what decides it",), ("value", "wanted", ""))
+    columns = (Column("claim, and what decides it", wraps=True), *numbers("value", "wanted"))
+    table = Table("Claims of the paper", (*columns, Column("", right=True)))
     for claim in claims:
-        verdict = Text(_SHORT[claim.verdict], _COLOURS[claim.verdict])
-        table.add_row(Text(f"{claim.statement} [{claim.source}]"), "", "", verdict)
-        for place, finding in enumerate(claim.findings, start=1):
-            unit = "" if finding.unit == "1" else f" {finding.unit}"
+        verdict = Cell((_SHORT[claim.verdict],), _COLOURS[claim.verdict])
+        table.add(f"{claim.statement} [{claim.source}]", "", "", verdict)
+        for finding in claim.findings:
             relation = {"<=": "≤", ">=": "≥"}[finding.relation]
             subject = "" if finding.subject == "any" else f"{finding.subject}: "
-            table.add_row(
-                Text(f"  {subject}{finding.quantity}", "dim"),
-                f"{finding.value:.4g}{unit}",
+            table.add(
+                Cell((f"  {subject}{finding.quantity}",), "dim"),
+                number(finding.value, 4, "" if finding.unit == "1" else finding.unit),
                 f"{relation} {finding.limit:g}",
-                Text("yes", "green") if finding.holds else Text("no", "red"),
-                end_section=place == len(claim.findings),
+                Cell(("yes",), "green") if finding.holds else Cell(("no",), "red"),
             )
+        if claim is not claims[-1]:
+            table.rule()
     return table

@@ -1,10 +1,8 @@
-"""The printed answer of an identification, at most 100 columns wide."""
+"""The printed answer of an identification."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from math import floor, isfinite, isnan, log10
+from math import isfinite, isnan
 
-from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from flexid.identification.result import (
@@ -15,8 +13,9 @@ from flexid.identification.result import (
     Validation,
     Verdict,
 )
+from flexid.report.digits import value_cells
 from flexid.report.explanation_table import explanation
-from flexid.report.terminal import print_parts, titled_table
+from flexid.report.terminal import Cell, Column, Part, Table, numbers, print_parts
 
 _COLOURS: dict[Verdict, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 
@@ -31,10 +30,11 @@ def print_identification(result: Identification, *, explain: bool = False) -> No
     explain : bool, optional
         Print the evidence for the choices as well.
     """
-    print_parts([*_parts(result), *(explanation(result) if explain else ())])
+    print_parts([*identification_parts(result), *(explanation(result) if explain else ())])
 
 
-def _parts(result: Identification) -> Iterator[RenderableType]:
+def identification_parts(result: Identification) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
     yield _estimates("Physical parameters", result.parameters.values())
     yield _estimates("Coefficients", result.coefficients.values())
     for name, c in result.coefficients.items():
@@ -95,16 +95,18 @@ def _at_most(parameter: ParameterEstimate) -> str:
 
 
 def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEstimate]) -> Table:
-    table = titled_table(title)
-    table.add_column("name", no_wrap=True)
-    for heading in ("value", "95 % interval"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+    columns = (
+        Column("name"),
+        *numbers("value", "95 % interval"),
+        Column("unit"),
+        Column("verdict"),
+    )
+    table = Table(title, columns)
     for e in estimates:
-        value, lower, upper = format_with_interval(e.value, *e.interval)
-        interval = f"[{lower}, {upper}]" if e.interval[0] != e.interval[1] else _fixed(e)
-        table.add_row(e.name, value, interval, e.unit, Text(e.verdict, _COLOURS[e.verdict]))
+        value, interval = value_cells(e.value, *e.interval)
+        if e.interval[0] == e.interval[1]:
+            interval = Cell((_fixed(e),))
+        table.add(e.name, value, interval, e.unit, Cell((e.verdict,), _COLOURS[e.verdict]))
     return table
 
 
@@ -121,20 +123,3 @@ def format_fits(fits: Mapping[str, float]) -> str:
 def format_fit(fit: float) -> str:
     """A free-run fit as text."""
     return "not tested (at rest)" if isnan(fit) else f"{fit:.1f} %"
-
-
-def format_with_interval(value: float, lower: float, upper: float) -> tuple[str, str, str]:
-    """Numbers as text, with as many digits as the width of the interval justifies.
-
-    Examples
-    --------
-    >>> format_with_interval(99.98731, 99.93, 100.04)
-    ('99.99', '99.93', '100.04')
-    >>> format_with_interval(4.1e6, 3.9e6, 4.3e6)
-    ('4100000', '3900000', '4300000')
-    """
-    width = upper - lower
-    if not isfinite(width) or width <= 0:
-        return f"{value:.5g}", f"{lower:.5g}", f"{upper:.5g}"
-    decimals = min(12, max(0, 1 - floor(log10(width))))
-    return f"{value:.{decimals}f}", f"{lower:.{decimals}f}", f"{upper:.{decimals}f}"

@@ -1,16 +1,14 @@
-"""The printed answer of a simulation, at most 100 columns wide."""
+"""The printed answer of a simulation."""
 
 from collections.abc import Iterator
 from math import isfinite
 
-from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from flexid.experiments.experiment import Experiment
 from flexid.experiments.measures import SETTLED, Measures
 from flexid.experiments.run_columns import coefficient_unit, is_joint
-from flexid.report.terminal import print_parts, titled_table
+from flexid.report.terminal import Column, Part, Table, number, numbers, print_parts
 from flexid.simulation.run import Run
 
 
@@ -19,7 +17,7 @@ def print_run(experiment: Experiment, run: Run, measures: Measures) -> None:
     print_parts(_parts(experiment, run, measures))
 
 
-def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[RenderableType]:
+def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:
     length = f"{run.time[-1]:g} s {experiment.mode}"
     yield Text(f"{experiment.name}: {length}, {_statistics(run)}")
     yield _estimates(experiment, run, measures)
@@ -38,19 +36,17 @@ def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Ren
 
 
 def _estimates(experiment: Experiment, run: Run, measures: Measures) -> Table:
-    table = titled_table("Estimates of the observer")
-    table.add_column("coefficient", no_wrap=True)
-    for heading in ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
+    headings = ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %")
+    columns = (Column("coefficient"), *numbers(*headings), Column("unit"))
+    table = Table("Estimates of the observer", columns)
     for place, (name, error) in enumerate(measures.final_errors.items()):
         true = experiment.loop.coefficients[name]
-        table.add_row(
+        table.add(
             name,
-            f"{true:.6g}",
-            f"{experiment.loop.initial_estimates.get(name, 0.0):.6g}",
-            f"{run.estimates[-1, place]:.6g}",
-            f"{100 * error / true:+.2f} %" if true else f"{error:+.3g}",
+            number(true, 6),
+            number(experiment.loop.initial_estimates.get(name, 0.0), 6),
+            number(float(run.estimates[-1, place]), 6),
+            number(100 * error / true, 3, "%") if true else number(error, 3),
             _settled(measures.settling_times[name]),
             coefficient_unit(run, name),
         )

@@ -1,32 +1,308 @@
-"""How answers are printed: at most 100 columns wide."""
+"""How answers are printed: tables that fit the terminal, in which no number is ever cut."""
 
-from collections.abc import Iterable
+import re
+import shutil
+import sys
+import unicodedata
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from textwrap import wrap
 
-from rich import box
-from rich.console import Console, Group, RenderableType
-from rich.table import Table
+from rich.cells import cell_len
+from rich.console import Console
+from rich.text import Text
 
-WIDTH = 100
-"""Columns that an answer fits in; also its width where there is no terminal to ask."""
+WIDEST = 100
+"""Columns that an answer takes at most; longer lines are hard to read."""
 
-NARROWEST = 80
-"""Columns below which a terminal breaks the lines itself, lest numbers be cut off."""
+USUAL = 80
+"""Columns of an answer where there is no terminal to ask."""
+
+NARROWEST = 40
+"""Columns below which a terminal breaks the lines itself."""
+
+_BETWEEN = 2  # blanks between two columns
+_NARROWEST_TEXT = 16  # columns of text that is broken into lines
+
+_UNBROKEN = "\N{NO-BREAK SPACE}"
+_TOGETHER = re.compile(
+    r"(?<=\d) (?=(%|ms|s|N m|kg|rad|Hz|1/s|degrees?)\b|%)"  # a number and its unit
+    r"|(?<=\bN) (?=m\b)|(?<=\bkg) (?=m\b)|(?<=\bN m) (?=s\b)"  # the parts of a unit
+)
+
+_SPELLED = {
+    "±": "+-",
+    "−": "-",
+    "–": "-",
+    "─": "-",
+    "…": "...",
+    "≤": "<=",
+    "≥": ">=",
+    "·": "*",
+    "θ": "theta",
+    "α": "alpha",
+    "β": "beta",
+    "γ": "gamma",
+    "λ": "lambda",
+    "μ": "mu",
+    "ω": "omega",
+    "°": "deg",
+    "’": "'",
+}
 
 
-def titled_table(title: str, collapse_padding: bool = False) -> Table:
-    """An empty table with its title above it on the left; the columns close together if wanted."""
-    return Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        collapse_padding=collapse_padding,
+@dataclass(frozen=True)
+class Cell:
+    """What stands at one place of a table.
+
+    Parameters
+    ----------
+    texts : tuple of str
+        From the one with most digits to the one with fewest; one of them is printed, whole.
+    style : str, optional
+        Its colour.
+    """
+
+    texts: tuple[str, ...]
+    style: str = ""
+
+    def at(self, level: int) -> str:
+        """The text with so much left out."""
+        return self.texts[min(level, len(self.texts) - 1)]
+
+    def with_unit(self, unit: str) -> "Cell":
+        """The same with a unit after it."""
+        return Cell(tuple(f"{text} {unit}" for text in self.texts), self.style)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Parameters
+    ----------
+    heading : str
+        Above it.
+    right : bool, optional
+        Whether it stands on the right, as numbers do.
+    spare : int, optional
+        Columns that may be left out where there is no room have a number; the largest goes first.
+    wraps : bool, optional
+        Whether it holds sentences, which may be broken into lines; one column of a table may.
+    """
+
+    heading: str
+    right: bool = False
+    spare: int = 0
+    wraps: bool = False
+
+
+def numbers(*headings: str) -> tuple[Column, ...]:
+    """Columns that stand on the right."""
+    return tuple(Column(heading, right=True) for heading in headings)
+
+
+@dataclass
+class Table:
+    """A table that is laid out when the width is known.
+
+    It is printed with fewer digits where it would be too wide, then with fewer columns, then as a
+    line for each row, in this order.
+
+    Parameters
+    ----------
+    title : str
+        Above it.
+    columns : sequence of Column
+        The first one names the rows.
+    """
+
+    title: str
+    columns: Sequence[Column]
+    _rows: list[tuple[Cell, ...] | None] = field(default_factory=list)
+
+    def add(self, *cells: Cell | str) -> None:
+        """Add a row; cells that are missing at its end are empty."""
+        row = [cell if isinstance(cell, Cell) else Cell((cell,)) for cell in cells]
+        row += [Cell(("",))] * (len(self.columns) - len(row))
+        self._rows.append(tuple(row))
+
+    def rule(self) -> None:
+        """Add a line between the rows before and those that follow."""
+        self._rows.append(None)
+
+    def lines(self, width: int) -> Iterator[Text]:
+        """The table within some columns, and an empty line below it."""
+        yield from (Text(line, "bold") for line in wrapped(self.title, width))
+        levels = max((len(c.texts) for row in self._rows if row for c in row), default=1)
+        for places in self._ever_fewer_columns():
+            for level in range(levels):
+                for headings_wrap in (False, True):
+                    widths = self._widths(places, level, width, headings_wrap)
+                    if widths is not None:
+                        yield from self._aligned(places, level, widths)
+                        yield Text()
+                        return
+        yield from self._entries(width)
+        yield Text()
+
+    def _ever_fewer_columns(self) -> Iterator[list[int]]:
+        places = list(range(len(self.columns)))
+        yield places
+        for gone in sorted({c.spare for c in self.columns if c.spare}, reverse=True):
+            places = [place for place in places if self.columns[place].spare != gone]
+            yield places
+
+    def _widths(
+        self, places: Sequence[int], level: int, width: int, headings_wrap: bool
+    ) -> list[int] | None:
+        """The width of each column; None if they do not fit."""
+        found = []
+        for place in places:
+            column = self.columns[place]
+            heading = _longest_word(column.heading) if headings_wrap else cell_len(column.heading)
+            longest = _longest_word if column.wraps else cell_len
+            cells = (longest(row[place].at(level)) for row in self._rows if row)
+            found.append(max(heading, *cells, 0))
+        left = width - sum(found) - _BETWEEN * (len(found) - 1)
+        for i, place in enumerate(places):
+            if self.columns[place].wraps:
+                whole = max(cell_len(row[place].at(level)) for row in self._rows if row)
+                found[i] += min(left, max(0, whole - found[i]))
+                if found[i] < min(whole, _NARROWEST_TEXT):
+                    return None
+        return found if left >= 0 else None
+
+    def _aligned(self, places: Sequence[int], level: int, widths: Sequence[int]) -> Iterator[Text]:
+        columns = [self.columns[place] for place in places]
+        heads = [
+            wrap(c.heading, w) if cell_len(c.heading) > w else [c.heading]
+            for c, w in zip(columns, widths, strict=True)
+        ]
+        depth = max(map(len, heads))
+        lowered = [[*[""] * (depth - len(head)), *head] for head in heads]
+        yield from _put_beside(lowered, [""] * len(columns), columns, widths)
+        rule = Text("─" * (sum(widths) + _BETWEEN * (len(widths) - 1)))
+        yield rule
+        for row in self._rows:
+            if row is None:
+                yield rule
+                continue
+            cells = [row[place] for place in places]
+            texts = [
+                wrapped(cell.at(level), w) or [""] if column.wraps else [cell.at(level)]
+                for cell, column, w in zip(cells, columns, widths, strict=True)
+            ]
+            yield from _put_beside(texts, [cell.style for cell in cells], columns, widths)
+
+    def _entries(self, width: int) -> Iterator[Text]:
+        """Each row as a sentence."""
+        for row in self._rows:
+            if row is None:
+                continue
+            parts = [
+                f"{column.heading} {cell.at(0)}".strip()
+                for column, cell in zip(self.columns[1:], row[1:], strict=True)
+                if cell.at(0)
+            ]
+            name = row[0].at(0)
+            said = f"{name}: {', '.join(parts)}" if parts else name
+            yield from map(Text, wrapped(said, width, "  "))
+
+
+Part = Table | Text
+
+
+def number(value: float, digits: int, unit: str = "") -> Cell:
+    """A number with so many significant digits, or fewer, but three, where there is no room."""
+    texts = (f"{value:.{d}g}" for d in range(digits, min(digits, 3) - 1, -1))
+    cell = Cell(tuple(dict.fromkeys(texts)))
+    return cell.with_unit(unit) if unit else cell
+
+
+def wrapped(text: str, width: int, indent: str = "") -> list[str]:
+    """Lines of a sentence; nothing is broken that belongs together. Blanks at its start stay."""
+    before = text[: len(text) - len(text.lstrip())]
+    lines = wrap(
+        _TOGETHER.sub(_UNBROKEN, text.strip()),
+        width,
+        initial_indent=before,
+        subsequent_indent=before + indent,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
+    return [line.replace(_UNBROKEN, " ") for line in lines] or [""]
 
 
-def print_parts(parts: Iterable[RenderableType]) -> None:
+def print_parts(parts: Iterable[Part]) -> None:
     """Print tables and texts on standard output, one after the other."""
     console = Console()
-    width = min(max(console.width, NARROWEST), WIDTH) if console.is_terminal else WIDTH
-    Console(width=width).print(Group(*parts))
+    columns = shutil.get_terminal_size((USUAL, 24)).columns
+    for line in laid_out(parts, min(max(columns, NARROWEST), WIDEST)):
+        console.print(line, soft_wrap=True)
+    sys.stdout.flush()  # what cannot be written fails here, and not when Python ends
+
+
+def laid_out(parts: Iterable[Part], width: int) -> Iterator[Text]:
+    """Tables and texts as lines of at most so many columns, without blanks at their ends.
+
+    Of several empty lines one is left, and none at the end.
+    """
+    empty = False
+    for part in parts:
+        for line in part.lines(width) if isinstance(part, Table) else _lines_of(part, width):
+            line.rstrip()
+            if line.plain and empty:
+                yield Text()
+            empty = not line.plain
+            if line.plain:
+                yield line
+
+
+def _lines_of(text: Text, width: int) -> Iterator[Text]:
+    indent = "  " if text.plain.startswith("  ") else ""
+    for line in wrapped(text.plain, width, indent):
+        yield Text(line, text.style)
+
+
+def spelled(text: str) -> str:
+    """Text in ASCII, for terminals that have no Greek.
+
+    Examples
+    --------
+    >>> spelled("θ₁ ≤ 5 ± 0.1 1/s²")
+    'theta1 <= 5 +- 0.1 1/s2'
+    """
+    return "".join(_SPELLED.get(c) or _decomposed(c) for c in text)
+
+
+def _decomposed(character: str) -> str:
+    found = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return found or "?"
+
+
+def _longest_word(text: str) -> int:
+    return max(map(cell_len, text.split()), default=0)
+
+
+def _put_beside(
+    texts: Sequence[Sequence[str]],
+    styles: Sequence[str],
+    columns: Sequence[Column],
+    widths: Sequence[int],
+) -> Iterator[Text]:
+    """Lines of a row whose cells have lines of their own."""
+    for i in range(max(map(len, texts))):
+        line = Text()
+        for j, (cell, style, column, width) in enumerate(
+            zip(texts, styles, columns, widths, strict=True)
+        ):
+            shown = cell[i] if i < len(cell) else ""
+            blanks = " " * (width - cell_len(shown))
+            line.append(" " * _BETWEEN if j else "")
+            if column.right:
+                line.append(blanks)
+            line.append(shown, style or None)
+            if not column.right:
+                line.append(blanks)
+        yield line

@@ -1,14 +1,12 @@
-"""The printed answer of a validation, at most 100 columns wide."""
+"""The printed answer of a validation."""
 
 from collections.abc import Iterator
 from math import inf, isfinite, isinf, isnan
 
-from rich.console import RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from flexid.identification.validate_estimate import EstimateValidation
-from flexid.report.terminal import print_parts, titled_table
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, print_parts
 
 
 def print_validation(result: EstimateValidation) -> None:
@@ -16,21 +14,18 @@ def print_validation(result: EstimateValidation) -> None:
     print_parts(_parts(result))
 
 
-def _parts(result: EstimateValidation) -> Iterator[RenderableType]:
+def _parts(result: EstimateValidation) -> Iterator[Part]:
     fits = {**result.horizons, inf: result.fit_percent}
-    table = titled_table("Fit of predictions over so long a time (%)")
-    table.add_column("channel", no_wrap=True)
-    _add_horizons(table, list(fits))
+    columns = (Column("channel"), *numbers(*map(_horizon, fits)))
+    table = Table("Fit of predictions over so long a time (%)", columns)
     for channel in result.fit_percent:
-        table.add_row(channel, *(_fit(found[channel]) for found in fits.values()))
+        table.add(channel, *(_fit(found[channel]) for found in fits.values()))
     yield table
-    table = titled_table("What they are off (rad, root mean square)")
-    for heading in ("channel", "sensor's noise"):
-        table.add_column(heading, justify="left" if heading == "channel" else "right")
-    _add_horizons(table, list(result.residuals))
+    columns = (Column("channel"), *numbers("sensor's noise", *map(_horizon, result.residuals)))
+    table = Table("What they are off (rad, root mean square)", columns)
     for channel, noise in result.noise.items():
         off = (found[channel] for found in result.residuals.values())
-        table.add_row(channel, f"{noise:.3g}", *map(_residual, off))
+        table.add(channel, number(noise, 3), *map(_residual, off))
     yield table
     count = len(result.runs)
     yield Text(
@@ -39,17 +34,17 @@ def _parts(result: EstimateValidation) -> Iterator[RenderableType]:
     )
 
 
-def _add_horizons(table: Table, horizons: list[float]) -> None:
-    for horizon in horizons:
-        heading = "free run" if isinf(horizon) else f"{horizon:g} s"
-        table.add_column(heading, justify="right", no_wrap=True)
+def _horizon(horizon: float) -> str:
+    return "free run" if isinf(horizon) else f"{horizon:g} s"
 
 
-def _fit(fit: float) -> str:
+def _fit(fit: float) -> str | Cell:
     if isnan(fit):
         return "at rest"
-    return f"{fit:.2f}" if isfinite(fit) else "diverges"
+    if not isfinite(fit):
+        return "diverges"
+    return f"{fit:.2f}" if fit > -1000.0 else number(fit, 3)
 
 
-def _residual(residual: float) -> str:
-    return f"{residual:.3g}" if isfinite(residual) else "–"
+def _residual(residual: float) -> str | Cell:
+    return number(residual, 3) if isfinite(residual) else "–"
