@@ -1,4 +1,6 @@
-# Template: needs nothing. Normal equations block by block, for the spread of the blocks' scores.
+"""Normal equations block by block, for the spread of the blocks' scores."""
+
+from numba import njit
 
 
 @njit(cache=True, error_model="numpy")

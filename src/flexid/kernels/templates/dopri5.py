@@ -1,16 +1,75 @@
-# Explicit Runge-Kutta method of order 5 for problems that are not stiff, with a dense output of order 4, for
-# several runs side by side, each at its own step.
-# J. R. Dormand and P. J. Prince, "A family of embedded Runge-Kutta formulae", Journal of Computational
-# and Applied Mathematics 6 (1980) 19-26; dense output by L. F. Shampine as in E. Hairer, S. P. Norsett,
-# G. Wanner, "Solving Ordinary Differential Equations I", section II.6.
-# Needs run_status and lanes; calls lane_rates(w), which writes the rates of STAGE at STAGE_TIME to RATES,
-# lane_rates_and_outputs(w), which also fills NEXT_OBSERVED, and where measures are wanted lane_measures(w), and
-# observe(t, weight, z, p, totals) at the end.
+"""Explicit Runge-Kutta method of order 5 for several runs side by side, each at its own step.
+
+For problems that are not stiff; with a dense output of order 4. J. R. Dormand and P. J. Prince, "A
+family of embedded Runge-Kutta formulae", Journal of Computational and Applied Mathematics 6 (1980)
+19-26; dense output by L. F. Shampine as in E. Hairer, S. P. Norsett, G. Wanner, "Solving Ordinary
+Differential Equations I", section II.6.
+"""
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        LANES,
+        N_OBSERVED,
+        N_PARAMETERS,
+        SIZE,
+        lane_rates,
+        lane_rates_and_outputs,
+    )
+    from flexid.kernels.templates.lane_measures import lane_measures
+    from flexid.kernels.templates.lanes import (
+        ACCEPTED_STEPS,
+        BEFORE,
+        EARLIER,
+        END,
+        ERROR,
+        GOES_ON,
+        GROWTH,
+        NEXT_OBSERVED,
+        OBSERVED,
+        PARAMETERS,
+        RATES,
+        REJECTED,
+        REJECTED_STEPS,
+        RUN,
+        SLOTS,
+        STAGE,
+        STAGE_TIME,
+        STATE,
+        STATUS,
+        STEP,
+        TIME,
+        TOTALS,
+        at,
+    )
+    from flexid.kernels.templates.loop_measures import N_MEASURES
+    from flexid.kernels.templates.loop_outputs import observe
+    from flexid.kernels.templates.run_status import (
+        DIVERGED,
+        FINISHED,
+        NOT_FINITE,
+        STEP_TOO_SMALL,
+        TOO_MANY_STEPS,
+    )
+
 
 RUNS_AT_ONCE = 8 * LANES  # so that few lanes stand idle while the last ones end
 
 # Dense output: weights of the stages in its term of highest order.
-DORMAND_DENSE = (-12715105075.0 / 11282082432.0, 0.0, 87487479700.0 / 32700410799.0, -10690763975.0 / 1880347072.0, 701980252875.0 / 199316789632.0, -1453857185.0 / 822651844.0, 69997945.0 / 29380423.0)
+DORMAND_DENSE = (
+    -12715105075.0 / 11282082432.0,
+    0.0,
+    87487479700.0 / 32700410799.0,
+    -10690763975.0 / 1880347072.0,
+    701980252875.0 / 199316789632.0,
+    -1453857185.0 / 822651844.0,
+    69997945.0 / 29380423.0,
+)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -19,8 +78,8 @@ def rate(stage, i, lane):
     return at(EARLIER + stage * SIZE + i, lane)
 
 
-# A stage puts the rates at the stage before away. The compiler has to know where everything is written, or the
-# loops become no vector instructions; so there is no loop over stages.
+# A stage puts the rates at the stage before away. The compiler has to know where everything is
+# written, or the loops become no vector instructions; so there is no loop over stages.
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -41,61 +100,89 @@ def second_stage(w, stop, longest_step):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def third_stage(w):
+    """Keep the rates of the stage before, and go to the third."""
     for lane in range(LANES):
         h = w[at(STEP, lane)]
         w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 0.3 * h
         for i in range(SIZE):
             latest = w[at(RATES + i, lane)]
             w[rate(1, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (3.0 / 40.0 * w[rate(0, i, lane)] + 9.0 / 40.0 * latest)
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
+                3.0 / 40.0 * w[rate(0, i, lane)] + 9.0 / 40.0 * latest
+            )
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def fourth_stage(w):
+    """Keep the rates of the stage before, and go to the fourth."""
     for lane in range(LANES):
         h = w[at(STEP, lane)]
         w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 0.8 * h
         for i in range(SIZE):
             latest = w[at(RATES + i, lane)]
             w[rate(2, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (44.0 / 45.0 * w[rate(0, i, lane)] - 56.0 / 15.0 * w[rate(1, i, lane)] + 32.0 / 9.0 * latest)
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
+                44.0 / 45.0 * w[rate(0, i, lane)]
+                - 56.0 / 15.0 * w[rate(1, i, lane)]
+                + 32.0 / 9.0 * latest
+            )
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def fifth_stage(w):
+    """Keep the rates of the stage before, and go to the fifth."""
     for lane in range(LANES):
         h = w[at(STEP, lane)]
         w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 8.0 / 9.0 * h
         for i in range(SIZE):
             latest = w[at(RATES + i, lane)]
             w[rate(3, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (19372.0 / 6561.0 * w[rate(0, i, lane)] - 25360.0 / 2187.0 * w[rate(1, i, lane)] + 64448.0 / 6561.0 * w[rate(2, i, lane)] - 212.0 / 729.0 * latest)
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
+                19372.0 / 6561.0 * w[rate(0, i, lane)]
+                - 25360.0 / 2187.0 * w[rate(1, i, lane)]
+                + 64448.0 / 6561.0 * w[rate(2, i, lane)]
+                - 212.0 / 729.0 * latest
+            )
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def sixth_stage(w):
+    """Keep the rates of the stage before, and go to the sixth."""
     for lane in range(LANES):
         h = w[at(STEP, lane)]
         w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + h
         for i in range(SIZE):
             latest = w[at(RATES + i, lane)]
             w[rate(4, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (9017.0 / 3168.0 * w[rate(0, i, lane)] - 355.0 / 33.0 * w[rate(1, i, lane)] + 46732.0 / 5247.0 * w[rate(2, i, lane)] + 49.0 / 176.0 * w[rate(3, i, lane)] - 5103.0 / 18656.0 * latest)
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
+                9017.0 / 3168.0 * w[rate(0, i, lane)]
+                - 355.0 / 33.0 * w[rate(1, i, lane)]
+                + 46732.0 / 5247.0 * w[rate(2, i, lane)]
+                + 49.0 / 176.0 * w[rate(3, i, lane)]
+                - 5103.0 / 18656.0 * latest
+            )
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def last_stage(w):
+    """Keep the rates of the sixth stage, and go to the end of the step."""
     for lane in range(LANES):
         h = w[at(STEP, lane)]
         for i in range(SIZE):
             latest = w[at(RATES + i, lane)]
             w[rate(5, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (35.0 / 384.0 * w[rate(0, i, lane)] + 500.0 / 1113.0 * w[rate(2, i, lane)] + 125.0 / 192.0 * w[rate(3, i, lane)] - 2187.0 / 6784.0 * w[rate(4, i, lane)] + 11.0 / 84.0 * latest)
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
+                35.0 / 384.0 * w[rate(0, i, lane)]
+                + 500.0 / 1113.0 * w[rate(2, i, lane)]
+                + 125.0 / 192.0 * w[rate(3, i, lane)]
+                - 2187.0 / 6784.0 * w[rate(4, i, lane)]
+                + 11.0 / 84.0 * latest
+            )
 
 
 @njit(cache=True, error_model="numpy")
 def dormand_step(w, stop, longest_step):
-    """One step of every lane from STATE to STAGE; the first stage is there already, the last is RATES."""
+    """One step of every lane from STATE to STAGE; the first stage is there, the last is RATES."""
     second_stage(w, stop, longest_step)
     lane_rates(w)
     third_stage(w)
@@ -112,12 +199,19 @@ def dormand_step(w, stop, longest_step):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def dormand_error(w, relative, absolute):
-    """Mean square of the estimated errors over what is allowed, and how far the next step is to grow."""
+    """Mean square of the errors over what is allowed, and how far the next step is to grow."""
     for lane in range(LANES):
         h = w[at(STEP, lane)]
         total = 0.0
         for i in range(SIZE):
-            error = h * (71.0 / 57600.0 * w[rate(0, i, lane)] - 71.0 / 16695.0 * w[rate(2, i, lane)] + 71.0 / 1920.0 * w[rate(3, i, lane)] - 17253.0 / 339200.0 * w[rate(4, i, lane)] + 22.0 / 525.0 * w[rate(5, i, lane)] - 1.0 / 40.0 * w[rate(6, i, lane)])
+            error = h * (
+                71.0 / 57600.0 * w[rate(0, i, lane)]
+                - 71.0 / 16695.0 * w[rate(2, i, lane)]
+                + 71.0 / 1920.0 * w[rate(3, i, lane)]
+                - 17253.0 / 339200.0 * w[rate(4, i, lane)]
+                + 22.0 / 525.0 * w[rate(5, i, lane)]
+                - 1.0 / 40.0 * w[rate(6, i, lane)]
+            )
             before = abs(w[at(STATE + i, lane)])
             after = abs(w[at(STAGE + i, lane)])
             share = error / (absolute + relative * (before if before > after else after))
@@ -133,7 +227,7 @@ def dormand_error(w, relative, absolute):
 
 @njit(cache=True, error_model="numpy")
 def end_step(w, stop, limit, most_steps):
-    """Where the step is accepted make its end the state, choose the next step, and see which runs end."""
+    """Go to the end of accepted steps, choose the next step, and see which runs end."""
     for lane in range(LANES):
         square = w[at(ERROR, lane)]
         accepted = square <= 1.0
@@ -163,7 +257,9 @@ def end_step(w, stop, limit, most_steps):
     for lane in range(LANES):
         accepted = w[at(ERROR, lane)] <= 1.0
         for i in range(N_OBSERVED):
-            w[at(OBSERVED + i, lane)] = w[at(NEXT_OBSERVED + i, lane)] if accepted else w[at(OBSERVED + i, lane)]
+            w[at(OBSERVED + i, lane)] = (
+                w[at(NEXT_OBSERVED + i, lane)] if accepted else w[at(OBSERVED + i, lane)]
+            )
 
 
 @njit(cache=True, error_model="numpy")
@@ -264,7 +360,24 @@ def fill_samples(w, start, sample_time, samples, counts):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, totals, status, reached, counts):
+def integrate(
+    start,
+    stop,
+    z,
+    p,
+    relative,
+    absolute,
+    first_step,
+    longest_step,
+    limit,
+    most_steps,
+    sample_time,
+    samples,
+    totals,
+    status,
+    reached,
+    counts,
+):
     """Integrate z' = rates(t, z, p) from start to stop; arguments are those of rodas5p."""
     runs = z.shape[0]
     w = np.zeros(SLOTS * LANES)

@@ -1,4 +1,14 @@
-# Template: needs variation_rates, advance, N_STATES, N_INPUTS, N_COEFFICIENTS, N_ROWS.
+"""An extended Kalman filter of states and coefficients."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import N_COEFFICIENTS, N_INPUTS, N_ROWS, N_STATES
+    from flexid.kernels.templates.prediction_error import advance
+
 
 SIZE = N_STATES + N_COEFFICIENTS  # states of the model, then its coefficients
 INPUTS_AT = SIZE
@@ -12,70 +22,70 @@ ACCELERATION_NOISE, DRIFT, START_VELOCITY, CONSTANTS = 5, 6, 7, 8
 
 
 @njit(cache=True, error_model="numpy")
-def begin(filter, sample, settings):
+def begin(belief, sample, settings):
     """Take position from the sample, velocity from nowhere; the coefficients stay."""
-    covariance = filter[COVARIANCE_AT:].reshape((SIZE, SIZE))
+    covariance = belief[COVARIANCE_AT:].reshape((SIZE, SIZE))
     width = 2 if settings[WITH_VELOCITIES] != 0.0 else 1
     for i in range(N_STATES):
-        for l in range(SIZE):
-            covariance[i, l] = 0.0
-            covariance[l, i] = 0.0
+        for k in range(SIZE):
+            covariance[i, k] = 0.0
+            covariance[k, i] = 0.0
     for j in range(N_ROWS):
-        filter[2 * j] = sample[width * j]
-        filter[2 * j + 1] = 0.0
+        belief[2 * j] = sample[width * j]
+        belief[2 * j + 1] = 0.0
         covariance[2 * j, 2 * j] = settings[POSITION_NOISE] ** 2
         covariance[2 * j + 1, 2 * j + 1] = settings[START_VELOCITY] ** 2
         if width == 2:
-            filter[2 * j + 1] = sample[2 * j + 1]
+            belief[2 * j + 1] = sample[2 * j + 1]
             covariance[2 * j + 1, 2 * j + 1] = settings[VELOCITY_NOISE] ** 2
     for j in range(N_INPUTS):
-        filter[INPUTS_AT + j] = sample[width * N_ROWS + j]
-    filter[STARTED_AT] = 1.0
+        belief[INPUTS_AT + j] = sample[width * N_ROWS + j]
+    belief[STARTED_AT] = 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def predict(filter, inputs, settings, work):
+def predict(belief, inputs, settings, work):
     """Bring mean and covariance over one interval; the transition is that of the motion itself."""
     h = settings[SAMPLE_TIME]
-    covariance = filter[COVARIANCE_AT:].reshape((SIZE, SIZE))
+    covariance = belief[COVARIANCE_AT:].reshape((SIZE, SIZE))
     z, rate, trial, total, product = work[0], work[1], work[2], work[3], work[4]
     at = np.empty(N_COEFFICIENTS, np.int64)
     for i in range(N_COEFFICIENTS):
         at[i] = 1 + N_STATES + i
     drive = np.zeros((N_INPUTS, 4))
     for j in range(N_INPUTS):
-        drive[j, 0] = filter[INPUTS_AT + j]
+        drive[j, 0] = belief[INPUTS_AT + j]
         if settings[ZERO_ORDER] == 0.0:
-            drive[j, 1] = inputs[j] - filter[INPUTS_AT + j]
+            drive[j, 1] = inputs[j] - belief[INPUTS_AT + j]
     for i in range(N_STATES):
         for j in range(1 + SIZE):
             z[i, j] = 0.0
-        z[i, 0] = filter[i]
+        z[i, 0] = belief[i]
         z[i, 1 + i] = 1.0
     # A filter corrects what it predicts at every sample: no change of mode is located in between.
     modes, dry = np.empty(N_ROWS), np.zeros(N_ROWS, np.bool_)
     for j in range(N_ROWS):
-        modes[j] = np.sign(filter[2 * j + 1])
-    p, c = filter[N_STATES:SIZE], settings[CONSTANTS:]
+        modes[j] = np.sign(belief[2 * j + 1])
+    p, c = belief[N_STATES:SIZE], settings[CONSTANTS:]
     u, du = np.empty(N_INPUTS), np.empty(N_INPUTS)
     advance(z, drive, h, 1, modes, dry, p, c, at, 0, total, rate, trial, product, u, du)
     for i in range(N_STATES):
-        for l in range(SIZE):
+        for k in range(SIZE):
             value = 0.0
             for j in range(SIZE):
-                value += z[i, 1 + j] * covariance[j, l]
-            product[i, l] = value
+                value += z[i, 1 + j] * covariance[j, k]
+            product[i, k] = value
     for i in range(N_STATES):
-        filter[i] = z[i, 0]
-        for l in range(N_STATES, SIZE):
-            covariance[i, l] = product[i, l]
-            covariance[l, i] = product[i, l]
-        for l in range(i + 1):
+        belief[i] = z[i, 0]
+        for k in range(N_STATES, SIZE):
+            covariance[i, k] = product[i, k]
+            covariance[k, i] = product[i, k]
+        for k in range(i + 1):
             value = 0.0
             for j in range(SIZE):
-                value += product[i, j] * z[l, 1 + j]
-            covariance[i, l] = value
-            covariance[l, i] = value
+                value += product[i, j] * z[k, 1 + j]
+            covariance[i, k] = value
+            covariance[k, i] = value
     for j in range(N_ROWS):
         # White noise of acceleration, over one interval
         variance = settings[ACCELERATION_NOISE] ** 2 * h
@@ -84,43 +94,43 @@ def predict(filter, inputs, settings, work):
         covariance[2 * j + 1, 2 * j] += 0.5 * variance * h
         covariance[2 * j + 1, 2 * j + 1] += variance
     for i in range(N_STATES, SIZE):
-        covariance[i, i] += (settings[DRIFT] * filter[i]) ** 2 * h
+        covariance[i, i] += (settings[DRIFT] * belief[i]) ** 2 * h
     for j in range(N_INPUTS):
-        filter[INPUTS_AT + j] = inputs[j]
+        belief[INPUTS_AT + j] = inputs[j]
 
 
 @njit(cache=True, error_model="numpy")
-def correct(filter, place, measured, noise):
+def correct(belief, place, measured, noise):
     """One measured state, after Joseph: the covariance stays symmetric and positive."""
-    covariance = filter[COVARIANCE_AT:].reshape((SIZE, SIZE))
+    covariance = belief[COVARIANCE_AT:].reshape((SIZE, SIZE))
     spread = covariance[place, place] + noise * noise
-    innovation = measured - filter[place]
+    innovation = measured - belief[place]
     column = covariance[:, place].copy()
     for i in range(SIZE):
-        filter[i] += column[i] / spread * innovation
+        belief[i] += column[i] / spread * innovation
     for i in range(SIZE):
         gain = column[i] / spread
-        for l in range(i + 1):
-            other = column[l] / spread
-            value = covariance[i, l] - gain * column[l] - column[i] * other + gain * other * spread
-            covariance[i, l] = value
-            covariance[l, i] = value
+        for k in range(i + 1):
+            other = column[k] / spread
+            value = covariance[i, k] - gain * column[k] - column[i] * other + gain * other * spread
+            covariance[i, k] = value
+            covariance[k, i] = value
 
 
 @njit(cache=True, error_model="numpy")
-def run(filter, samples, settings, coefficients):
-    """Take in samples; filter changes in place, coefficients receive the estimates."""
+def run(belief, samples, settings, coefficients):
+    """Take in samples; belief changes in place, coefficients receive the estimates."""
     width = 2 if settings[WITH_VELOCITIES] != 0.0 else 1
     work = np.empty((5, N_STATES, 1 + SIZE))
     for n in range(samples.shape[0]):
         sample = samples[n]
-        if filter[STARTED_AT] == 0.0:
-            begin(filter, sample, settings)
+        if belief[STARTED_AT] == 0.0:
+            begin(belief, sample, settings)
         else:
-            predict(filter, sample[width * N_ROWS :], settings, work)
+            predict(belief, sample[width * N_ROWS :], settings, work)
             for j in range(N_ROWS):
-                correct(filter, 2 * j, sample[width * j], settings[POSITION_NOISE])
+                correct(belief, 2 * j, sample[width * j], settings[POSITION_NOISE])
                 if width == 2:
-                    correct(filter, 2 * j + 1, sample[2 * j + 1], settings[VELOCITY_NOISE])
+                    correct(belief, 2 * j + 1, sample[2 * j + 1], settings[VELOCITY_NOISE])
         for i in range(N_COEFFICIENTS):
-            coefficients[n, i] = filter[N_STATES + i]
+            coefficients[n, i] = belief[N_STATES + i]

@@ -1,5 +1,25 @@
-# Template: needs sampled_parts, velocity_factors, N_ROWS, N_INPUTS, N_COEFFICIENTS, N_SIGNALS, HELD,
-# and HALF_WINDOW, half the samples that a velocity estimate looks at: 0 where none is needed.
+"""Rows of the regression from sampled positions, filtered sample by sample.
+
+HALF_WINDOW is half the samples that a velocity estimate looks at: 0 where none is needed.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        HALF_WINDOW,
+        HELD,
+        N_COEFFICIENTS,
+        N_INPUTS,
+        N_ROWS,
+        N_SIGNALS,
+        sampled_parts,
+        velocity_factors,
+    )
+
 
 WINDOW = 2 * HALF_WINDOW + 3  # samples that are kept: a second difference at the middle one
 SAMPLE_SIZE = N_ROWS + N_INPUTS  # coordinates, inputs
@@ -61,7 +81,9 @@ def next_row(memory, sample, settings, signals):
             slope = 0.0
             for i in range(1, HALF_WINDOW + 1):
                 slope += i * (window[middle + i, j] - window[middle - i, j])
-            x[2 * j + 1] = 3.0 * slope / (h * HALF_WINDOW * (HALF_WINDOW + 1) * (2 * HALF_WINDOW + 1))
+            x[2 * j + 1] = (
+                3.0 * slope / (h * HALF_WINDOW * (HALF_WINDOW + 1) * (2 * HALF_WINDOW + 1))
+            )
     sampled_parts(x, window[middle, N_ROWS:], constants, now)
     if zero_order and count > 2 * HALF_WINDOW + 1:
         sampled_parts(x, window[middle - 1, N_ROWS:], constants, end_now)

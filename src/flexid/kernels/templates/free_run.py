@@ -1,3 +1,14 @@
+"""The motion of a model under a recorded input."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import N_INPUTS, N_STATES, right_hand_side
+
+
 @njit(cache=True, error_model="numpy")
 def free_run(x0, u, p, c, h, held, substeps, out):
     """Integrate the model under a recorded input with the classical Runge-Kutta method.

@@ -1,7 +1,18 @@
-# Several runs side by side in one flat array w: number `slot` of run `lane` is w[at(slot, lane)]. A loop over
-# lanes that has neither branch nor call becomes vector instructions. It would not with an array of two
-# dimensions, or one for each kind of number, because then LLVM cannot tell that slots do not overlap.
-# Needs LANES, SIZE, N_PARAMETERS, N_MEASURES and N_OBSERVED. A run's numbers do not depend on LANES.
+"""Several runs side by side in one flat array w: number `slot` of run `lane` is w[at(slot, lane)].
+
+A loop over lanes that has neither branch nor call becomes vector instructions. It would not with an
+array of two dimensions, or one for each kind of number, because then LLVM cannot tell that slots do
+not overlap. A run's numbers do not depend on LANES.
+"""
+
+from typing import TYPE_CHECKING
+
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import LANES, N_OBSERVED, N_PARAMETERS, SIZE
+    from flexid.kernels.templates.loop_measures import N_MEASURES
+
 
 TIME = 0  # of the state
 STEP = 1  # length of the step that is tried
@@ -31,4 +42,5 @@ GOES_ON = -1
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def at(slot, lane):
+    """Where number `slot` of run `lane` is."""
     return slot * LANES + lane

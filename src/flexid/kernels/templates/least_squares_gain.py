@@ -1,5 +1,25 @@
-# Template: needs next_row, forget_rows, past, store_block, is_finite, the sizes of the rows,
-# ROW_STARTS, N_BLOCKS.
+"""Recursive least squares whose covariance comes from the scores of blocks."""
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.block_scores import store_block
+    from flexid.kernels.templates.generated import N_BLOCKS, N_COEFFICIENTS, N_ROWS, ROW_STARTS
+    from flexid.kernels.templates.status import REJECTED, STARTING, USED, is_finite
+    from flexid.kernels.templates.velocity_rows import (
+        LEAST_EXPLAINED,
+        N_PAST,
+        N_SIGNALS,
+        ROWS_SIZE,
+        forget_rows,
+        next_row,
+        past,
+    )
+
 
 WIDTH = max([ROW_STARTS[j + 1] - ROW_STARTS[j] for j in range(N_ROWS)]) + N_PAST
 SQUARE = WIDTH * WIDTH
@@ -40,8 +60,8 @@ def scaled_factor(matrix, n, scale, factor):
             total = scale[i] * matrix[i, j] * scale[j]
             if i == j:
                 total = 1.0 + RIDGE
-            for l in range(j):
-                total -= factor[i, l] * factor[j, l]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
             factor[i, j] = sqrt(max(total, 1e-300)) if i == j else total / factor[j, j]
 
 
@@ -56,8 +76,8 @@ def least_tolerance(factor, n, wanted, work):
         square = 0.0
         for j in range(i, n):
             total = 1.0 if j == i else 0.0
-            for l in range(i, j):
-                total -= factor[j, l] * work[l]
+            for k in range(i, j):
+                total -= factor[j, k] * work[k]
             work[j] = total / factor[j, j]
             square += work[j] * work[j]
         least = min(least, 1.0 / square)
@@ -102,7 +122,9 @@ def forget_past(state):
     """Eliminate the unknown past of all rows, once it has decayed or a new piece begins."""
     for j in range(N_ROWS):
         n = ROW_STARTS[j + 1] - ROW_STARTS[j]
-        explained = eliminate_past(matrix_of(state, EQUATIONS_AT, j), vector_of(state, EQUATIONS_AT, j), n)
+        explained = eliminate_past(
+            matrix_of(state, EQUATIONS_AT, j), vector_of(state, EQUATIONS_AT, j), n
+        )
         state[POWER_AT + j] -= explained
         eliminate_past(matrix_of(state, OWN_AT, j), vector_of(state, OWN_AT, j), n)
     for i in range(PAST_AT, PEAKS_AT):
@@ -157,10 +179,10 @@ def update_row(j, n, m, state, settings, regressor, target, work):
         unknowns[i] = values[i] if i < n else values_past[i - n]
         innovation -= regressor[i] * unknowns[i]
     for i in range(m):
-        for l in range(m):
-            product = regressor[i] * regressor[l]
-            matrix[i, l] = fading * matrix[i, l] + product
-            own_matrix[i, l] = fading * own_matrix[i, l] + product
+        for k in range(m):
+            product = regressor[i] * regressor[k]
+            matrix[i, k] = fading * matrix[i, k] + product
+            own_matrix[i, k] = fading * own_matrix[i, k] + product
         vector[i] = fading * vector[i] + regressor[i] * target
         own_vector[i] = fading * own_vector[i] + regressor[i] * target
     for i in range(n):  # information that is not forgotten, drawn to where the estimate is
@@ -173,16 +195,16 @@ def update_row(j, n, m, state, settings, regressor, target, work):
     # The ridge holds directions that the data leave open; the others are right after a few samples.
     for i in range(m):
         total = vector[i]
-        for l in range(m):
-            total -= matrix[i, l] * unknowns[l]
+        for k in range(m):
+            total -= matrix[i, k] * unknowns[k]
         total *= scale[i]
-        for l in range(i):
-            total -= factor[i, l] * step[l]
+        for k in range(i):
+            total -= factor[i, k] * step[k]
         step[i] = total / factor[i, i]
     for i in range(m - 1, -1, -1):
         total = step[i]
-        for l in range(i + 1, m):
-            total -= factor[l, i] * step[l]
+        for k in range(i + 1, m):
+            total -= factor[k, i] * step[k]
         step[i] = total / factor[i, i]
         unknowns[i] += scale[i] * step[i]
     power = fading * state[POWER_AT + j] + target * target
@@ -194,8 +216,8 @@ def update_row(j, n, m, state, settings, regressor, target, work):
         values_past[i - n] = unknowns[i]
     for i in range(m):
         total = 2.0 * vector[i]
-        for l in range(m):
-            total -= matrix[i, l] * unknowns[l]
+        for k in range(m):
+            total -= matrix[i, k] * unknowns[k]
         explained += unknowns[i] * total
     told = explained > LEAST_EXPLAINED * power
     told = told and least_tolerance(factor, m, n, step) > LEAST_TOLERANCE

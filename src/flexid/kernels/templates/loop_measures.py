@@ -1,4 +1,12 @@
-# Template: needs N_STATES, N_INPUTS, N_COEFFICIENTS, ROW_STARTS.
+"""What is measured of a closed loop while it runs."""
+
+from typing import TYPE_CHECKING
+
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import N_COEFFICIENTS, N_INPUTS, ROW_STARTS
+
 
 SETTLED = 0.05  # share of a coefficient within which its estimate counts as settled
 

@@ -1,5 +1,17 @@
-# Template: needs loop_measures and outputs(t, z, p, y), whose y holds states, inputs, estimates, their
-# errors, the tracking error and the regressors in turn.
+"""Outputs of a closed loop, and their measures.
+
+`outputs` fills y with states, inputs, estimates, their errors, the tracking error and the
+regressors in turn.
+"""
+
+from typing import TYPE_CHECKING
+
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import N_COEFFICIENTS, N_INPUTS, N_STATES, outputs
+    from flexid.kernels.templates.loop_measures import N_MEASURES, add_measures
+
 
 N_OUTPUTS = N_STATES + N_INPUTS + 3 * N_COEFFICIENTS + 1
 N_TOTALS = N_MEASURES + N_OUTPUTS  # what was measured, then the last outputs

@@ -1,5 +1,25 @@
-# Template: needs next_row, forget_rows, is_finite, the sizes of the rows, ROW_STARTS, ADJUGATE:
-# whether the law is DREM's or the gradient's.
+"""Estimators that remember products of regressors.
+
+ADJUGATE says whether the law is DREM's or the gradient's.
+"""
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import ADJUGATE, N_COEFFICIENTS, N_ROWS, ROW_STARTS
+    from flexid.kernels.templates.status import REJECTED, STARTING, USED, is_finite
+    from flexid.kernels.templates.velocity_rows import (
+        N_SIGNALS,
+        ROWS_SIZE,
+        SAMPLE_TIME,
+        forget_rows,
+        next_row,
+    )
+
 
 WIDTH = max([ROW_STARTS[j + 1] - ROW_STARTS[j] for j in range(N_ROWS)])
 SQUARE = WIDTH * WIDTH
@@ -24,8 +44,8 @@ def factorise(matrix, n):
     for i in range(n):
         for j in range(i + 1):
             total = matrix[i, j]
-            for l in range(j):
-                total -= matrix[i, l] * matrix[j, l]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
             if i == j:
                 least = min(least, total)
                 matrix[i, i] = sqrt(max(total, 1e-300))
@@ -39,13 +59,13 @@ def solve(factor, n, b):
     """Overwrite b by the solution."""
     for i in range(n):
         total = b[i]
-        for l in range(i):
-            total -= factor[i, l] * b[l]
+        for k in range(i):
+            total -= factor[i, k] * b[k]
         b[i] = total / factor[i, i]
     for i in range(n - 1, -1, -1):
         total = b[i]
-        for l in range(i + 1, n):
-            total -= factor[l, i] * b[l]
+        for k in range(i + 1, n):
+            total -= factor[k, i] * b[k]
         b[i] = total / factor[i, i]
 
 
@@ -58,11 +78,11 @@ def scaled_equations(j, n, state, values, matrix, error):
     for i in range(n):
         peak = state[PEAKS_AT + start + i]
         error[i] = vector[i]
-        for l in range(n):
-            error[i] -= memory[i, l] * values[l]
-            other = state[PEAKS_AT + start + l]
+        for k in range(n):
+            error[i] -= memory[i, k] * values[k]
+            other = state[PEAKS_AT + start + k]
             scale = sqrt(peak * other)
-            matrix[i, l] = memory[i, l] / scale if scale > 0.0 else 0.0
+            matrix[i, k] = memory[i, k] / scale if scale > 0.0 else 0.0
         error[i] = error[i] / sqrt(peak) if peak > 0.0 else 0.0
 
 
@@ -77,8 +97,8 @@ def update_row(j, n, state, settings, signals, h, matrix, error):
     innovation = target
     for i in range(n):
         innovation -= regressor[i] * values[i]
-        for l in range(n):
-            memory[i, l] = settings[FORGETTING] * memory[i, l] + h * regressor[i] * regressor[l]
+        for k in range(n):
+            memory[i, k] = settings[FORGETTING] * memory[i, k] + h * regressor[i] * regressor[k]
         vector[i] = settings[FORGETTING] * vector[i] + h * regressor[i] * target
         peak = PEAKS_AT + start + i
         state[peak] = max(state[peak], memory[i, i])
@@ -99,8 +119,8 @@ def update_row(j, n, state, settings, signals, h, matrix, error):
             gain = 0.0
     else:  # p' = G (B - A p), implicit in p
         for i in range(n):
-            for l in range(n):
-                matrix[i, l] = gain * matrix[i, l] + (1.0 if i == l else 0.0)
+            for k in range(n):
+                matrix[i, k] = gain * matrix[i, k] + (1.0 if i == k else 0.0)
         least = factorise(matrix, n)
         solve(matrix, n, error)
     for i in range(n):

@@ -1,4 +1,13 @@
-# Template: needs take, N_COEFFICIENTS, N_ROWS. The coefficients come first in every state.
+"""An online estimator that changes its state in place. The coefficients come first in it."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import N_COEFFICIENTS, N_ROWS
+    from flexid.kernels.templates.memory_gain import take
 
 
 @njit(cache=True, error_model="numpy")

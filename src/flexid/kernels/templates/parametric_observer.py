@@ -1,4 +1,23 @@
-# Template: needs advance, as_state, as_sample, as_settings, regressors, is_finite and the sizes.
+"""The observer of Huang (2003), sample by sample."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        N_COEFFICIENTS,
+        N_ROWS,
+        SAMPLE_SIZE,
+        STATE_SIZE,
+        advance,
+        as_sample,
+        as_settings,
+        as_state,
+        regressors,
+    )
+    from flexid.kernels.templates.status import REJECTED, STARTING, is_finite
 
 
 NO_INNOVATION = (np.nan,) * N_ROWS
@@ -6,7 +25,7 @@ NO_INNOVATION = (np.nan,) * N_ROWS
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def take(current, sample, fixed):
-    """State after a sample, innovations, status. Tuples stay in registers, views of arrays do not."""
+    """State after a sample, innovations, status: tuples stay in registers, views do not."""
     if not is_finite(sample):
         return (0.0,) + current[1:], NO_INNOVATION, REJECTED
     current, innovation = advance(current, sample, fixed)

@@ -1,4 +1,12 @@
-# Template: needs right_hand_side, N_STATES, N_INPUTS.
+"""The motion of a model whose drive plays a torque or follows a reference."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import N_INPUTS, N_STATES, right_hand_side
 
 
 @njit(cache=True, error_model="numpy")

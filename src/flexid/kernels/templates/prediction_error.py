@@ -1,11 +1,27 @@
-# Template: needs variation_rates, N_STATES, N_ROWS, N_INPUTS, N_COEFFICIENTS.
-#
-# Dry friction is set-valued. Each row has a mode: 1 or -1 while it slides, which is the sign of its
-# velocity, and 0 while it sticks. A change of mode is located within a step; positions and
-# velocities are continuous there, and so are their derivatives, but for those of velocities:
-#     reversal   S+ = S- + (a- - a+) t',  t' = -S-/a- of the row that turns,
-#     sticking   S+ = 0 in the row that stops,
-#     release    S+ = S-.
+"""Motion over segments with its sensitivities, and the normal equations of its residuals.
+
+Dry friction is set-valued. Each row has a mode: 1 or -1 while it slides, which is the sign of its
+velocity, and 0 while it sticks. A change of mode is located within a step; positions and
+velocities are continuous there, and so are their derivatives, but for those of velocities:
+    reversal   S+ = S- + (a- - a+) t',  t' = -S-/a- of the row that turns,
+    sticking   S+ = 0 in the row that stops,
+    release    S+ = S-.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        N_COEFFICIENTS,
+        N_INPUTS,
+        N_ROWS,
+        N_STATES,
+        variation_rates,
+    )
+
 
 BOUND = 1e12  # a residual beyond it means that the segment diverged
 MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
@@ -126,9 +142,7 @@ def leaving_row(z, end, drive, place, span, modes, dry, p, c, at, delay, rate, u
     chosen, earliest = -1, 2.0
     for row in range(N_ROWS):
         if dry[row]:
-            last = margin(
-                end, row, drive, place + span, modes, dry, p, c, at, delay, rate, u, du
-            )
+            last = margin(end, row, drive, place + span, modes, dry, p, c, at, delay, rate, u, du)
             if last < 0.0:
                 first = margin(z, row, drive, place, modes, dry, p, c, at, delay, rate, u, du)
                 when = max(first, 0.0) / (max(first, 0.0) - last)
@@ -150,9 +164,7 @@ def span_to_change(
         found = low + (high - low) * at_low / (at_low - at_high)
         if found - low < NEAR or high - found < NEAR:
             break
-        runge_kutta(
-            z, drive, place, found, h, modes, dry, p, c, at, delay, end, rate, trial, u, du
-        )
+        runge_kutta(z, drive, place, found, h, modes, dry, p, c, at, delay, end, rate, trial, u, du)
         value = margin(end, row, drive, place + found, modes, dry, p, c, at, delay, rate, u, du)
         if value < 0.0:
             high, at_high = found, value
@@ -175,9 +187,7 @@ def advance(z, drive, h, substeps, modes, dry, p, c, at, delay, end, rate, trial
         runge_kutta(z, drive, place, span, h, modes, dry, p, c, at, delay, end, rate, trial, u, du)
         row = -1
         if any_dry and events < MOST_EVENTS:
-            row = leaving_row(
-                z, end, drive, place, span, modes, dry, p, c, at, delay, rate, u, du
-            )
+            row = leaving_row(z, end, drive, place, span, modes, dry, p, c, at, delay, rate, u, du)
         if row >= 0:
             span = span_to_change(
                 z, row, drive, place, span, h, modes, dry, p, c, at, delay, end, rate, trial, u, du
@@ -195,9 +205,30 @@ def advance(z, drive, h, substeps, modes, dry, p, c, at, delay, end, rate, trial
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def segment_equations(
-    first, stop, starts, lengths, first_blocks, sample_times, initial_states, measured, late,
-    late_columns, reference, outputs, weights, drives, p, c, wanted, delay_sought, dry, substeps,
-    normal, gradient, residuals, costs,
+    first,
+    stop,
+    starts,
+    lengths,
+    first_blocks,
+    sample_times,
+    initial_states,
+    measured,
+    late,
+    late_columns,
+    reference,
+    outputs,
+    weights,
+    drives,
+    p,
+    c,
+    wanted,
+    delay_sought,
+    dry,
+    substeps,
+    normal,
+    gradient,
+    residuals,
+    costs,
 ):
     """Normal equations of every block for its segment's initial state and what is sought.
 
@@ -249,8 +280,22 @@ def segment_equations(
             b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
             if k > starts[s]:
                 advance(
-                    z, drives[k - 1], sample_times[s], substeps, modes, dry, p[s], c, at, delay,
-                    end, rate, trial, other, u, du,
+                    z,
+                    drives[k - 1],
+                    sample_times[s],
+                    substeps,
+                    modes,
+                    dry,
+                    p[s],
+                    c,
+                    at,
+                    delay,
+                    end,
+                    rate,
+                    trial,
+                    other,
+                    u,
+                    du,
                 )
             if any_late:
                 rates_at(z, drives[k], 0.0, modes, dry, p[s], c, at, delay, rate, u, du)
@@ -277,10 +322,10 @@ def segment_equations(
                 for j in range(size):
                     weighted = square * row[1 + j]
                     gradient[b, j] += weighted * residual
-                    for l in range(j + 1):
-                        normal[b, j, l] += weighted * row[1 + l]
+                    for i in range(j + 1):
+                        normal[b, j, i] += weighted * row[1 + i]
         for b in range(first_blocks[s], first_blocks[s + 1]):
             for j in range(size):
-                for l in range(j):
-                    normal[b, l, j] = normal[b, j, l]
+                for i in range(j):
+                    normal[b, i, j] = normal[b, j, i]
         costs[s] = cost

@@ -1,12 +1,31 @@
+"""Rodas5P: Rosenbrock method of order 5 for stiff problems with a dense output of order 4.
 
-# Rodas5P: Rosenbrock method of order 5 for stiff problems with a dense output of order 4.
-# G. Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within
-# the Julia Differential Equations package", BIT Numerical Mathematics 63 (2023) 27.
-# Calls rates(t, z, p, dz), rates_and_jacobian(t, z, p, dz, jacobian, slope) and, where measures are
-# wanted, observe(t, weight, z, p, totals); needs run_status and SIZE.
+G. Steinebach, "Construction of Rosenbrock-Wanner method Rodas5P and numerical benchmarks within
+the Julia Differential Equations package", BIT Numerical Mathematics 63 (2023) 27.
+"""
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import SIZE, rates, rates_and_jacobian
+    from flexid.kernels.templates.loop_outputs import observe
+    from flexid.kernels.templates.run_status import (
+        DIVERGED,
+        FINISHED,
+        NOT_FINITE,
+        STEP_TOO_SMALL,
+        TOO_MANY_STEPS,
+    )
+
 
 RUNS_AT_ONCE = 1  # they share nothing
 
+# Tables: formatted, each number would have a line of its own.
+# fmt: off
 RODAS_GAMMA = 0.21193756319429014
 # Row i: the state of stage i as z + sum of A[i, j] times stage j. The last two rows add the stage
 # before them, and the sum of all stages is the new state, its last term the error estimate.
@@ -15,10 +34,14 @@ RODAS_A = np.array([
     [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [2.849394379747939, 0.45842242204463923, 0.0, 0.0, 0.0, 0.0, 0.0],
     [-6.954028509809101, 2.489845061869568, -10.358996098473584, 0.0, 0.0, 0.0, 0.0],
-    [2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641, 0.0, 0.0, 0.0],
-    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 0.0, 0.0],
-    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 1.0, 0.0],
-    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946, 1.0, 1.0],
+    [2.8029986275628964, 0.5072464736228206, -0.3988312541770524, -0.04721187230404641, 0.0, 0.0,
+     0.0],
+    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256,
+     0.030198172008377946, 0.0, 0.0],
+    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256,
+     0.030198172008377946, 1.0, 0.0],
+    [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256,
+     0.030198172008377946, 1.0, 1.0],
 ])
 RODAS_C = np.array([
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -26,19 +49,32 @@ RODAS_C = np.array([
     [-17.97296035885952, -2.859693295451294, 0.0, 0.0, 0.0, 0.0, 0.0],
     [147.12150275711716, -1.41221402718213, 71.68940251302358, 0.0, 0.0, 0.0, 0.0],
     [165.43517024871676, -0.4592823456491126, 42.90938336958603, -5.961986721573306, 0.0, 0.0, 0.0],
-    [24.854864614690072, -3.0009227002832186, 47.4931110020768, 5.5814197821558125, -0.6610691825249471, 0.0, 0.0],
-    [30.91273214028599, -3.1208243349937974, 77.79954646070892, 34.28646028294783, -19.097331116725623, -28.087943162872662, 0.0],
-    [37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047, -40.06618937091002, -54.66780262877968, -9.48861652309627],
+    [24.854864614690072, -3.0009227002832186, 47.4931110020768, 5.5814197821558125,
+     -0.6610691825249471, 0.0, 0.0],
+    [30.91273214028599, -3.1208243349937974, 77.79954646070892, 34.28646028294783,
+     -19.097331116725623, -28.087943162872662, 0.0],
+    [37.80277123390563, -3.2571969029072276, 112.26918849496327, 66.9347231244047,
+     -40.06618937091002, -54.66780262877968, -9.48861652309627],
 ])
 # Times of the stages, and weights of the time derivative of the right-hand side.
-RODAS_TIME = np.array([0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1.0, 1.0, 1.0])
-RODAS_SLOPE = np.array([0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734, 2.325825639765069, 0.0, 0.0, 0.0])
+RODAS_TIME = np.array([
+    0.0, 0.6358126895828704, 0.4095798393397535, 0.9769306725060716, 0.4288403609558664, 1.0, 1.0,
+    1.0,
+])
+RODAS_SLOPE = np.array([
+    0.21193756319429014, -0.42387512638858027, -0.3384627126235924, 1.8046452872882734,
+    2.325825639765069, 0.0, 0.0, 0.0,
+])
 # Dense output: three rows of weights of the stages.
 RODAS_DENSE = np.array([
-    [25.948786856663858, -2.5579724845846235, 10.433815404888879, -2.3679251022685204, 0.524948541321073, 1.1241088310450404, 0.4272876194431874, -0.17202221070155493],
-    [-9.91568850695171, -0.9689944594115154, 3.0438037242978453, -24.495224566215796, 20.176138334709044, 15.98066361424651, -6.789040303419874, -6.710236069923372],
-    [11.419903575922262, 2.8879645146136994, 72.92137995996029, 80.12511834622643, -52.072871366152654, -59.78993625266729, -0.15582684282751913, 4.883087185713722],
+    [25.948786856663858, -2.5579724845846235, 10.433815404888879, -2.3679251022685204,
+     0.524948541321073, 1.1241088310450404, 0.4272876194431874, -0.17202221070155493],
+    [-9.91568850695171, -0.9689944594115154, 3.0438037242978453, -24.495224566215796,
+     20.176138334709044, 15.98066361424651, -6.789040303419874, -6.710236069923372],
+    [11.419903575922262, 2.8879645146136994, 72.92137995996029, 80.12511834622643,
+     -52.072871366152654, -59.78993625266729, -0.15582684282751913, 4.883087185713722],
 ])
+# fmt: on
 
 
 @njit(cache=True, error_model="numpy")
@@ -143,7 +179,22 @@ def interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled
 
 
 @njit(cache=True, error_model="numpy")
-def integrate_run(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, totals, counts):
+def integrate_run(
+    start,
+    stop,
+    z,
+    p,
+    relative,
+    absolute,
+    first_step,
+    longest_step,
+    limit,
+    most_steps,
+    sample_time,
+    samples,
+    totals,
+    counts,
+):
     """Integrate one run; return its status and the time reached."""
     dz = np.empty(SIZE)
     slope = np.empty(SIZE)
@@ -222,7 +273,24 @@ def integrate_run(start, stop, z, p, relative, absolute, first_step, longest_ste
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples, totals, status, reached, counts):
+def integrate(
+    start,
+    stop,
+    z,
+    p,
+    relative,
+    absolute,
+    first_step,
+    longest_step,
+    limit,
+    most_steps,
+    sample_time,
+    samples,
+    totals,
+    status,
+    reached,
+    counts,
+):
     """Integrate z' = rates(t, z, p) from start to stop, for several runs with a row each.
 
     z                    overwritten by the final state
@@ -230,10 +298,25 @@ def integrate(start, stop, z, p, relative, absolute, first_step, longest_step, l
     limit                magnitude of a component beyond which the run counts as diverged
     samples              filled with z at start, start + sample_time, ...; rows of the second axis,
                          of which there may be none
-    totals               handed to observe at every accepted step, weighted for the trapezoidal rule;
+    totals               handed to observe at every accepted step, for the trapezoidal rule;
                          without columns if nothing is to be measured
     status, reached      filled with what became of the run, and the time it reached
     counts               filled with accepted steps, rejected steps, filled samples
     """
     for run in range(z.shape[0]):
-        status[run], reached[run] = integrate_run(start, stop, z[run], p[run], relative, absolute, first_step, longest_step, limit, most_steps, sample_time, samples[run], totals[run], counts[run])
+        status[run], reached[run] = integrate_run(
+            start,
+            stop,
+            z[run],
+            p[run],
+            relative,
+            absolute,
+            first_step,
+            longest_step,
+            limit,
+            most_steps,
+            sample_time,
+            samples[run],
+            totals[run],
+            counts[run],
+        )

@@ -1,4 +1,4 @@
-# Template: needs nothing. What became of a run.
+"""What became of a run."""
 
 FINISHED = 0
 TOO_MANY_STEPS = 1

@@ -1,5 +1,32 @@
-# Template: needs run_status, loop_measures, regressors, advance, sense, control, saturate, plant_step with their
-# tuples, and the sizes.
+"""A loop of sensors, control law, observer and plant, sample by sample."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        N_COEFFICIENTS,
+        N_INPUTS,
+        N_ROWS,
+        N_STATES,
+        STATE_SIZE,
+        TRACKED,
+        advance,
+        as_parameters,
+        as_settings,
+        as_state,
+        as_states,
+        control,
+        plant_step,
+        regressors,
+        saturate,
+        sense,
+    )
+    from flexid.kernels.templates.loop_measures import add_measures
+    from flexid.kernels.templates.run_status import DIVERGED, FINISHED, NOT_FINITE
+
 
 # What a record holds: states, inputs, estimates, their errors, the tracking error and what was
 # measured, in turn.
@@ -53,7 +80,7 @@ def note(x, u, current, tracking, seen, p, record, n):
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def respond(x, seen, demanded, current, reference, p, settings, limit, substeps, record, n):
-    """What follows the law in a sample: limit, observer, record, plant; and 1 if an input was cut."""
+    """What follows the law in a sample: limit, observer, record, plant; 1 if an input was cut."""
     u, cut = saturate(demanded, limit)
     current, _ = advance(current, seen + u, settings)
     note(x, u, current, x[TRACKED] - reference, seen, p, record, n)
@@ -61,7 +88,21 @@ def respond(x, seen, demanded, current, reference, p, settings, limit, substeps,
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def sampled_run(start, p, constants, noise, deviations, resolution, limit, substeps, estimates, observer, count, record, totals):
+def sampled_run(
+    start,
+    p,
+    constants,
+    noise,
+    deviations,
+    resolution,
+    limit,
+    substeps,
+    estimates,
+    observer,
+    count,
+    record,
+    totals,
+):
     """Run the loop over so many samples.
 
     start, p     plain states at the start and parameters of the loop, one row each
@@ -91,7 +132,19 @@ def sampled_run(start, p, constants, noise, deviations, resolution, limit, subst
         seen = sense(x, draws, position, velocity, resolution)
         demanded, reference = control(n * h, seen, parameters)
         row = n if logged else 0
-        x, current, cut = respond(x, seen, demanded, current, reference, parameters, settings, limit, substeps, record, row)
+        x, current, cut = respond(
+            x,
+            seen,
+            demanded,
+            current,
+            reference,
+            parameters,
+            settings,
+            limit,
+            substeps,
+            record,
+            row,
+        )
         clipped += cut
         if measured:  # a view of an array in every sample would cost a tenth of the time
             y = record[row]

@@ -1,9 +1,14 @@
-# Sine and cosine without a branch, so that a loop over lanes becomes vector instructions; those of the C
-# library are faster for one number, but end such a loop. Errors stay within 2 units in the last place for
-# |x| < 1e6; beyond that they grow like the spacing of the numbers x themselves, which is all there is to know.
-# From 4e15 on, where that spacing is a sixth of a turn, the values mean nothing and may be large.
-# Reduction to [-pi/4, pi/4] after W. J. Cody and W. Waite, "Software Manual for the Elementary
-# Functions" (1980); there Taylor's series, whose next terms are below 5e-17.
+"""Sine and cosine without a branch, so that a loop over lanes becomes vector instructions.
+
+Those of the C library are faster for one number, but end such a loop. Errors stay within 2 units
+in the last place for |x| < 1e6; beyond that they grow like the spacing of the numbers x
+themselves, which is all there is to know. From 4e15 on, where that spacing is a sixth of a turn,
+the values mean nothing and may be large. Reduction to [-pi/4, pi/4] after W. J. Cody and W. Waite,
+"Software Manual for the Elementary Functions" (1980); there Taylor's series, whose next terms are
+below 5e-17.
+"""
+
+from numba import njit
 
 # pi/2 in three parts: a product of the first or second with a number below 2**20 is exact.
 HALF_PI_1 = 1.5707963267341256
@@ -15,7 +20,7 @@ ROUND = 6755399441055744.0  # 1.5 * 2**52: added and taken away again, it rounds
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def quarter(x):
-    """Sine and cosine of what is left of x beyond the nearest quarter turn, and that quarter: -2 ... 2."""
+    """Sine and cosine of x less its nearest quarter turn, and that quarter: -2 ... 2."""
     turns = (x * 0.6366197723675814 + ROUND) - ROUND
     r = ((x - turns * HALF_PI_1) - turns * HALF_PI_2) - turns * HALF_PI_3
     s = r * r
@@ -25,13 +30,16 @@ def quarter(x):
     sine = (-1.0 / 6.0 + s * (1.0 / 120.0)) + s2 * (-1.0 / 5040.0 + s * (1.0 / 362880.0))
     sine += s4 * ((-1.0 / 39916800.0 + s * (1.0 / 6227020800.0)) + s2 * (-1.0 / 1307674368000.0))
     cosine = (1.0 / 24.0 + s * (-1.0 / 720.0)) + s2 * (1.0 / 40320.0 + s * (-1.0 / 3628800.0))
-    cosine += s4 * ((1.0 / 479001600.0 + s * (-1.0 / 87178291200.0)) + s2 * (1.0 / 20922789888000.0))
+    cosine += s4 * (
+        (1.0 / 479001600.0 + s * (-1.0 / 87178291200.0)) + s2 * (1.0 / 20922789888000.0)
+    )
     quarters = turns - 4.0 * ((0.25 * turns + ROUND) - ROUND)
     return r + r * s * sine, (1.0 - 0.5 * s) + s2 * cosine, quarters
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def sin(x):
+    """Sine of x."""
     sine, cosine, quarters = quarter(x)
     size = cosine if abs(quarters) == 1.0 else sine
     return -size if (quarters < 0.0) | (quarters == 2.0) else size
@@ -39,6 +47,7 @@ def sin(x):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def cos(x):
+    """Cosine of x."""
     sine, cosine, quarters = quarter(x)
     size = sine if abs(quarters) == 1.0 else cosine
     return -size if (quarters == 1.0) | (abs(quarters) == 2.0) else size

@@ -1,4 +1,20 @@
-# Template: needs sampled_parts, velocity_factors, N_ROWS, N_COEFFICIENTS, N_SIGNALS, HELD.
+"""Both sides of every row, filtered over a whole piece of a log."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        HELD,
+        N_COEFFICIENTS,
+        N_ROWS,
+        N_SIGNALS,
+        sampled_parts,
+        velocity_factors,
+    )
+
 
 TILE = 256  # samples that are filtered together, signal by signal: they stay in the nearest cache
 

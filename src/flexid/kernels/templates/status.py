@@ -1,4 +1,7 @@
-# Template: needs nothing.
+"""What became of a sample."""
+
+import numpy as np
+from numba import njit
 
 # What became of a sample; the last entry of its info. The values are those of `Status`.
 USED = 0.0

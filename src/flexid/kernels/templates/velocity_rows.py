@@ -1,4 +1,19 @@
-# Template: needs regressors, N_ROWS, N_STATES, N_INPUTS, N_COEFFICIENTS.
+"""Rows of the regression from sampled positions and velocities."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        N_COEFFICIENTS,
+        N_INPUTS,
+        N_ROWS,
+        N_STATES,
+        regressors,
+    )
+
 
 SAMPLE_SIZE = N_STATES + N_INPUTS  # coordinate and velocity of each row in turn, inputs
 N_SIGNALS = N_COEFFICIENTS + N_ROWS

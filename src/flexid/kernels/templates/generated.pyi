@@ -1,0 +1,68 @@
+# What `flexid.derivation` prints ahead of the templates, for whoever checks types. A kernel has
+# only some of it; tests/kernels/test_templates.py compares the arguments.
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float64]
+_Numbers = tuple[float, ...]
+
+ADJUGATE: bool
+HALF_WINDOW: int
+HELD: tuple[bool, ...]
+LANES: int
+N_BLOCKS: int
+N_COEFFICIENTS: int
+N_INPUTS: int
+N_OBSERVED: int
+N_PARAMETERS: int
+N_ROWS: int
+N_SIGNALS: int
+N_STATES: int
+ROW_STARTS: tuple[int, ...]
+SAMPLE_SIZE: int
+SIZE: int
+STATE_SIZE: int
+TRACKED: int
+
+# Of a model.
+def regressors(_x: _Array, _u: _Array, _c: _Array, _r: _Array, _k: _Array) -> None: ...
+def right_hand_side(_x: _Array, _u: _Array, _p: _Array, _c: _Array, _dx: _Array) -> None: ...
+def sampled_parts(_x: _Array, _u: _Array, _c: _Array, _g: _Array) -> None: ...
+def velocity_factors(_c: _Array, _a: _Array) -> None: ...
+def variation_rates(
+    _z: _Array,
+    _u: _Array,
+    _du: _Array,
+    _m: _Array,
+    _p: _Array,
+    _c: _Array,
+    _at: NDArray[np.int64],
+    _delay: int,
+    _dz: _Array,
+) -> None: ...
+
+# Of a closed loop.
+def outputs(_t: float, _z: _Array, _p: _Array, _y: _Array) -> None: ...
+def rates(_t: float, _z: _Array, _p: _Array, _dz: _Array) -> None: ...
+def rates_and_jacobian(
+    _t: float, _z: _Array, _p: _Array, _dz: _Array, _jacobian: _Array, _slope: _Array
+) -> None: ...
+def lane_rates(_w: _Array) -> None: ...
+def lane_rates_and_outputs(_w: _Array) -> None: ...
+
+# Of the observer and the loop that are run sample by sample, on tuples.
+def advance(
+    _state: _Numbers, _sample: _Numbers, _settings: _Numbers
+) -> tuple[_Numbers, _Numbers]: ...
+def as_state(_array: _Array) -> _Numbers: ...
+def as_states(_array: _Array, _n: int) -> _Numbers: ...
+def as_sample(_array: _Array, _n: int) -> _Numbers: ...
+def as_settings(_array: _Array) -> _Numbers: ...
+def as_parameters(_array: _Array, _n: int) -> _Numbers: ...
+def sense(
+    _state: _Numbers, _draws: _Numbers, _position: float, _velocity: float, _step: float
+) -> _Numbers: ...
+def control(_t: float, _x: _Numbers, _p: _Numbers) -> tuple[_Numbers, float]: ...
+def saturate(_inputs: _Numbers, _limit: float) -> tuple[_Numbers, int]: ...
+def plant_step(_state: _Numbers, _u: _Numbers, _p: _Array, _h: float) -> _Numbers: ...
