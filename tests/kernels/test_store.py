@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -37,12 +39,10 @@ def run(code: str, cache: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Point the store to an empty folder."""
     monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path))
-    store.cache_directory.cache_clear()
-    yield tmp_path
-    store.cache_directory.cache_clear()
+    return tmp_path
 
 
 def test_second_process_needs_no_computer_algebra(tmp_path: Path) -> None:
@@ -88,11 +88,53 @@ def test_threads_find_whole_modules(cache: Path) -> None:
 def test_changed_declaration_is_built_anew(cache: Path) -> None:
     """Assert that another declaration or task is another kernel."""
     kernels = [
-        store.load_kernel(task, declarations, lambda: "")
-        for task, declarations in [("a", ["x"]), ("a", ["y"]), ("b", ["x"]), ("a", ["x", ""])]
+        store.load_kernel(task, declarations, partial("PLACE = {}\n".format, place))
+        for place, (task, declarations) in enumerate(
+            [("a", ["x"]), ("a", ["y"]), ("b", ["x"]), ("a", ["x", ""])]
+        )
     ]
     assert len({kernel.__name__ for kernel in kernels}) == 4
     assert len(list(cache.glob("*.py"))) == 4
+
+
+def test_changed_generator_derives_anew_but_compiles_only_what_differs(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Assert that an edit of the derivation leaves a kernel alone whose text comes out the same."""
+    texts = iter(["VALUE = 1\n", "VALUE = 1\n", "VALUE = 2\n"])
+    names = []
+    for edit in ("first", "a comment", "a term"):
+        monkeypatch.setattr(store, "_generator_digest", lambda edit=edit: edit)
+        names.append(store.load_kernel("edited", ["x"], lambda: next(texts)).__name__)
+    assert names[0] == names[1] != names[2]
+    assert len(list(cache.glob("*.py"))) == 2
+
+
+def test_cache_can_be_moved_at_any_time(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that the environment variable is read whenever a kernel is asked for."""
+    store.load_kernel("here", ["x"], lambda: "")
+    moved = cache / "moved"
+    monkeypatch.setenv(store.CACHE_VARIABLE, str(moved))
+    store.load_kernel("there", ["x"], lambda: "THERE = True\n")
+    assert len(list(cache.glob("*.py"))) == len(list(moved.glob("*.py"))) == 1
+
+
+@pytest.mark.parametrize("used", [False, True])
+def test_what_nobody_uses_is_removed(cache: Path, used: bool) -> None:
+    """Assert that a month later a kernel goes when another one is made, unless it is still used."""
+    source = f"{KERNEL}\n# {used}\n"
+    kernel = store.load_kernel("old", ["x"], lambda: source)
+    assert kernel.double(2) == 4
+    files = {path for path in cache.rglob("*.*") if path.is_file() and path.suffix != ".lock"}
+    assert len(files) == 5  # derived, kernel, its mark, and the two of numba
+    long_ago = time.time() - (store.KEPT_DAYS + 1) * 86400.0
+    for path in files:
+        os.utime(path, (long_ago, long_ago))
+    del sys.modules[kernel.__name__]
+    if used:
+        store.load_kernel("old", ["x"], lambda: source)
+    store.load_kernel("new", ["x"], lambda: "NEW = True\n")
+    assert {path for path in files if path.exists()} == (files if used else set())
 
 
 def test_changed_recipe_is_built_anew(cache: Path) -> None:
@@ -113,7 +155,7 @@ def test_failed_build_leaves_nothing(cache: Path) -> None:
 
     with pytest.raises(ValueError, match="no source"):
         store.load_kernel("broken", ["fails"], build)
-    assert {file.suffix for file in cache.iterdir()} == {".lock"}
+    assert {file.suffix for file in cache.rglob("*.*")} == {".lock"}
     assert not [name for name in sys.modules if name.startswith("flexid_broken_")]
 
 
@@ -121,13 +163,9 @@ def test_fallback_is_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     """Assert that without a writable cache kernels go to a new folder that is the user's alone."""
     (tmp_path / "file").write_text("")
     monkeypatch.setenv(store.CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
-    store.cache_directory.cache_clear()
-    try:
-        directory = store.cache_directory()
-        assert not list(directory.iterdir())
-        assert directory.stat().st_mode & 0o077 == 0
-    finally:
-        store.cache_directory.cache_clear()
+    directory = store.cache_directory()
+    assert not list(directory.iterdir())
+    assert directory.stat().st_mode & 0o077 == 0
 
 
 KERNEL = """
@@ -142,16 +180,17 @@ def double(x):
 @pytest.mark.parametrize("damage", ["source", "index"])
 def test_damaged_files_are_made_anew(cache: Path, damage: str) -> None:
     """Assert that a source cut short, or an emptied index of compiled code, does no harm."""
-    kernel = store.load_kernel("damage", [damage], lambda: KERNEL)
+    source = f"{KERNEL}\n# {damage}\n"
+    kernel = store.load_kernel("damage", [damage], lambda: source)
     assert kernel.double(2) == 4
     del sys.modules[kernel.__name__]
     if damage == "source":
-        path = Path(str(kernel.__file__))
-        path.write_text(path.read_text()[:40])
+        for path in (Path(str(kernel.__file__)), *cache.glob("derived/*.py")):
+            path.write_text(path.read_text()[:40])
     else:
         (index,) = cache.glob("__pycache__/*.nbi")
         index.write_bytes(b"")
-    assert store.load_kernel("damage", [damage], lambda: KERNEL).double(3) == 6
+    assert store.load_kernel("damage", [damage], lambda: source).double(3) == 6
 
 
 def test_a_file_that_is_being_written_is_left_alone(cache: Path) -> None:

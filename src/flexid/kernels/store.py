@@ -1,8 +1,12 @@
-"""Generated modules on disk: built once, found again by a hash of all that went into them.
+"""Generated modules on disk: built once, found again by a hash of what is in them.
 
 A kernel is ONE self-contained Python file of generated functions followed by templates. numba's
 disk cache does not notice a change in a function called from another file, so nothing is imported
-from elsewhere and the file's name covers everything in it.
+from elsewhere and the file's name is a hash of its text.
+
+What is generated lies beside it, in the folder ``derived``, under a hash of the declarations and of
+the code that generates. A change of that code costs another derivation, of some seconds; what comes
+out of it as it was, is not compiled anew.
 """
 
 import atexit
@@ -13,8 +17,9 @@ import shutil
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -29,6 +34,11 @@ _LOADING = threading.RLock()  # a second thread would find half a module
 
 CACHE_VARIABLE = "FLEXID_CACHE_DIR"
 """Environment variable that moves the cache of kernels."""
+
+KEPT_DAYS = 30
+"""A kernel that was not used for so long is removed when another one is made."""
+
+_DAY = 86400.0
 
 
 def load_kernel(
@@ -58,22 +68,44 @@ def load_kernel(
         With compiled functions, cached on disk by numba. Any number of processes may load and
         compile the same kernel at once: a lock beside it lets one at a time write.
     """
-    parts = [template(name) for name in templates]
-    name = f"flexid_{task}_{_digest(task, *declarations, *parts)}"
+    directory = cache_directory()
     with _LOADING:
+        text = _derived(directory, task, declarations, build)
+        source = "\n\n".join((text, *(template(name) for name in templates)))
+        name = f"flexid_{task}_{_digest(source)}"
         if name in sys.modules:
             return sys.modules[name]
-        path = cache_directory() / f"{name}.py"
-        if not (_source_is_whole(path) and _compiled_is_whole(path)):
+        path = directory / f"{name}.py"
+        made = False
+        _mark_used(path)
+        if not (_is_whole(path) and _compiled_is_whole(path)):
             with _one_writer(path):
                 if not _compiled_is_whole(path):
                     _discard_compiled(path)
-                if not _source_is_whole(path):  # nobody else has made it in the meantime
-                    _write_atomically(path, "\n\n".join((build(), *parts)) + _END)
+                if not _is_whole(path):  # nobody else has made it in the meantime
+                    _write_atomically(path, source + _END)
+                    made = True
+        if made:
+            _evict(directory)
         return _import(name, path)
 
 
-def _source_is_whole(path: Path) -> bool:
+def _derived(
+    directory: Path, task: str, declarations: Sequence[str], build: Callable[[], str]
+) -> str:
+    """Return the generated part of a kernel, from the disk if it has been derived before."""
+    path = directory / "derived" / f"{task}_{_digest(_generator_digest(), *declarations)}.py"
+    if not _is_whole(path):
+        path.parent.mkdir(exist_ok=True)
+        with _one_writer(path):
+            if not _is_whole(path):
+                _write_atomically(path, build() + _END)
+    elif time.time() - path.stat().st_mtime > _DAY:
+        path.touch()  # or it would be removed although it is in use
+    return path.read_text("utf-8").removesuffix(_END)
+
+
+def _is_whole(path: Path) -> bool:
     """Whether there is a source, and no full disk or power failure took its last line."""
     return path.exists() and path.read_text("utf-8").endswith(_END)
 
@@ -96,6 +128,35 @@ def _discard_compiled(path: Path) -> None:
     """Remove all of numba's files of a kernel: a new index gives the old data's names away."""
     for file in _compiled(path):
         file.unlink(missing_ok=True)
+
+
+def _last_use(path: Path) -> float:
+    """When a kernel was last marked as used, or was made; numba knows it by its own time."""
+    files = (path.with_suffix(".used"), path)
+    return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
+
+
+def _mark_used(path: Path) -> None:
+    """Note that a kernel is in use, once a day, so that no other process removes it."""
+    if time.time() - _last_use(path) > _DAY:
+        with _one_writer(path):
+            path.with_suffix(".used").touch()
+
+
+def _evict(directory: Path) -> None:
+    """Remove the kernels that nobody has used for long, and what was derived for them."""
+    oldest = time.time() - KEPT_DAYS * _DAY
+    for path in directory.glob("flexid_*.py"):
+        if _last_use(path) < oldest:
+            with _one_writer(path):
+                if _last_use(path) < oldest:  # nobody has come to use it in the meantime
+                    _discard_compiled(path)
+                    for suffix in (".py", ".used"):
+                        path.with_suffix(suffix).unlink(missing_ok=True)
+    for path in directory.glob("derived/*.py"):
+        with suppress(FileNotFoundError):  # another process removes the same
+            if path.stat().st_mtime < oldest:
+                path.unlink()
 
 
 @contextmanager
@@ -141,14 +202,19 @@ def template(name: str) -> str:
     return resources.files("flexid.kernels.templates").joinpath(f"{name}.py").read_text("utf-8")
 
 
-@cache
 def cache_directory() -> Path:
     """Directory of the kernels: ``$FLEXID_CACHE_DIR``, the user's cache, or a temporary one."""
-    wanted = Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_dir("flexid"))
+    return _writable(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_dir("flexid"))
+
+
+@cache
+def _writable(wanted: str) -> Path:
+    """The directory that is wanted, or a temporary one if nothing can be written there."""
+    directory = Path(wanted)
     try:
-        wanted.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=wanted):
-            return wanted
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            return directory
     except OSError:  # a read-only home directory
         # New and private: whatever lies there is run, so nobody else may have put it there.
         private = tempfile.mkdtemp(prefix="flexid-")
@@ -157,7 +223,7 @@ def cache_directory() -> Path:
 
 
 def _digest(*parts: str) -> str:
-    content = hashlib.sha256(_generator_digest().encode())
+    content = hashlib.sha256()
     for part in parts:
         content.update(part.encode() + b"\0")
     return content.hexdigest()[:16]
@@ -165,12 +231,12 @@ def _digest(*parts: str) -> str:
 
 @cache
 def _generator_digest() -> str:
-    """Hash of the code that generates: a changed derivation makes new kernels.
+    """Hash of the code that generates: a changed derivation derives anew.
 
     The declarations' code counts too: it fixes what a text means and the order of the parameters.
     """
     content = hashlib.sha256()
-    for package in ("flexid.models", "flexid.control", "flexid.derivation", "flexid.kernels"):
+    for package in ("flexid.models", "flexid.control", "flexid.derivation"):
         files = [f for f in resources.files(package).iterdir() if f.name.endswith(".py")]
         for file in sorted(files, key=lambda file: file.name):
             content.update(file.read_bytes())
