@@ -76,7 +76,7 @@ def with_plant(loop: ClosedLoop, plant: Plant) -> ClosedLoop:
     return loop.with_values(
         coefficients=dict(zip(loop.coefficients, plant.true, strict=True)),
         constants={"beta1": plant.beta1},
-        controller={},
+        controller=loop.controller,
         reference=loop.reference,
         observer_gains=loop.observer_gains,
         initial_estimates=loop.initial_estimates,

@@ -50,7 +50,7 @@ CURVED_LOOP = LoopDeclaration(THREE_ROWS, CURVED, Multisine([0.5, 0.3], [2.0, 3.
 def parameters(declaration: LoopDeclaration) -> np.ndarray:
     """Return values for all parameters: declared ones, and arbitrary ones for the rest."""
     system, law, reference = declaration.system, declaration.controller, declaration.reference
-    given = {**system.constants, **law.parameters, **reference.parameters}
+    given = {**system.constants, **law.values, **reference.parameters}
     names = declaration.parameter_names
     return np.array([given.get(name, 1.0 + place / 7) for place, name in enumerate(names)])
 

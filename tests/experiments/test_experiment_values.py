@@ -30,8 +30,17 @@ def sampled() -> Experiment:
 def test_k_changes_every_gain_of_the_law(table1: Experiment):
     """Assert that another k gives the law of that k, with the gains that follow from it."""
     changed = table1.with_values({"controller.k": 20.0})
-    assert changed.loop.controller.parameters == robust_law(20.0).parameters
+    assert changed.loop.controller.values == robust_law(20.0).values
     assert changed.loop.parameters.tolist() == table1_loop((1, 2, 3), 20.0).parameters.tolist()
+
+
+def test_exponents_change_the_gains_but_no_kernel(table1: Experiment):
+    """Assert that other exponents reach the loop, and that it is the same compiled loop."""
+    changed = table1.with_values({"controller.exponents.3": 2.0})
+    assert changed.loop.controller.values["gain3"] == 50.0**2 * 0.42
+    assert changed.loop.declaration is table1.loop.declaration
+    gain3 = changed.loop.declaration.parameter_names.index("gain3")
+    assert changed.loop.parameters[gain3] == 50.0**2 * 0.42
 
 
 def test_inertia_changes_what_is_known(table1: Experiment):

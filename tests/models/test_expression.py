@@ -1,13 +1,16 @@
 """The whitelist: what an expression may hold, and that nothing else gets through."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flexid.errors import ExpressionError
-from flexid.models.expression import FUNCTIONS, check_expression
+from flexid.models.expression import FUNCTIONS, check_expression, evaluate
 
 NAMES = {"x1", "x2", "u"}
+VALUES = {"x1": 0.5, "x2": 3.0, "u": 0.25}
 
 
 @pytest.mark.parametrize(
@@ -127,3 +130,23 @@ def test_accepted_text_has_only_whitelisted_parts(text: str):
         return
     for forbidden in ("x9", "open", "%", "<", "True", "'"):
         assert forbidden not in text
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("-sin(x1) + 2*x2**2", -math.sin(0.5) + 18.0),
+        ("pi*x1/u - sign(-x2)*abs(-4)", math.pi * 0.5 / 0.25 + 4.0),
+        ("x2**-2", 1 / 9),
+    ],
+)
+def test_evaluate(text: str, value: float):
+    """Assert that an expression has its value."""
+    assert evaluate(text, VALUES, "here") == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["1/(x1 - 0.5)", "sqrt(-x1)", "(-x1)**0.5", "exp(x2*1e6)"])
+def test_no_finite_value(text: str):
+    """Assert that what has no value is refused with the values that it was to be computed of."""
+    with pytest.raises(ExpressionError, match=r"no finite value for x1 = 0\.5, x2 = 3, u = 0\.25"):
+        evaluate(text, VALUES, "here")

@@ -12,6 +12,7 @@ from table_1 import table_1
 from flexid.control.controller import Controller
 from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import Multisine
+from flexid.control.robust import robust_law
 from flexid.errors import SettingError, SimulationError
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.simulation.closed_loop import simulate
@@ -31,6 +32,14 @@ def test_table_1(exponents: tuple[int, int, int]) -> None:
     assert np.all(np.abs(run.parameter_errors[-1] - expected) < allowed)
     largest = run.largest_tracking_error(20.0, 30.0)
     assert largest == pytest.approx(reference["max_tracking_error_20_30"], rel=1e-5)
+
+
+def test_every_gain_follows_k() -> None:
+    """Assert that a loop whose k is replaced runs as one that was made with it."""
+    run = simulate(table_1(controller=robust_law().with_parameters(k=10.0)), 8.0)
+    made = simulate(table_1(controller=robust_law(k=10.0)), 8.0)
+    assert np.array_equal(run.states, made.states)
+    assert run.largest_tracking_error(6.0, 8.0) > 0.01  # rad; 0.0034 with the gains of k = 50
 
 
 @pytest.mark.parametrize("exponents", [(1, 1, 0), (1, 1, 1)])

@@ -8,8 +8,10 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from flexid.errors import ModelError
+from flexid.models.expression import evaluate
 
 MAXIMUM_REFERENCE_ORDER = 4
 """Highest derivative of the reference that a controller may use."""
@@ -40,6 +42,9 @@ class Controller:
         Coordinates in which the closed loop is well conditioned, one per state of the system and in
         that order; each is its state plus something that depends on the states before it only, so
         that the map can be inverted one by one. The plain states if left out.
+    derived : mapping of str to expression, optional
+        Parameters that follow from the others, in the order in which they are computed; each may
+        use those before it. They are computed once for the values of a loop, not at every step.
 
     Examples
     --------
@@ -54,23 +59,38 @@ class Controller:
     parameters: Mapping[str, float] = field(default_factory=dict)
     definitions: Mapping[str, str] = field(default_factory=dict)
     coordinates: Mapping[str, str] = field(default_factory=dict)
+    derived: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("inputs", "definitions", "coordinates"):
+        for name in ("inputs", "definitions", "coordinates", "derived"):
             # A SymPy expression prints as text of the same grammar, so text is the stored form.
             texts = {key: str(value) for key, value in getattr(self, name).items()}
             object.__setattr__(self, name, texts)
         values = {key: float(value) for key, value in self.parameters.items()}
         object.__setattr__(self, "parameters", values)
 
-    @property
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """All parameters by name, those that follow from others last.
+
+        Raises
+        ------
+        ExpressionError
+            If one that follows from others has no finite value.
+        """
+        values = dict(self.parameters)
+        for name, text in self.derived.items():
+            values[name] = evaluate(text, values, f"{self.name}: {name}")
+        return values
+
+    @cached_property
     def digest(self) -> str:
-        """Hash of everything that a derivation depends on (not of the parameters' values)."""
+        """Hash of everything that a derivation depends on, which no parameter's value is."""
         content = [
             self.name,
             self.tracked,
             list(self.inputs.items()),
-            list(self.parameters),
+            [*self.parameters, *self.derived],
             list(self.definitions.items()),
             list(self.coordinates.items()),
         ]
@@ -82,9 +102,14 @@ class Controller:
         Raises
         ------
         ModelError
-            If the law has no such parameter.
+            If the law has no such parameter, or it follows from others.
         """
         for name in values:
+            if name in self.derived:
+                raise ModelError(
+                    self.name,
+                    f"computes {name} = {self.derived[name]} from its parameters: change those",
+                )
             if name not in self.parameters:
                 raise ModelError(
                     self.name,

@@ -44,6 +44,7 @@ class LoopDeclaration:
             *self.system.coefficients,
             *self.system.constants,
             *self.controller.parameters,
+            *self.controller.derived,
             *self.reference.parameters,
             *(f"_gain{place}" for place in range(len(self.system.rows))),
         )
@@ -75,7 +76,8 @@ class LoopDeclaration:
 
     def _check_names(self) -> None:
         system, controller = self.system, self.controller
-        own = [*controller.parameters, *controller.definitions, *self.reference.parameters]
+        own = [*controller.parameters, *controller.derived, *controller.definitions]
+        own += self.reference.parameters
         own += [name for name in controller.coordinates if name not in system.states]
         taken = {*system.states, *system.inputs, *system.constants, *system.coefficients}
         taken |= {*REFERENCE_NAMES, *RESERVED}
@@ -90,8 +92,11 @@ class LoopDeclaration:
 
     def _check_expressions(self) -> None:
         controller = self.controller
-        names = {*self.system.states, *self.system.constants, *controller.parameters}
-        names |= set(REFERENCE_NAMES)
+        names = set(controller.parameters)
+        for name, text in controller.derived.items():
+            check_expression(text, names, f"{controller.name}: {name}")
+            names.add(name)
+        names |= {*self.system.states, *self.system.constants, *REFERENCE_NAMES}
         for name, text in controller.definitions.items():
             check_expression(text, names, f"{controller.name}: {name}")
             names.add(name)

@@ -76,7 +76,7 @@ def robust_law(
     Controller
         In the loop's own error coordinates e1 to e4.
     """
-    a, b, c = exponents
+    a, b, c = map(float, exponents)
     return Controller(
         "robust law",
         "x1",
@@ -84,10 +84,15 @@ def robust_law(
         {f"nominal_{name}": nominal[name] for name in NOMINAL}
         | {
             "k": k,
-            "gain1": k**a * largest_link_inertia / smallest_joint_stiffness,
-            "gain2": k**b,
-            "gain3": k**c * largest_motor_inertia,
+            "largest_link_inertia": largest_link_inertia,
+            "largest_motor_inertia": largest_motor_inertia,
+            "smallest_joint_stiffness": smallest_joint_stiffness,
         },
         _DEFINITIONS,
         _COORDINATES,
+        {
+            "gain1": f"k**{a!r}*largest_link_inertia/smallest_joint_stiffness",
+            "gain2": f"k**{b!r}",
+            "gain3": f"k**{c!r}*largest_motor_inertia",
+        },
     )

@@ -115,6 +115,7 @@ def control_law(
     controller = declaration.controller
     signals = Signals(declaration.reference)
     names = {*declaration.system.states, *declaration.system.constants, *controller.parameters}
+    names |= set(controller.derived)
     names |= {str(signals.reference(order)) for order in range(5)}
     inlined: dict[sp.Symbol, sp.Expr] = {}
     for name, text in controller.definitions.items():

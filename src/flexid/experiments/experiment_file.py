@@ -147,9 +147,7 @@ class _Builder:
                 system=system.with_constants(constants), controller=controller, **parts
             )
             return self._loop
-        return self._loop.with_values(
-            constants=constants, controller=controller.parameters, **parts
-        )
+        return self._loop.with_values(constants=constants, controller=controller, **parts)
 
     def _first_loop(self, **parts: Any) -> ClosedLoop:
         try:

@@ -1,13 +1,16 @@
 """Text expressions, read by walking Python's syntax tree over a whitelist.
 
-Nothing is ever evaluated: the text is parsed to a tree, every node is checked against the few
+Python never evaluates it: the text is parsed to a tree, every node is checked against the few
 kinds allowed here, and the tree is folded over an *algebra*, which says what a number, a name, an
-operator and a function mean. The derivation folds over SymPy; a check folds over nothing at all.
+operator and a function mean. The derivation folds over SymPy, `evaluate` over numbers, and a check
+over nothing at all.
 """
 
 import ast
 import math
-from collections.abc import Collection
+import operator
+from collections.abc import Callable, Collection, Mapping
+from functools import lru_cache
 from typing import Protocol, TypeVar
 
 from flexid.errors import ExpressionError
@@ -86,7 +89,7 @@ def fold(expression: str, names: Collection[str], algebra: Algebra[T], place: st
     if len(expression) > _MAX_LENGTH:
         raise ExpressionError(expression, f"is longer than {_MAX_LENGTH} characters", place)
     try:
-        tree = ast.parse(expression.strip(), mode="eval")
+        tree = _parsed(expression.strip())
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ExpressionError(
             expression, "is not a formula: write one expression such as -sin(x1) + x2**2", place
@@ -94,9 +97,41 @@ def fold(expression: str, names: Collection[str], algebra: Algebra[T], place: st
     return _Folder(expression, names, algebra, place).visit(tree.body, 0)
 
 
+@lru_cache(maxsize=256)
+def _parsed(expression: str) -> ast.Expression:
+    return ast.parse(expression, mode="eval")
+
+
 def check_expression(expression: str, names: Collection[str], place: str) -> None:
     """Raise `ExpressionError` unless the expression stays within the whitelist and the names."""
     fold(expression, names, _Nothing(), place)
+
+
+def evaluate(expression: str, values: Mapping[str, float], place: str) -> float:
+    """Value of an expression.
+
+    Parameters
+    ----------
+    expression : str
+        For example ``"k**2*inertia"``.
+    values : mapping of str to float
+        The names that may occur.
+    place : str
+        Where the text stands, for the error message.
+
+    Raises
+    ------
+    ExpressionError
+        If the text is no expression, leaves the whitelist, or has no finite value.
+    """
+    try:
+        value = fold(expression, values, _Numbers(values), place)
+    except (ArithmeticError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        given = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+        raise ExpressionError(expression, f"has no finite value for {given}: change these", place)
+    return value
 
 
 class _Folder:
@@ -179,6 +214,43 @@ class _Folder:
         if len(node.args) != 1 or node.keywords:
             raise self.refuse(f"{function} takes one argument")
         return self._algebra.call(function, self.visit(node.args[0], depth + 1))
+
+
+class _Numbers:
+    """The algebra of values."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        self._values = {"pi": math.pi, **values}
+
+    def number(self, text: str) -> float:
+        return float(text)
+
+    def name(self, name: str) -> float:
+        return self._values[name]
+
+    def operate(self, operator: str, left: float, right: float) -> float:
+        return _OPERATIONS[operator](left, right)
+
+    def negate(self, operand: float) -> float:
+        return -operand
+
+    def call(self, function: str, argument: float) -> float:
+        return _VALUES[function](argument)
+
+
+_OPERATIONS: dict[str, Callable[[float, float], float]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": math.pow,
+}
+
+_VALUES: dict[str, Callable[[float], float]] = {
+    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "tanh", "exp", "sqrt")},
+    "sign": lambda x: math.copysign(1.0, x) if x else 0.0,
+    "abs": abs,
+}
 
 
 class _Nothing:

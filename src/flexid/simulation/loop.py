@@ -73,7 +73,7 @@ class ClosedLoop:
         *,
         coefficients: Mapping[str, float],
         constants: Mapping[str, float],
-        controller: Mapping[str, float],
+        controller: Controller,
         reference: Reference,
         observer_gains: Mapping[str, float],
         initial_estimates: Mapping[str, float],
@@ -89,8 +89,10 @@ class ClosedLoop:
         coefficients, observer_gains, initial_estimates : mapping of str to float
         initial_state : sequence of float
             As for the class; complete.
-        constants, controller : mapping of str to float
-            Values of the system's constants and of the controller's parameters to replace.
+        constants : mapping of str to float
+            Values of the system's constants to replace.
+        controller : Controller
+            With the names and expressions of the present one.
         reference : Reference
             With the expression of the present one.
 
@@ -99,13 +101,14 @@ class ClosedLoop:
         SettingError
             If the names or lengths are not those of this loop.
         ModelError
-            If system or controller have no such constant or parameter.
+            If the system has no such constant.
         """
         same = (
             list(coefficients) == list(self.coefficients)
             and list(observer_gains) == list(self.observer_gains)
             and list(initial_estimates) == list(self.initial_estimates)
             and len(initial_state) == len(self.initial_state)
+            and controller.digest == self.controller.digest
             and reference.expression == self.reference.expression
             and list(reference.parameters) == list(self.reference.parameters)
         )
@@ -115,7 +118,7 @@ class ClosedLoop:
         values = {
             "system": self.system.with_constants(constants),
             "coefficients": coefficients,
-            "controller": self.controller.with_parameters(**controller),
+            "controller": controller,
             "reference": reference,
             "observer_gains": observer_gains,
             "initial_estimates": initial_estimates,
@@ -142,7 +145,7 @@ class ClosedLoop:
         values = (
             *self.true_coefficients,
             *self.system.constants.values(),
-            *self.controller.parameters.values(),
+            *self.controller.values.values(),
             *self.reference.parameters.values(),
             *gains,
         )
