@@ -36,6 +36,12 @@ def test_clash_of_names_is_refused(name: str) -> None:
         declare(Controller("law", "q", {"u": "-v"}, {name: 1.0}))
 
 
+def test_word_of_python_is_no_parameter() -> None:
+    """Assert that a parameter named after a word of Python is refused with a remedy."""
+    with pytest.raises(ModelError, match=r"'lambda' is a word of Python.*: write lambda_$"):
+        declare(Controller("law", "q", {"u": "-v"}, {"lambda": 1.0}))
+
+
 def test_missing_input_is_refused() -> None:
     """Assert that a law must drive the inputs of the system."""
     with pytest.raises(ModelError, match="gives the inputs torque"):

@@ -110,6 +110,20 @@ def test_velocity_that_cancels_is_no_dependence():
     assert str(derive_observer(system).rows[0].immersion[0]) == "q*v"
 
 
+@pytest.mark.parametrize("regressor", ["1/v", "q/v**2", "v/abs(v)", "1/sqrt(abs(v))"])
+def test_regressor_without_value_at_rest_is_refused(regressor: str):
+    """Assert that a division by the velocity is refused, instead of printed."""
+    system = ParametricSystem("rest", (Row("arm", "q", "v", {"a": regressor}),))
+    with pytest.raises(ModelError, match=r"'a' divides by zero at v = 0.*v/\(v\*\*2"):
+        derive_observer(system)
+
+
+@pytest.mark.parametrize("regressor", ["q/(1 + v**2)", "1/q", "sign(v)*exp(-(v/0.1)**2)", "u/q*v"])
+def test_regressor_with_value_at_rest_is_derived(regressor: str):
+    """Assert that other divisions are no concern of the velocity's integral."""
+    derive_observer(ParametricSystem("rest", (Row("arm", "q", "v", {"a": regressor}),)))
+
+
 @pytest.mark.parametrize("jump", ["sign(q)*v", "sign(u)"])
 def test_jump_is_refused(jump: str):
     """Assert that a regressor that jumps with a coordinate or an input is refused."""

@@ -23,6 +23,8 @@ VALUES = {"x1": 0.5, "x2": 3.0, "u": 0.25}
         "abs(x1)*Abs(x2)",
         "pi*x1",
         " x1 ",
+        "+".join(["x1"] * 1300),
+        "(" + "*".join(["x1"] * 1300) + ")**2",
         *(f"{function}(x1)" for function in FUNCTIONS),
     ],
 )
@@ -82,7 +84,6 @@ def test_accepted(text: str):
         "x1\nx2",
         "sin(" * 100 + "x1" + ")" * 100,
         "-" * 3000 + "x1",
-        "+".join(["x1"] * 1900),
         "x1" * 5000,
     ],
 )
@@ -138,6 +139,7 @@ def test_accepted_text_has_only_whitelisted_parts(text: str):
         ("-sin(x1) + 2*x2**2", -math.sin(0.5) + 18.0),
         ("pi*x1/u - sign(-x2)*abs(-4)", math.pi * 0.5 / 0.25 + 4.0),
         ("x2**-2", 1 / 9),
+        ("x2 - x1 - u - 2**3/4/2*x1", 1.75),
     ],
 )
 def test_evaluate(text: str, value: float):

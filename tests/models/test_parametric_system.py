@@ -47,6 +47,12 @@ def test_names_that_are_none(name: str):
         ParametricSystem("m", (Row("arm", "q", "v", {name: "q"}),))
 
 
+def test_word_of_python_gets_another_name():
+    """Assert that a name which Python's grammar keeps for itself is refused with a remedy."""
+    with pytest.raises(ModelError, match=r"'lambda' is a word of Python.*: write lambda_$"):
+        ParametricSystem("m", (Row("arm", "q", "v", {"lambda": "q"}),))
+
+
 @pytest.mark.parametrize(
     "rows",
     [

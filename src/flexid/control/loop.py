@@ -1,13 +1,12 @@
 """The declaration of a closed loop: what a derivation needs to know, without any values."""
 
-import keyword
 from dataclasses import dataclass
 
 from flexid.control.controller import REFERENCE_NAMES, Controller
 from flexid.control.references import Reference, reference_digest
 from flexid.errors import ModelError
 from flexid.models.expression import check_expression
-from flexid.models.parametric_system import RESERVED, ParametricSystem
+from flexid.models.parametric_system import RESERVED, ParametricSystem, check_name
 
 
 @dataclass(frozen=True)
@@ -82,8 +81,7 @@ class LoopDeclaration:
         taken = {*system.states, *system.inputs, *system.constants, *system.coefficients}
         taken |= {*REFERENCE_NAMES, *RESERVED}
         for place, name in enumerate(own):
-            if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
-                raise ModelError(controller.name, f"{name!r} is no name: use letters, digits, _")
+            check_name(controller.name, name)
             if name in taken or name in own[:place]:
                 raise ModelError(
                     controller.name,

@@ -129,7 +129,7 @@ def derive_observer(system: ParametricSystem) -> SymbolicObserver:
     AccelerationError
         If a regressor depends on the velocity of another row.
     ModelError
-        If a regressor jumps with a coordinate or an input.
+        If a regressor jumps with a coordinate or an input, or has no value at rest.
     """
     symbolic = symbolic_system(system)
     names = FreshNames([*system.variables, *system.coefficients])
@@ -204,6 +204,7 @@ def _derive_row(
     immersions, kinds, cancelling = [], [], []
     for coefficient, regressor in zip(row.coefficients, row.regressor, strict=True):
         regressor = _without_other_velocities(symbolic, row, str(coefficient), regressor)
+        _check_rest(symbolic, row, str(coefficient), regressor)
         b, kind = immersion(regressor, row.velocity, symbolic.constants)
         immersions.append(b)
         kinds.append(kind)
@@ -232,6 +233,20 @@ def _without_other_velocities(
         if regressor.has(velocity):
             raise AccelerationError(symbolic.system.name, row.name, coefficient, str(velocity))
     return regressor
+
+
+def _check_rest(
+    symbolic: SymbolicSystem, row: SymbolicRow, coefficient: str, regressor: sp.Expr
+) -> None:
+    """Raise `ModelError` if a regressor has no value at rest, where its integral begins."""
+    if regressor.subs(row.velocity, 0).has(sp.zoo, sp.nan, sp.oo, -sp.oo):
+        v = row.velocity
+        raise ModelError(
+            symbolic.system.name,
+            f"row {row.name!r}: the regressor of {coefficient!r} divides by zero at {v} = 0, where "
+            f"its integral begins: write it so that it has a value there, for example "
+            f"{v}/({v}**2 + 0.01**2) instead of 1/{v}, or sign({v}) instead of {v}/abs({v})",
+        )
 
 
 def _cancelling(

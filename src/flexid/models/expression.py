@@ -181,13 +181,20 @@ class _Folder:
         return name
 
     def binary(self, node: ast.BinOp, depth: int):
-        operator = _OPERATORS[type(node.op)]
-        if operator == "**":
-            self.check_exponent(node.right)
-        left = self.visit(node.left, depth + 1)
-        if _power_levels(node) > _MAX_POWER_LEVELS:
-            raise self.refuse(f"has powers of powers over {_MAX_POWER_LEVELS} levels deep")
-        return self._algebra.operate(operator, left, self.visit(node.right, depth + 1))
+        # a + b + c is (a + b) + c to Python, but a long sum is not deep to who writes it.
+        chain, first = [], node
+        while isinstance(first, ast.BinOp) and type(first.op) in _OPERATORS:
+            chain.append(first)
+            first = first.left
+        value = self.visit(first, depth + 1)
+        for part in reversed(chain):
+            sign = _OPERATORS[type(part.op)]
+            if sign == "**":
+                self.check_exponent(part.right)
+                if _power_levels(part) > _MAX_POWER_LEVELS:
+                    raise self.refuse(f"has powers of powers over {_MAX_POWER_LEVELS} levels deep")
+            value = self._algebra.operate(sign, value, self.visit(part.right, depth + 1))
+        return value
 
     def check_exponent(self, node: ast.expr) -> None:
         # Only literal exponents: a power tower would keep the computer algebra busy for ever.
@@ -268,8 +275,13 @@ class _Nothing:
 
 
 def _power_levels(node: ast.AST) -> int:
-    inner = max((_power_levels(child) for child in ast.iter_child_nodes(node)), default=0)
-    return inner + (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow))
+    deepest, waiting = 0, [(node, 0)]
+    while waiting:
+        part, level = waiting.pop()
+        level += isinstance(part, ast.BinOp) and isinstance(part.op, ast.Pow)
+        deepest = max(deepest, level)
+        waiting += [(child, level) for child in ast.iter_child_nodes(part)]
+    return deepest
 
 
 def _listed(names: Collection[str]) -> str:

@@ -58,6 +58,19 @@ class Row:
         return tuple(self.regressors)
 
 
+def check_name(model: str, name: str) -> None:
+    """Raise `ModelError` if expressions could not use a name."""
+    if keyword.iskeyword(name):
+        raise ModelError(
+            model, f"{name!r} is a word of Python, so no expression can use it: write {name}_"
+        )
+    if not name.isidentifier() or name.startswith("_"):
+        raise ModelError(
+            model,
+            f"{name!r} cannot be a name: take letters, digits and _, and begin with a letter",
+        )
+
+
 @dataclass(frozen=True)
 class ParametricSystem:
     """A system of rows ``v' = r(x, u)ᵀ p + k(x, u)`` with measured state x and input u.
@@ -108,8 +121,7 @@ class ParametricSystem:
     def _check_names(self) -> None:
         names = [*self.states, *self.inputs, *self.constants, *self.coefficients]
         for name in names:
-            if not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
-                raise ModelError(self.name, f"{name!r} is no name: use letters, digits and _")
+            check_name(self.name, name)
             if name in RESERVED:
                 raise ModelError(self.name, f"{name!r} is reserved: choose another name")
             if names.count(name) > 1:
