@@ -78,7 +78,7 @@ def test_an_estimate_replaces_beliefs(examples, tmp_path):
     """Assert that estimates take the place of parameters of the same name, and no others."""
     path = tmp_path / "estimate.json"
     estimates = {"link_inertia": {"value": 1.5}, "joint_damping": {"value": 0.1}}
-    path.write_text(json.dumps({"parameters": estimates}))
+    path.write_text(json.dumps({"format_version": 1, "parameters": estimates}))
     file = read_drive(examples / "drive.toml", path)
     assert file.drive.parameters == {**PARAMETERS, "link_inertia": 1.5}
     assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
@@ -94,7 +94,9 @@ def test_what_an_estimate_cannot_give_is_said(examples, tmp_path):
         "joint_stiffness": {"value": 90.0, "verdict": "undetermined"},
     }
     terms = ["gravity", "motor_stribeck"]
-    path.write_text(json.dumps({"parameters": estimates, "choices": {"terms": terms}}))
+    path.write_text(
+        json.dumps({"format_version": 1, "parameters": estimates, "choices": {"terms": terms}})
+    )
     file = read_drive(examples / "drive.toml", path)
     assert file.drive.parameters == {**PARAMETERS, "joint_stiffness": 90.0}
     shape, value, guess = file.warnings
@@ -138,7 +140,9 @@ def test_bad_files_are_one_sentence(text, written, old, new, complaint):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("content", ["", "{}", '{"parameters": 3}', '{"parameters": {"a": 1}}'])
+@pytest.mark.parametrize(
+    "content", ["", "{}", '{"format_version": 1}', '{"format_version": 1, "parameters": 3}']
+)
 def test_bad_estimates_are_one_sentence(examples, tmp_path, content):
     """Assert that a file that is no estimate is refused by name."""
     path = tmp_path / "estimate.json"

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
+from flexid.errors import SettingError
 from flexid.identification.intervals import (
     Propagated,
     interval,
     logarithmic_interval,
     propagated,
 )
+from flexid.identification.result import ValueEstimate
 from flexid.models.physical import PhysicalParameter, physical_parameters
 
 NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
@@ -144,3 +146,22 @@ def test_coverage_of_poorly_determined_inertias(name, deviation):
     logarithmic, symmetrical = held / len(draws)
     assert logarithmic > 0.92
     assert symmetrical < logarithmic - 0.01
+
+
+@pytest.mark.parametrize("logarithmic", [False, True])
+def test_an_interval_has_any_level(logarithmic):
+    """Assert that a value's interval is that of Student's t at the level asked for."""
+    level, freedom = 0.8, 7.0
+    half = t.ppf(0.5 + level / 2, freedom) * 0.3
+    found = ValueEstimate(
+        "x", "m", 2.0, 0.3, (1.0, 3.0), "weak", "", freedom, logarithmic
+    ).interval_at(level)
+    ends = 2.0 * np.exp(np.array([-half, half]) / 2.0) if logarithmic else (2.0 - half, 2.0 + half)
+    assert found == pytest.approx(tuple(ends), rel=1e-12)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, 95, -0.5, float("nan"), "0.95"])
+def test_what_is_no_level_is_refused(level):
+    """Assert that a percentage or a text is answered with what a level is."""
+    with pytest.raises(SettingError, match=r"0\.95"):
+        ValueEstimate("x", "m", 2.0, 0.3, (1.0, 3.0), "weak").interval_at(level)

@@ -45,6 +45,7 @@ def write_flexible(path, seed=0, duration=8.0, true=TRUE, unit="motor_torque [N 
 def stored(**changed):
     """Table I's joint as a document."""
     document = {
+        "format_version": 1,
         "model": "flexible",
         "coefficients": {name: {"value": value} for name, value in TRUE.items()},
         "choices": {
@@ -224,6 +225,9 @@ def with_value(value, *keys):
 @pytest.mark.parametrize(
     ("document", "complaint"),
     [
+        (without("format_version"), "estimate.json"),
+        (with_value(2, "format_version"), "update flexid"),
+        (with_value(True, "format_version"), "estimate.json"),
         (without("model"), "model"),
         (without("coefficients", "theta2"), "theta2"),
         (without("choices", "hold"), "hold"),

@@ -33,6 +33,9 @@ def test_an_estimate_comes_back_from_its_document(document):
         "unit": "rad/s^2",
         "verdict": "weak",
         "reason": "its interval is wide",
+        "degrees_of_freedom": None,
+        "logarithmic": False,
+        "slopes": {},
     }
     assert document["removed"]["joint_damping"]["interval"] == [-3e-4, 5e-4]
     assert document["removed"]["gravity_angle"]["interval"] == [None, None]

@@ -1,7 +1,6 @@
 """Drive files: a `Drive` written down in TOML, and what an earlier identification knows better."""
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 
 from flexid.errors import SettingError
 from flexid.experiment_design.drive import HIGHEST, Drive, Limits
+from flexid.identification.estimate_file import EstimateFile, read_estimate
 from flexid.models.flexible_joint import SHAPE_TERMS
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
@@ -41,7 +41,9 @@ class DriveFile:
 
 
 def read_drive(
-    path: Path, estimate: Path | None = None, choices: Mapping[str, Any] | None = None
+    path: Path,
+    estimate: Path | Mapping[str, Any] | None = None,
+    choices: Mapping[str, Any] | None = None,
 ) -> DriveFile:
     """Read a drive file.
 
@@ -49,9 +51,9 @@ def read_drive(
     ----------
     path : Path
         A TOML file with the tables ``parameters``, ``limits``, ``sensors`` and ``experiment``.
-    estimate : Path, optional
-        An ``estimate.json`` of an earlier identification, whose values take the place of the
-        parameters that the drive file gives.
+    estimate : Path or mapping, optional
+        An ``estimate.json`` of an earlier identification, or its content, whose values take the
+        place of the parameters that the drive file gives.
     choices : mapping, optional
         Keys of ``experiment`` whose values take the place of the file's.
 
@@ -68,9 +70,9 @@ def read_drive(
         experiment.update(choices or {})
     warnings: list[str] = []
     if estimate is not None:
-        better = read_bytes(estimate, "an estimate.json of flexid identify", _refusing(estimate))
-        inputs.append((estimate.name, hashlib.sha256(better).hexdigest()))
-        warnings = _take_over(content, estimate, better)
+        better = read_estimate(estimate)
+        inputs.append((Path(better.name).name, hashlib.sha256(better.raw).hexdigest()))
+        warnings = _take_over(content, better)
     return DriveFile(_drive(path, content), tuple(inputs), tuple(warnings))
 
 
@@ -80,19 +82,12 @@ def _refusing(path: Path) -> Refuse:
     )
 
 
-def _take_over(content: dict[str, Any], path: Path, raw: bytes) -> list[str]:
+def _take_over(content: dict[str, Any], file: EstimateFile) -> list[str]:
     """Replace parameters by estimates of the same name; returns what is to be said of them."""
     from flexid.experiment_design.drive_schema import EstimateContent, Parameters
 
-    try:
-        found = json.loads(raw.decode("utf-8"))
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict) or not isinstance(found.get("parameters"), dict):
-        raise SettingError(
-            str(path), "holds no parameters with values: give an estimate.json of flexid identify"
-        )
-    estimate = validated(found, EstimateContent, _refusing(path))
+    path = file.name
+    estimate = validated(file.content, EstimateContent, file.refuse)
     warnings = []
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
     if shapes:

@@ -61,14 +61,17 @@ def coefficient_estimates(
         if _base(name) not in joint.units:  # a delay
             continue
         value, std = float(estimate.values[place]), float(deviations[place])
-        ends = interval(value, std, estimate.degrees_of_freedom[place])
+        freedom = estimate.degrees_of_freedom[place]
+        ends = interval(value, std, freedom)
         unit = _unit(joint.units[_base(name)], input_unit)
         half = 0.5 * (ends[1] - ends[0])
         # Only what may be absent can be determined to be negligible.
         small = name in sizes and _base(name) in joint.optional
         effect = half * sizes[name] if small else np.inf
         judged = _possible(name, value, verdict(value, ends, effect, thresholds))
-        estimates[name] = CoefficientEstimate(name, unit, value, std, ends, *judged)
+        estimates[name] = CoefficientEstimate(
+            name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0}
+        )
     for name, (value, reason) in fixed.items():
         unit = _unit(joint.units[_base(name)], input_unit)
         estimates[name] = CoefficientEstimate(
@@ -98,7 +101,17 @@ def _tied(
         judged = verdict(tied.value, tied.interval, thresholds=thresholds)
         if known[a].verdict == "determined":  # be it as none
             judged = ("determined", "")
-        found[name] = CoefficientEstimate(name, unit, tied.value, tied.std, tied.interval, *judged)
+        found[name] = CoefficientEstimate(
+            name,
+            unit,
+            tied.value,
+            tied.std,
+            tied.interval,
+            *judged,
+            tied.degrees_of_freedom,
+            tied.logarithmic,
+            tied.slopes,
+        )
     return found
 
 
@@ -138,7 +151,16 @@ def parameter_estimates(
             elif judged != "determined" and all(c.verdict == "determined" for c in made):
                 judged, reason = "determined", ""  # as small as it is
             estimates[name] = ParameterEstimate(
-                name, unit, found.value, found.std, found.interval, judged, reason
+                name,
+                unit,
+                found.value,
+                found.std,
+                found.interval,
+                judged,
+                reason,
+                found.degrees_of_freedom,
+                found.logarithmic,
+                {labels[c]: slope for c, slope in found.slopes.items()},
             )
     return estimates
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from flexid.errors import SettingError
 from flexid.identification.estimate import Fit
 from flexid.models.physical import PhysicalParameter
 
@@ -23,7 +24,7 @@ FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 CONFIDENCE = 0.95
-"""Nominal coverage of every interval."""
+"""Nominal coverage of every interval, where no other level is asked for."""
 
 POSITIVE = frozenset({"theta2", "alpha1", "beta1"})
 """Coefficients that no spring and no inertia has negative or zero."""
@@ -45,6 +46,8 @@ class Propagated:
         Of the standard deviation; infinite if nothing in it was estimated.
     logarithmic : bool
         Whether the interval was taken on the logarithm.
+    slopes : mapping of str to float
+        Derivatives by what was fitted.
     """
 
     value: float
@@ -52,16 +55,26 @@ class Propagated:
     interval: Interval
     degrees_of_freedom: float
     logarithmic: bool
+    slopes: Mapping[str, float]
 
 
-def quantile(degrees_of_freedom: float) -> float:
+def checked_level(level: float) -> float:
+    """The level of an interval, if it is one; else a `SettingError`."""
+    if not (isinstance(level, int | float) and 0.0 < level < 1.0):
+        raise SettingError("level", f"{level!r} is none: give a probability such as 0.95")
+    return float(level)
+
+
+def quantile(degrees_of_freedom: float, level: float = CONFIDENCE) -> float:
     """Half-width of the interval in standard deviations; infinite without degrees of freedom."""
     if degrees_of_freedom <= 0.0:
         return np.inf
-    return float(stdtrit(degrees_of_freedom, (1.0 + CONFIDENCE) / 2.0))
+    return float(stdtrit(degrees_of_freedom, (1.0 + level) / 2.0))
 
 
-def interval(value: float, std: float, degrees_of_freedom: float) -> Interval:
+def interval(
+    value: float, std: float, degrees_of_freedom: float, level: float = CONFIDENCE
+) -> Interval:
     """Symmetrical interval; the whole line if nothing is known.
 
     Parameters
@@ -70,14 +83,18 @@ def interval(value: float, std: float, degrees_of_freedom: float) -> Interval:
         Estimate and its standard deviation.
     degrees_of_freedom : float
         Of the standard deviation.
+    level : float, optional
+        Nominal coverage.
     """
     if std == 0.0:
         return value, value
-    half_width = quantile(degrees_of_freedom) * std
+    half_width = quantile(degrees_of_freedom, level) * std
     return value - half_width, value + half_width
 
 
-def logarithmic_interval(value: float, std: float, degrees_of_freedom: float) -> Interval:
+def logarithmic_interval(
+    value: float, std: float, degrees_of_freedom: float, level: float = CONFIDENCE
+) -> Interval:
     """Interval of a positive quantity, symmetrical on the logarithm.
 
     Parameters are those of `interval`; `value` is positive. The standard deviation of the
@@ -86,7 +103,7 @@ def logarithmic_interval(value: float, std: float, degrees_of_freedom: float) ->
     if std == 0.0:
         return value, value
     with np.errstate(over="ignore"):
-        factor = float(np.exp(quantile(degrees_of_freedom) * std / value))
+        factor = float(np.exp(quantile(degrees_of_freedom, level) * std / value))
     return value / factor, value * factor
 
 
@@ -109,14 +126,15 @@ def propagated(parameter: PhysicalParameter, values: Mapping[str, float], fit: F
     value = parameter.value(values)
     names = tuple(name for name in fit.names if name in parameter.coefficients)
     if not names:  # follows from what was given
-        return Propagated(value, 0.0, (value, value), np.inf, False)
+        return Propagated(value, 0.0, (value, value), np.inf, False, {})
     places = [fit.names.index(name) for name in names]
     gradient = parameter.gradient(values, names)
     freedom = float(min(fit.degrees_of_freedom[i] for i in places))
     std = _deviation(gradient, fit.covariance[np.ix_(places, places)])
     logarithmic = set(names) <= POSITIVE and value > 0.0 and _degree(gradient, names, values) < 0
     of = logarithmic_interval if logarithmic else interval
-    return Propagated(value, std, of(value, std, freedom), freedom, logarithmic)
+    slopes = dict(zip(names, gradient.tolist(), strict=True))
+    return Propagated(value, std, of(value, std, freedom), freedom, logarithmic, slopes)
 
 
 def _deviation(gradient: FloatArray, covariance: FloatArray) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexid.analysis.excitation import Excitation
 from flexid.identification.alignment import Alignment
 from flexid.identification.estimate import Estimate
+from flexid.identification.intervals import checked_level, interval, logarithmic_interval
 from flexid.identification.joint import Kind
 from flexid.recording.recording import Hold
 
@@ -21,21 +22,27 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class CoefficientEstimate:
-    """A lumped coefficient with its 95 % interval and the verdict on it.
+class ValueEstimate:
+    """A number with its 95 % interval and the verdict on it.
 
     Parameters
     ----------
     name, unit : str
-        Name in the model and SI unit.
+        Name and SI unit.
     value, std : float
         Estimate and its standard deviation, in the unit.
     interval : tuple of float
         Lower and upper end of the 95 % interval.
     verdict : {"determined", "weak", "undetermined"}
-        The verdict.
+        What the interval's width deserves.
     reason : str
-        Why it is not determined; ``"given"`` if the user gave it; else empty.
+        Why it is not determined; of a coefficient ``"given"`` if the user gave it; else empty.
+    degrees_of_freedom : float
+        Of the standard deviation, for Student's t.
+    logarithmic : bool
+        Whether the interval is symmetrical on the logarithm.
+    slopes : mapping of str to float
+        Derivatives by what was fitted; empty for what was given.
     """
 
     name: str
@@ -45,19 +52,30 @@ class CoefficientEstimate:
     interval: tuple[float, float]
     verdict: Verdict
     reason: str = ""
+    degrees_of_freedom: float = np.inf
+    logarithmic: bool = False
+    slopes: Mapping[str, float] = field(default_factory=dict, repr=False)
+
+    def interval_at(self, level: float) -> tuple[float, float]:
+        """Interval at any level, which is a probability such as 0.99.
+
+        Raises
+        ------
+        SettingError
+            If the level is none.
+        """
+        ends = logarithmic_interval if self.logarithmic else interval
+        return ends(self.value, self.std, self.degrees_of_freedom, checked_level(level))
 
 
 @dataclass(frozen=True)
-class ParameterEstimate:
-    """A physical parameter with its 95 % interval; fields are those of `CoefficientEstimate`."""
+class CoefficientEstimate(ValueEstimate):
+    """A lumped coefficient of the model; fields are those of `ValueEstimate`."""
 
-    name: str
-    unit: str
-    value: float
-    std: float
-    interval: tuple[float, float]
-    verdict: Verdict
-    reason: str = ""
+
+@dataclass(frozen=True)
+class ParameterEstimate(ValueEstimate):
+    """A physical parameter; fields are those of `ValueEstimate`."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """A stored estimate held against other logs: how well, and for how long, it predicts them."""
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +13,7 @@ from flexid.errors import RecordingError, SettingError
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
+from flexid.identification.estimate_file import WANTED, EstimateFile, read_estimate
 from flexid.identification.full_model import LINK, Data, data_of
 from flexid.identification.joint import Joint, Kind
 from flexid.identification.preparation import check_distinct, common_input_unit
@@ -21,14 +21,13 @@ from flexid.identification.rebuilt import Described, Rebuilt, averaged_offsets, 
 from flexid.identification.result import Validation
 from flexid.identification.validation import validate_with
 from flexid.recording.recording import Log, Recording
-from flexid.toml_file import Refuse, read_bytes, validated
+from flexid.toml_file import validated
 
 if TYPE_CHECKING:
     from flexid.identification.estimate_schema import StoredEstimate
 
 _HEAD = 0.5  # s at the start of each piece from which the first state is taken
 _SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator are chosen
-_WANTED = "an estimate.json of flexid identify"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +80,9 @@ def validate_estimate(
     RecordingError
         If the logs do not go together or with the estimate, or are too short.
     """
-    name, raw, content = _read(estimate)
-    stored, model = _model(name, content)
+    file = read_estimate(estimate)
+    name, raw, _ = file
+    stored, model = _model(file)
     check_distinct(logs)
     pieces, dropped = _pieces(logs, model.joint.kind)
     _check_unit(name, stored, logs)
@@ -116,30 +116,11 @@ def validate_estimate(
     )
 
 
-def _read(estimate: Path | str | Mapping[str, Any]) -> tuple[str, bytes, object]:
-    """Name, bytes and content of an estimate."""
-    if isinstance(estimate, Mapping):
-        return "estimate", json.dumps(estimate, default=str).encode(), dict(estimate)
-    path = Path(estimate)
-    refuse = _refusing(str(path))
-    raw = read_bytes(path, _WANTED, refuse)
-    try:
-        return str(path), raw, json.loads(raw.decode("utf-8"))
-    except (ValueError, RecursionError):
-        raise refuse("", f"is no JSON: give {_WANTED}") from None
-
-
-def _refusing(name: str) -> Refuse:
-    return lambda key, reason: SettingError(name, f"the key {key!r} {reason}" if key else reason)
-
-
-def _model(name: str, content: object) -> "tuple[StoredEstimate, Rebuilt]":
+def _model(file: EstimateFile) -> "tuple[StoredEstimate, Rebuilt]":
     from flexid.identification.estimate_schema import StoredEstimate
 
-    refuse = _refusing(name)
-    if not isinstance(content, dict):
-        raise refuse("", f"holds no estimate: give {_WANTED}")
-    stored = validated(content, StoredEstimate, refuse)
+    refuse = file.refuse
+    stored = validated(file.content, StoredEstimate, refuse)
     choices = stored.choices
     described = Described(
         stored.model,
@@ -157,7 +138,7 @@ def _model(name: str, content: object) -> "tuple[StoredEstimate, Rebuilt]":
         if term not in model.joint.terms:
             raise refuse(
                 "choices.terms",
-                f"has {term[:40]!r}, no term of the {stored.model} joint: give {_WANTED} of this "
+                f"has {term[:40]!r}, no term of the {stored.model} joint: give {WANTED} of this "
                 f"version",
             )
     return stored, model

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.analysis.excitation import Excitation
 from flexid.errors import SettingError
+from flexid.identification.estimate_file import FORMAT_VERSION
 
 if TYPE_CHECKING:  # most documents are not an identification's
     from flexid.identification.result import (
@@ -26,11 +27,21 @@ if TYPE_CHECKING:  # most documents are not an identification's
 
 
 def identification_document(result: Identification) -> dict[str, Any]:
-    """Everything of an identification but its time series, ready for JSON."""
+    """Everything of an identification but its time series, ready for JSON.
+
+    `flexid.identification.estimate_file.stored_identification` is the way back.
+    """
     return {
+        "format_version": FORMAT_VERSION,
         "coefficients": _estimates_document(result.coefficients),
         "parameters": _estimates_document(result.parameters),
         "removed": _estimates_document(result.removed),
+        "fit": {
+            "names": list(result.fit.names),
+            "values": result.fit.values.tolist(),
+            "covariance": result.fit.covariance.tolist(),
+            "degrees_of_freedom": list(result.fit.degrees_of_freedom),
+        },
         "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
         "residual_excess": dict(result.residual_excess),
         "model_error": asdict(result.model_error),
@@ -73,6 +84,9 @@ def _estimates_document(
             "unit": e.unit,
             "verdict": e.verdict,
             "reason": e.reason,
+            "degrees_of_freedom": e.degrees_of_freedom,
+            "logarithmic": e.logarithmic,
+            "slopes": dict(e.slopes),
         }
         for name, e in estimates.items()
     }
@@ -99,8 +113,10 @@ def _choices_document(choices: Choices) -> dict[str, Any]:
 def excitation_summary(excitation: Excitation) -> dict[str, Any]:
     """Excitation of one row, ready for JSON."""
     return {
+        "coefficients": list(excitation.coefficients),
         "condition_number": excitation.condition_number,
         "singular_values": excitation.singular_values.tolist(),
+        "direction": excitation.direction.tolist(),
         "level": excitation.level,
         "confounded": list(excitation.confounded),
         "correlated": list(excitation.correlated),

@@ -1,0 +1,146 @@
+"""The whole of an ``estimate.json``; null stands for a number that JSON does not have."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from flexid.identification.result import Estimator, Verdict
+
+Fits = dict[str, float | None]
+Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="ignore", strict=True)
+
+
+class StoredValue(_Part):
+    """A coefficient or a parameter."""
+
+    value: float | None
+    std: float | None
+    interval: Interval
+    unit: str
+    verdict: Verdict
+    reason: str
+    degrees_of_freedom: float | None
+    logarithmic: bool
+    slopes: dict[str, float]
+
+
+class StoredFit(_Part):
+    """What was fitted."""
+
+    names: list[str]
+    values: list[float | None]
+    covariance: list[list[float | None]]
+    degrees_of_freedom: list[float | None]
+
+
+class StoredExcitation(_Part):
+    """How well the coefficients of a row are told apart."""
+
+    coefficients: list[str]
+    singular_values: list[float]
+    direction: list[float]
+    level: float
+    confounded: list[str]
+    correlated: list[str]
+    correlation: float
+
+
+class StoredModelError(_Part):
+    """What speaks against the model."""
+
+    excess: float
+    growth: float
+    share: float
+
+
+class StoredValidation(_Part):
+    """Predictions of held-out data, without their runs."""
+
+    fit_percent: Fits
+    horizons: dict[str, Fits]
+
+
+class StoredObserver(_Part):
+    """The paper's observer: where it ended."""
+
+    final: Fits
+    gains: dict[str, float]
+
+
+class StoredCompliance(_Part):
+    """Whether the joint is seen to be flexible."""
+
+    visible: bool
+    reason: str
+    rigid_fit_percent: Fits
+    deflection: float | None
+    deflection_noise: float | None
+
+
+class StoredDelay(_Part):
+    """A delay."""
+
+    value: float
+    std: float | None
+    interval: Interval
+    status: Literal["given", "found", "none"]
+
+
+class StoredTermEvidence(_Part):
+    """What the full model says of a term."""
+
+    name: str
+    kept: bool
+    value: float
+    std: float | None
+    probability: float | None
+
+
+class StoredSegmentEvidence(_Part):
+    """What a length of the segments gives."""
+
+    duration: float | None
+    excess: float | None
+    std: float | None
+
+
+class StoredChoices(_Part):
+    """What was chosen."""
+
+    terms: list[str]
+    hold: Literal["zero", "linear", "cubic"]
+    hold_reason: str
+    input_delay: StoredDelay
+    link_delay: StoredDelay
+    coulomb_velocity: float | None
+    filter_rate: float
+    estimator: Estimator
+    segment_duration: float | None
+    term_evidence: list[StoredTermEvidence]
+    shapes: dict[str, float]
+    segment_evidence: list[StoredSegmentEvidence]
+
+
+class StoredIdentification(_Part):
+    """The whole file."""
+
+    model: Literal["flexible", "rigid"]
+    coefficients: dict[str, StoredValue]
+    parameters: dict[str, StoredValue]
+    removed: dict[str, StoredValue]
+    fit: StoredFit
+    excitation: dict[str, StoredExcitation]
+    residual_excess: dict[str, float]
+    model_error: StoredModelError
+    validation: StoredValidation
+    observer: StoredObserver
+    least_squares: dict[str, float]
+    compliance: StoredCompliance
+    choices: StoredChoices
+    summary: list[str]
+    warnings: list[str]
+    provenance: dict[str, Any]

@@ -1,0 +1,80 @@
+"""An identification that was written and read again is the same, but for its time series."""
+
+import json
+from copy import deepcopy
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from made_result import made_result
+
+from flexid.errors import SettingError
+from flexid.identification.estimate_file import (
+    FORMAT_VERSION,
+    read_estimate,
+    stored_identification,
+)
+from flexid.report.documents import identification_document, to_json
+
+SERIES = ("observer", "validation", "excitation", "fit")
+
+
+@pytest.fixture(scope="module")
+def document():
+    """The document of an identification as a file has it."""
+    return json.loads(to_json(identification_document(made_result())))
+
+
+def test_what_was_found_comes_back(document):
+    """Assert that every field but the series is as it was, infinities included."""
+    made, found = made_result(), stored_identification(read_estimate(document))
+    for part in fields(made):
+        if part.name not in SERIES:
+            # By text, in which what is not a number equals itself.
+            assert repr(getattr(found, part.name)) == repr(getattr(made, part.name)), part.name
+
+
+def test_arrays_come_back(document):
+    """Assert that covariance, excitation and fits are as they were, and that there are no series."""
+    made, found = made_result(), stored_identification(read_estimate(document))
+    assert found.fit.names == made.fit.names
+    assert found.fit.degrees_of_freedom == made.fit.degrees_of_freedom
+    np.testing.assert_array_equal(found.fit.covariance, made.fit.covariance)
+    row, other = found.excitation["link"], made.excitation["link"]
+    assert row.coefficients == other.coefficients
+    assert row.condition_number == other.condition_number
+    np.testing.assert_array_equal(row.direction, other.direction)
+    assert repr(found.validation.fit_percent) == repr(made.validation.fit_percent)
+    assert repr(found.validation.horizons) == repr(made.validation.horizons)
+    assert found.observer.gains == made.observer.gains
+    assert (found.validation.runs, len(found.observer.time)) == ((), 0)
+
+
+def test_a_newer_file_is_refused(document):
+    """Assert that a file of a later version is refused in one sentence that says what to do."""
+    newer = {**document, "format_version": FORMAT_VERSION + 1}
+    with pytest.raises(SettingError, match="update flexid") as caught:
+        read_estimate(newer)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        (("parameters", "gravity_torque", "interval"), 3),
+        (("coefficients", "theta1", "verdict"), "fine"),
+        (("fit", "covariance"), "none"),
+        (("choices", "hold"), "spline"),
+        (("summary",), None),
+    ],
+)
+def test_a_file_that_was_altered_is_refused(document, keys, value):
+    """Assert that the key that is wrong is named, in one line."""
+    altered = deepcopy(document)
+    part = altered
+    for key in keys[:-1]:
+        part = part[key]
+    part[keys[-1]] = value
+    with pytest.raises(SettingError, match=keys[-1]) as caught:
+        stored_identification(read_estimate(altered))
+    assert "\n" not in str(caught.value)
