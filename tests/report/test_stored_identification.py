@@ -35,7 +35,7 @@ def test_what_was_found_comes_back(document):
 
 
 def test_arrays_come_back(document):
-    """Assert that covariance, excitation and fits are as they were, and that there are no series."""
+    """Assert that covariance, excitation and fits are as they were, and that no series is there."""
     made, found = made_result(), stored_identification(read_estimate(document))
     assert found.fit.names == made.fit.names
     assert found.fit.degrees_of_freedom == made.fit.degrees_of_freedom
