@@ -6,8 +6,11 @@ reason.
 
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+
+from flexid import files
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -33,15 +36,7 @@ def read_bytes(path: Path, wanted: str, refuse: Refuse) -> bytes:
     refuse : callable
         Makes the error.
     """
-    try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        reason = (getattr(error, "strerror", None) or "cannot be opened").lower()
-        raise refuse("", f"{reason}: give the path of {wanted}") from None
-    if len(raw) > MAX_BYTES:
-        raise refuse("", f"is larger than {MAX_BYTES} bytes: give {wanted}")
-    return raw
+    return files.read_bytes(path, MAX_BYTES, wanted, partial(refuse, ""))
 
 
 def parse_toml(raw: bytes, refuse: Refuse) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def test_a_campaign_in_which_nothing_finishes(flexid, tmp_path):
         (["tiny.toml", "--out", "out", "--json"], "--json: belongs to --summary"),
         (["tiny.toml", "--out", "out", "--scheduler", "x", "--workers", "2"], "--workers: is for"),
         (["--summary", "nothing"], "nothing holds no campaign"),
-        (["nothing.toml", "--out", "out"], "nothing.toml: no such file"),
+        (["nothing.toml", "--out", "out"], "nothing.toml: there is no such file"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(

@@ -216,7 +216,7 @@ BAD = {
     "ragged": (HEADER + "\n0,0,0,0\n0.1,1,1\n", "line 3"),
     "text": (HEADER + "\n0,0,0,0\n0.1,1,x,1\n", "line 3"),
     "unit": (HEADER.replace("[rad]", "[furlong]", 1) + "\n0,0,0,0\n", "furlong"),
-    "column": (HEADER.replace("motor_position", "motor_pos") + "\n0,0,0,0\n", "motor_pos"),
+    "column": (HEADER.replace("motor_position", "motor_poss") + "\n0,0,0,0\n", "motor_poss"),
 }
 
 

@@ -99,7 +99,7 @@ def test_unstable_sampled_loop_exits_1(flexid: Callable, tmp_path: Path):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("nowhere.toml",), "nowhere.toml: no such file"),
+        (("nowhere.toml",), "nowhere.toml: there is no such file"),
         ((TABLE1, "--set", "controller.kk=3"), "write controller.k"),
         ((TABLE1, "--set", "controller.k"), "path=number"),
         ((TABLE1, "--set", "controller.k=__import__('os')"), "path=number"),

@@ -6,6 +6,7 @@ import pytest
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.preparation import Pieces, prepare
 from flexid.recording.recording import Log, Recording
+from flexid.recording.sampling import FEWEST_TO_IDENTIFY
 
 SHARE = 1 / 3
 
@@ -67,9 +68,10 @@ def test_short_piece_costs_a_warning():
 
 
 def test_nothing_but_short_pieces_is_refused():
-    """Assert that a log too short to fit is refused."""
-    with pytest.raises(RecordingError, match="record longer"):
-        prepare([log(recording(70))], SHARE)
+    """Assert that a log too short to fit is refused, with the length that the reader names."""
+    prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)
+    with pytest.raises(RecordingError, match=f"record {FEWEST_TO_IDENTIFY} or more without a gap"):
+        prepare([log(recording(FEWEST_TO_IDENTIFY - 1))], SHARE)
 
 
 def test_share_that_tests_on_nothing_is_refused():

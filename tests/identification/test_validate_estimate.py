@@ -288,7 +288,7 @@ def test_the_command(flexid, tmp_path):
     assert names == {"validation.json", "validation.png"}
     document = json.loads((tmp_path / "out" / "validation.json").read_text())
     assert set(document["residuals"]) == {"0.05", "0.2", "1", "5", "free"}
-    assert document["provenance"]["inputs"][0]["file"] == "log.csv"
+    assert document["provenance"]["inputs"][0]["file"] == str(tmp_path / "log.csv")
     printed = flexid("validate", path, tmp_path / "log.csv", "--json")
     assert json.loads(printed.stdout)["fit_percent"] == document["fit_percent"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,7 +61,10 @@ def without(name: str) -> Edit:
 
 TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
     "header only": (lambda lines: lines[:1], ["line 1", "no samples", "export the log again"]),
-    "two samples": (lambda lines: lines[:3], ["2 samples", "at least 20", "record for longer"]),
+    "two samples": (
+        lambda lines: lines[:3],
+        ["2 samples", "20 are the fewest that are read, and 75", "record for longer"],
+    ),
     "no header": (lambda lines: lines[1:], ["line 1", "begins with numbers", "write a header"]),
     "missing column": (
         without("motor_position"),
@@ -71,7 +75,6 @@ TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
         header("motor_position", "motor_positon"),
         ["no motor_position (did you mean 'motor_positon'?)"],
     ),
-    "capitals": (header("time", "Time"), ["no time (did you mean 'Time'?)"]),
     "unknown unit": (
         header("link_position", "link_position [furlong!]"),
         ["line 1, column 'link_position [furlong!]'", "not known", "[rad], [deg]"],
@@ -87,7 +90,7 @@ TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
     "column twice": (header("motor_velocity", "time"), ["line 1", "'time' stands there twice"]),
     "channel twice": (
         header("motor_velocity", "time [ms]"),
-        ["'time' and 'time [ms]' are both time", "remove one"],
+        ["'time' and 'time [ms]' are both time", "rename or remove one"],
     ),
     "nan": (cell(7, 2, "nan"), ["line 7, column 'motor_position'", "nan is not a finite number"]),
     "infinite": (cell(7, 2, "-inf"), ["line 7", "-inf is not a finite number", "remove the row"]),
@@ -109,24 +112,55 @@ TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
         lambda lines: [*lines[:9], "0.04,1.0", *lines[10:]],
         ["line 10", "2 cells where the header has 6", "complete or remove"],
     ),
+    "short row at the beginning": (
+        lambda lines: [*lines[:2], "0.04,1.0", *lines[3:]],
+        ["line 3", "2 cells where the header has 6"],
+    ),
+    "short rows": (lambda lines: [lines[0], *(["1,2,3"] * 30)], ["line 2", "3 cells where"]),
     "long row": (
         lambda lines: [*lines[:9], lines[9] + ",1", *lines[10:]],
         ["line 10", "7 cells where the header has 6"],
     ),
     "blank line": (lambda lines: [*lines[:9], "", *lines[9:]], ["line 10", "blank", "remove it"]),
-    "decimal commas": (
-        lambda lines: [line.replace(",", ";").replace(".", ",") for line in lines],
-        ["line 2, column 'time'", "'0,0' has a decimal comma", "decimal points"],
+    "a decimal comma among points": (
+        lambda lines: [*lines[:1], lines[1].replace("0.0", '"0,0"', 1), *lines[2:]],
+        ["line 2, column 'time'", "'0,0' has a comma", "decimal points"],
     ),
     "decimal commas between commas": (
         lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])],
-        ["line 2", "12 cells where the header has 6", "decimal commas"],
+        ["line 2", "12 cells where the header has 6", "another separator"],
     ),
-    "blanks between columns": (
-        lambda lines: [line.replace(",", " ") for line in lines],
-        ["line 1", "no time", "found 'time link_position motor_position lin..."],
+    "open quote": (
+        cell(9, 1, '"1.0'),
+        ["line 9", "a quotation mark opens on this line and does not close on it", "remove it"],
     ),
-    "open quote": (cell(9, 1, '"1.0'), ["line 9"]),
+    "open quote in the last row": (cell(61, 5, '"1.0'), ["line 61", "a quotation mark opens"]),
+    "quote within a cell": (cell(9, 1, '"1"0'), ["line 9", "follows a quotation mark"]),
+    "open quote in the header": (header("time", '"time'), ["line 1", "quotation mark opens"]),
+    "comment between samples": (
+        lambda lines: [*lines[:9], "# paused", *lines[9:]],
+        ["line 10", "a comment between samples: remove it"],
+    ),
+    "text below the header": (
+        lambda lines: [lines[0], "Sensors: A, B", *lines[1:]],
+        ["line 2", "between the column names and the numbers", "mend or remove it"],
+    ),
+    "only comments": (lambda lines: ["# " + line for line in lines], ["nothing but comments"]),
+    "other unit below the name": (
+        lambda lines: [lines[0].replace("time", "time [s]"), "ms,rad,rad,rad/s,rad/s,Nm",
+                       *lines[1:]],
+        ["line 2, column 'time [s]'", "the unit below the name is [ms]", "agree"],
+    ),
+    "two of a name but for letters": (
+        header("motor_velocity", "Time"),
+        ["line 1", "'time' and 'Time' are both time", "rename or remove one"],
+    ),
+    "too many columns": (
+        lambda lines: [line + "," + ",".join(f"{k}" if n else f"c{k}" for k in range(10_000))
+                       for n, line in enumerate(lines[:4])],
+        ["line 1", "10006 columns, more than the 10000"],
+    ),
+    "one endless line": (lambda lines: [",".join(lines) * 300], ["line 1", "more than 1000000"]),
     "milliseconds": (
         lambda lines: [lines[0], *(f"{k},{line.split(',', 1)[1]}" for k, line in
                                    enumerate(lines[1:]))],
@@ -153,8 +187,14 @@ BYTES_CASES = {
     "parquet named csv": (b"PAR1....PAR1", "log.csv", ["Parquet", "rename it", ".parquet"]),
     "csv named parquet": (GOOD, "log.parquet", ["no readable Parquet file", "name it .csv"]),
     "torn parquet": (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", ["no readable Parquet"]),
-    "utf-16": (GOOD.decode().encode("utf-16"), "log.csv", ["UTF-16", "save the file as UTF-8"]),
-    "latin-1": (GOOD.replace(b"\n0.005,", b"\n\xb5,"), "log.csv", ["line 3", "not UTF-8"]),
+    "torn utf-16": (b"\xff\xfe" + b"\x00\xdc" * 9, "log.csv", ["damaged UTF-16", "as UTF-8"]),
+    "latin-1": (
+        GOOD.replace(b"\n0.005,", b"\n\xb5,"),
+        "log.csv",
+        ["line 3", "'µ' is not a number"],
+    ),
+    "column map as log": (b'time = "t"', "columns.toml", ["TOML file", "--columns"]),
+    "estimate as log": (b"{}", "estimate.json", ["JSON file", "export the log"]),
 }
 
 
@@ -171,12 +211,32 @@ def test_bad_bytes(name: str, tmp_path: Path) -> None:
 
 def test_missing_file(tmp_path: Path) -> None:
     """Assert that a missing file is named."""
-    assert "nowhere.csv: there is no such file: check the path" in refusal(tmp_path / "nowhere.csv")
+    path = tmp_path / "nowhere.csv"
+    assert refusal(path).startswith(f"{path}: there is no such file: check the spelling")
 
 
 def test_folder(tmp_path: Path) -> None:
     """Assert that a folder is told from a file."""
-    assert "this is a folder: name the file in it" in refusal(tmp_path)
+    assert "this is a folder: give the path of a log in it" in refusal(tmp_path)
+
+
+def test_links(tmp_path: Path) -> None:
+    """Assert that links that lead nowhere, or in a circle, are known for what they are."""
+    (tmp_path / "a.csv").symlink_to("b.csv")
+    assert "a link to a file that is not there" in refusal(tmp_path / "a.csv")
+    (tmp_path / "b.csv").symlink_to("a.csv")
+    assert "a link that leads back to itself" in refusal(tmp_path / "a.csv")
+
+
+def test_pipe(tmp_path: Path) -> None:
+    """Assert that a pipe is refused rather than waited for."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    assert "no ordinary file" in refusal(tmp_path / "pipe.csv")
+
+
+def test_path_with_a_line_break(tmp_path: Path) -> None:
+    """Assert that a message stays on one line whatever the file is called."""
+    assert r"two\nlines.csv: there is no such file" in refusal(tmp_path / "two\nlines.csv")
 
 
 def test_impossible_path() -> None:
@@ -191,7 +251,7 @@ def test_huge_file(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(1_000_000_000)  # a hole: no block is written
     message = refusal(path)
-    assert "1000 MB, more than the 500 MB" in message
+    assert "larger than 500 MB, the most that is read" in message
     assert "cut the log" in message
 
 

@@ -60,7 +60,7 @@ REFUSED: dict[str, tuple[Columns, list[str]]] = {
     ),
     "motor before the gear": (
         positions_only(changed(motor_position=times(100.0), link_position=times(1.0))),
-        ["times the link position", "as if by a gear", "column map"],
+        ["times the link position", "as if by a gear: write the drive's gear_ratio", "column map"],
     ),
     "opposite sign": (
         positions_only(changed(motor_position=times(-1.0))),
@@ -144,7 +144,7 @@ def test_warned(name: str, tmp_path: Path) -> None:
     """Assert that the log is read, with a warning that names the column and the remedy."""
     columns, words = WARNED[name]
     log = read_log(write_csv(tmp_path, columns))
-    assert all(warning.startswith("log.csv: ") for warning in log.warnings)
+    assert all(warning.startswith(f"{log.source}: ") for warning in log.warnings)
     assert any(all(word in warning for word in words) for warning in log.warnings), log.warnings
 
 

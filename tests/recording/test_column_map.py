@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -84,6 +85,103 @@ def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
     np.testing.assert_array_equal(piece.input, columns["drive"])
 
 
+def geared_log(folder: Path, ratio: float) -> Path:
+    """Write a log whose motor's columns are at the motor's side of a gear."""
+    columns = joint_columns()
+    columns["motor_position"] *= ratio
+    columns["motor_velocity"] *= ratio
+    columns["motor_torque"] /= ratio
+    return write_csv(folder, columns)
+
+
+@pytest.mark.parametrize(
+    ("written", "ratio"),
+    [
+        ("101", 101.0),
+        ('"1/101"', 101.0),
+        ('"101:1"', 101.0),
+        ("-50.5", -50.5),
+        ('"3/157"', 157 / 3),
+    ],
+)
+def test_gear_ratio(tmp_path: Path, written: str, ratio: float) -> None:
+    """Assert that angles and velocities are divided and the torque is multiplied, and so said."""
+    map_path = tmp_path / "columns.toml"
+    map_path.write_text(f"gear_ratio = {written}")
+    log = read_log(geared_log(tmp_path, ratio), map_path)
+    assert log.warnings == ()
+    (piece,) = log.pieces
+    for name, values in joint_columns().items():
+        if name != "time":
+            read = piece.input if name == "motor_torque" else getattr(piece, name)
+            np.testing.assert_allclose(read, values, rtol=1e-12)
+    for name, origin in log.columns.items():
+        factor = {"motor_torque": ratio, "motor_position": 1 / ratio, "motor_velocity": 1 / ratio}
+        assert origin.factor == pytest.approx(factor.get(name, 1.0))
+        assert origin.gear_ratio == (pytest.approx(ratio) if name in factor else None)
+
+
+def test_side_of_the_gear(tmp_path: Path) -> None:
+    """Assert that a channel that is at the link's side already is left as it is."""
+    columns = joint_columns()
+    columns["torque"] = columns.pop("motor_torque") / 101.0
+    map_path = tmp_path / "columns.toml"
+    map_path.write_text("""
+        gear_ratio = 101
+        motor_position = {column = "motor_position", side = "link"}
+        motor_velocity = {column = "motor_velocity", side = "link"}
+        motor_torque = {column = "torque", unit = "mN m", scale = 1000}
+    """)
+    log = read_log(write_csv(tmp_path, columns), map_path)
+    (piece,) = log.pieces
+    np.testing.assert_array_equal(piece.motor_position, columns["motor_position"])
+    np.testing.assert_allclose(piece.input, joint_columns()["motor_torque"], rtol=1e-12)
+    assert log.columns["motor_torque"].factor == pytest.approx(101.0)
+    assert log.columns["motor_position"].gear_ratio is None
+
+
+@pytest.mark.parametrize("name", ["motor_current", "motor_voltage", "motor_torque [V]"])
+def test_a_gear_carries_no_current(tmp_path: Path, name: str) -> None:
+    """Assert that a current or a voltage has no side of the gear."""
+    columns = joint_columns()
+    columns[name] = columns.pop("motor_torque")
+    map_path = tmp_path / "columns.toml"
+    map_path.write_text("gear_ratio = 1.5")
+    (piece,) = read_log(write_csv(tmp_path, columns), map_path).pieces
+    np.testing.assert_array_equal(piece.input, joint_columns()["motor_torque"])
+
+
+def test_origin_is_the_formula(tmp_path: Path) -> None:
+    """Assert that factor, weights and offset give the channel from the file's own numbers."""
+    text = RAW_MAP.replace(
+        'column = "u"', 'sum = ["u", {column = "other", scale = "1/4"}], scale = 3, offset = 0.5'
+    )
+    log = read_mapped(tmp_path, text)
+    frame = pl.read_csv(tmp_path / "log.csv")
+    (piece,) = log.pieces
+    for name, values in (("motor_position", piece.motor_position), ("motor_voltage", piece.input)):
+        origin = log.columns[name]
+        total = sum(weight * frame[column] for column, weight in origin.columns.items())
+        np.testing.assert_allclose(origin.factor * total + origin.offset, values, atol=1e-12)
+    assert log.columns["motor_voltage"].columns == {"u": 1.0, "other": 0.25}
+
+
+def test_letter_case(tmp_path: Path) -> None:
+    """Assert that a map finds a column in other letters, unless two differ by nothing else."""
+    map_path = tmp_path / "columns.toml"
+    map_path.write_text('motor_position = "Q M"\nlink_position = "q l"')
+    columns = joint_columns()
+    columns["q_m [rad]"] = columns.pop("motor_position")
+    columns["Q_L"] = columns.pop("link_position")
+    (piece,) = read_log(write_csv(tmp_path, columns), map_path).pieces
+    np.testing.assert_array_equal(piece.motor_position, columns["q_m [rad]"])
+    columns["Q_M"] = columns["q_m [rad]"]
+    with pytest.raises(RecordingError, match=r"'q_m \[rad\]', 'Q_M' both match 'Q M'"):
+        read_log(write_csv(tmp_path, columns), map_path)
+    map_path.write_text('motor_position = "Q_M"\nlink_position = "q l"')
+    read_log(write_csv(tmp_path, columns), map_path)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -97,12 +195,20 @@ def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
         ('"t [ms]"', "3", ["key 'time'", "neither a column name nor a table"]),
         ("motor_voltage", "motor_volts", ["key 'motor_volts'", "did you mean 'motor_voltage'?"]),
         ('"pot_V"', '"pot"', ["key 'motor_position'", "log.csv has no column 'pot'", "'pot_V'"]),
-        ('"pot_V"', '"Pot_v"', ["did you mean 'pot_V'?"]),
+        ('"pot_V"', '"pot_v1"', ["did you mean 'pot_V'?"]),
         ('"deg"', '"count"', ["key 'motor_position'", "[count] does not measure", "[deg]"]),
         ('"mV"', '"A"', ["key 'motor_voltage'", "[A] does not measure", "[V]"]),
         ("scale = 2.0", "scale = 2.0.1", ["the column map is no TOML", "line 4"]),
         ('column = "strain"', 'sum = ["strain", "u"]', ["differ in unit", "'unit'"]),
         ("time =", "time = 1\ntime =", ["the column map is no TOML", "correct it"]),
+        ("time =", "gear_ratio = 0.01\ntime =", ["key 'gear_ratio'", "0.01 is no ratio", "101"]),
+        ("time =", "gear_ratio = true\ntime =", ["key 'gear_ratio'", "True is no ratio"]),
+        ("time =", 'gear_ratio = "1/0"\ntime =', ["key 'gear_ratio'", "no ratio"]),
+        ("time =", 'gear_ratio = "high"\ntime =', ["key 'gear_ratio'", "'high' is no ratio"]),
+        ("time =", "gear_ratio = inf\ntime =", ["key 'gear_ratio'", "inf is no ratio"]),
+        ('unit = "deg"', 'side = "link"', ["'motor_position.side'", "but the map no gear_ratio"]),
+        ("scale = 2.0", 'side = "motor"', ["key 'deflection.side'", "deflection has no side"]),
+        ('unit = "deg"', 'side = "left"', ["'motor_position.side'", "'motor' or 'link'"]),
     ],
 )
 def test_bad_maps(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
@@ -110,7 +216,7 @@ def test_bad_maps(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
     assert old in RAW_MAP
     with pytest.raises(RecordingError) as caught:
         read_mapped(tmp_path, RAW_MAP.replace(old, new))
-    assert caught.value.file == "columns.toml"
+    assert caught.value.file == str(tmp_path / "columns.toml")
     for word in words:
         assert word in str(caught.value)
 
@@ -118,7 +224,7 @@ def test_bad_maps(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
 def test_missing_entry(tmp_path: Path) -> None:
     """Assert that a channel that neither file nor map has is named, with both."""
     text = "\n".join(line for line in RAW_MAP.split("\n") if "motor_pos" not in line)
-    with pytest.raises(RecordingError, match=r"no motor_position.* the column map columns\.toml"):
+    with pytest.raises(RecordingError, match=r"no motor_position.* the column map .*columns\.toml"):
         read_mapped(tmp_path, text)
 
 
@@ -129,15 +235,17 @@ def test_ambiguous_name(tmp_path: Path) -> None:
     columns["q [rad]"] = columns.pop("motor_position")
     path = tmp_path / "columns.toml"
     path.write_text('motor_position = "q"')
-    with pytest.raises(RecordingError, match="both match 'q': write the name with its unit"):
+    with pytest.raises(RecordingError, match="both match 'q': write the name as in the file"):
         read_log(write_csv(tmp_path, columns), path)
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "the file is empty"),
-        (b"\xff\xfe\x00", "the column map is no text at byte 0: save it as UTF-8"),
+        (b"", "the column map is empty"),
+        (b"a=\xff\xfe\x00", "the column map is no text at byte 2: save it as UTF-8"),
+        (b"time,q\n0,1\n", "no column map but perhaps the log: give --columns a TOML file"),
+        (b"t;q\n" + b"0;1\n" * 100_000, "larger than 200 kB, the most that is read"),
         (b"a = " + b"[" * 5000, "the column map is no TOML that can be read"),
     ],
 )

@@ -39,9 +39,9 @@ def test_motor_alone(tmp_path: Path):
 
 def test_misspelt_link_position(tmp_path: Path):
     """Assert that a link encoder under another name is pointed out."""
-    columns = one_encoder(Link_Position=joint_columns()["link_position"])
+    columns = one_encoder(lnk_position=joint_columns()["link_position"])
     warnings = " ".join(read_log(write_csv(tmp_path, columns)).warnings)
-    assert "did you mean 'Link_Position'?" in warnings
+    assert "did you mean 'lnk_position'?" in warnings
 
 
 def test_velocity_without_position(tmp_path: Path):

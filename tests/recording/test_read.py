@@ -36,7 +36,7 @@ def test_canonical_csv(tmp_path: Path) -> None:
     path = write_csv(tmp_path, columns)
     log = read_log(path)
     assert log.warnings == ()
-    assert log.source == "log.csv"
+    assert log.source == str(path)
     assert log.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     (piece,) = log.pieces
     assert piece.sample_time == pytest.approx(0.005, rel=1e-12)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 
 from flexid.errors import RecordingError, SettingError
 from flexid.recording.recording import Log, Recording
@@ -134,8 +135,9 @@ def _held_out_start(piece: Recording, share: float) -> int:
         raise RecordingError(
             piece.source,
             f"piece from {piece.start_time:g} s",
-            f"leaves {start} samples to fit after {share:.0%} are kept out for validation, fewer "
-            f"than {_FEWEST_TRAINING_SAMPLES}: record longer",
+            f"has {len(piece)} samples, of which {share:.0%} are kept out for validation and "
+            f"{start} are left to fit, fewer than {_FEWEST_TRAINING_SAMPLES}: record "
+            f"{ceil(_FEWEST_TRAINING_SAMPLES / (1 - share))} or more without a gap",
         )
     if len(piece) - start < _FEWEST_HELD_OUT_SAMPLES:
         raise SettingError(

@@ -24,5 +24,5 @@ def provenance(logs: Sequence[Log], settings: Settings, choices: Choices) -> dic
             "estimator": choices.estimator,
             "segment_duration": choices.segment_duration,
         },
-        "inputs": [{"file": log.source, "sha256": log.sha256} for log in logs],
+        "inputs": [log.provenance for log in logs],
     }

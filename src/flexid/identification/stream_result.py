@@ -110,7 +110,7 @@ def stream_result(
         ),
         provenance={
             **head.provenance,
-            "inputs": [{"file": stream.file, "sha256": stream.sha256}],
+            "inputs": [{**stream.head.provenance, "sha256": stream.sha256}],
             "stream": {"rows": stream.rows, "head_rows": stream.head_rows},
         },
     )

@@ -111,7 +111,7 @@ def validate_estimate(
         provenance={
             "flexid_version": flexid.__version__,
             "estimate": {"file": name, "sha256": hashlib.sha256(raw).hexdigest()},
-            "inputs": [{"file": log.source, "sha256": log.sha256} for log in logs],
+            "inputs": [log.provenance for log in logs],
         },
     )
 

@@ -10,7 +10,7 @@ from flexid.errors import RecordingError
 from flexid.recording.velocities import position_noise
 
 if TYPE_CHECKING:
-    from flexid.recording.columns import Channel
+    from flexid.recording.channel import Channel
     from flexid.recording.recording import FloatArray, Recording
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
@@ -199,11 +199,14 @@ def check_follow(file: str, link: Channel, motor: Channel) -> tuple[str, ...]:
             f"degrees and the other in radians: write the unit in brackets",
         )
     if abs(correlation) > 0.98 and factor > 20.0:
+        remedy = f"scale the link position by {1.0 / factor:.3g}"
+        if larger == "motor":
+            remedy = "write the drive's gear_ratio"
         raise RecordingError(
             file,
             place,
             f"the {larger} position is about {factor:.3g} times the {smaller} position, as if by a "
-            f"gear: scale the {larger} position by {1.0 / factor:.3g} in a column map",
+            f"gear: {remedy} in a column map",
         )
     if correlation < -0.98 and factor < 1.1:
         raise RecordingError(

@@ -1,15 +1,36 @@
-"""One entry of a column map: which raw columns make up a channel, and how."""
+"""Column maps: which raw columns make up a channel, and how."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from flexid.errors import RecordingError
+from flexid.files import shown
+from flexid.recording.channel import GEARED, SI_UNITS
+from flexid.recording.names import did_you_mean
+from flexid.toml_file import parse_toml, read_bytes
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-REMEDY = "write a column name, or a table of column or sum, scale, offset and unit"
+REMEDY = "write a column name, or a table of column or sum, scale, offset, unit and side"
+_RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
+_WANTED = "a column map in TOML"
+_GEAR_REMEDY = 'write how often the motor turns in one turn of the link, as 101 or "1/101"'
+
+
+def _quotient(value: object) -> object:
+    """The number that a text such as "1/101" stands for."""
+    match = _RATIO.fullmatch(value) if isinstance(value, str) else None
+    if match is None or not float(match[2]):
+        return value
+    return float(match[1]) / float(match[2])
+
+
+Number = Annotated[float, BeforeValidator(_quotient), Field(allow_inf_nan=False)]
 
 
 class Term(BaseModel):
@@ -38,9 +59,12 @@ class Entry(BaseModel):
     sum : tuple of Term
         Several, each by name or with a factor of its own.
     scale, offset : float
-        In `unit` per raw unit, and in `unit`.
+        In `unit` per raw unit, and in `unit`. Each may be a quotient, such as ``"1/101"``.
     unit : str or None
         None takes the unit in the header of the raw column, or SI if there is none.
+    side : {"motor", "link"} or None
+        At which side of the gear the result is; None takes the motor's side where the map has a
+        gear ratio.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -50,6 +74,7 @@ class Entry(BaseModel):
     scale: Number = 1.0
     offset: Number = 0.0
     unit: str | None = None
+    side: Literal["motor", "link"] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -73,23 +98,106 @@ class Entry(BaseModel):
         return self.sum if self.column is None else [Term(column=self.column)]
 
 
-def parse_entry(file: str, key: str, value: object) -> Entry:
-    """Return one entry of a column map.
+@dataclass(frozen=True)
+class ColumnMap:
+    """What a column map says.
 
     Parameters
     ----------
     file : str
-        Name of the map, for the error.
-    key : str
-        The canonical channel.
-    value : object
-        What TOML holds there.
+        Its path, for messages.
+    entries : mapping of str to Entry
+        By channel.
+    gear_ratio : float or None
+        Turns of the motor in one turn of the link; negative where the two turn in opposite
+        directions.
+    """
+
+    file: str
+    entries: Mapping[str, Entry]
+    gear_ratio: float | None
+
+    def gear(self, channel: str) -> float | None:
+        """The gear ratio by which a channel is carried to the link's side; None if it is there."""
+        entry = self.entries.get(channel)
+        if channel not in GEARED or (entry is not None and entry.side == "link"):
+            return None
+        return self.gear_ratio
+
+
+def read_map(path: Path) -> ColumnMap:
+    """Read a column map.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file; its keys are channels, and ``gear_ratio``.
+
+    Returns
+    -------
+    ColumnMap
 
     Raises
     ------
     RecordingError
-        If the value is not what an entry may be.
+        If the file is missing, is no TOML, or holds an unknown key or a value that cannot be used.
     """
+    file = shown(path)
+
+    def refuse(_key: str, reason: str) -> RecordingError:
+        return RecordingError(file, "", reason)
+
+    raw = read_bytes(path, _WANTED, refuse)
+    if not raw.strip():
+        raise refuse("", "the column map is empty: name the columns in it")
+    content = parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason)))
+    gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
+    for key in content:
+        if key not in SI_UNITS:
+            raise RecordingError(
+                file,
+                f"key {key!r}",
+                f"this is no channel{did_you_mean(key, SI_UNITS)}: use one of "
+                f"{', '.join(SI_UNITS)}, or gear_ratio",
+            )
+    entries = {key: _entry(file, key, value) for key, value in content.items()}
+    for key, entry in entries.items():
+        if entry.side is not None and (key not in GEARED or gear_ratio is None):
+            what = "has no side" if key not in GEARED else "has a side, but the map no gear_ratio"
+            raise RecordingError(
+                file,
+                f"key '{key}.side'",
+                f"{key} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio",
+            )
+    return ColumnMap(file, entries, gear_ratio)
+
+
+def _no_map(raw: bytes, reason: str) -> str:
+    """Why a file that is no TOML is no column map."""
+    first = raw.lstrip().partition(b"\n")[0]
+    if b"=" not in first and not first.startswith((b"#", b"[")):
+        return (
+            "this is no column map but perhaps the log: give --columns a TOML file such as "
+            "examples/columns_voltage_arm.toml, and the log without an option"
+        )
+    return f"the column map {reason}"
+
+
+def _gear_ratio(file: str, value: object) -> float | None:
+    """Turns of the motor in one turn of the link, however the ratio is written."""
+    if value is None:
+        return None
+    ratio = _quotient(value)
+    if isinstance(value, str) and isinstance(ratio, float) and 0.0 < abs(ratio) < 1.0:
+        ratio = 1.0 / ratio
+    if isinstance(ratio, int | float) and not isinstance(ratio, bool) and 1.0 <= abs(ratio) <= 1e6:
+        return float(ratio)
+    shown_value = repr(value) if len(repr(value)) <= 40 else repr(value)[:37] + "..."
+    raise RecordingError(file, "key 'gear_ratio'", f"{shown_value} is no ratio: {_GEAR_REMEDY}")
+
+
+def _entry(file: str, key: str, value: object) -> Entry:
+    """One entry of a column map; raise where the value is not what an entry may be."""
     try:
         return Entry.model_validate(value)
     except ValidationError as error:

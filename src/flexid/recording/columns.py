@@ -1,62 +1,51 @@
-"""Which column of a file is which channel, in which unit: canonical names and the column map."""
+"""Which column of a file is which channel, in which unit: by names, or by a column map."""
 
 from __future__ import annotations
 
-import difflib
-import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.recording.table import Table, read_bytes
+from flexid.recording.channel import GEARED, INPUTS, SI_UNITS, Channel, Origin
+from flexid.recording.names import did_you_mean, folded, quoted, split_header, usual_channel
 from flexid.recording.units import UnitError, scale_to_si
-from flexid.toml_file import parse_toml
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
-    from flexid.recording.column_map import Entry
-    from flexid.recording.recording import FloatArray
+    from flexid.recording.column_map import ColumnMap, Entry
+    from flexid.recording.table import Table
 
-VELOCITIES = ("link_velocity", "motor_velocity")
-INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference
-SI_UNITS: dict[str, tuple[str, ...]] = {
-    "time": ("s",),
-    "link_position": ("rad",),
-    "link_velocity": ("rad/s",),
-    "motor_position": ("rad",),
-    "motor_velocity": ("rad/s",),
-    "deflection": ("rad",),
-    "motor_torque": ("N m", "V", "A"),
-    "motor_current": ("A",),
-    "motor_voltage": ("V",),
-}
 _LINK = "link_position (or deflection)"
-LARGEST_MAP = 1_000_000  # bytes
+_BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
 
 
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """One canonical channel of a file, in SI units.
+class _Column(NamedTuple):
+    """A column that is a channel by its name, and the unit that the name states."""
 
-    Parameters
-    ----------
-    values : FloatArray, shape (n,)
-    unit : str
-        The SI unit of the values.
-    column : str
-        The column it came from, as named in the file, or several joined by " + ".
-    unit_stated : bool
-        Whether the file or the map named a unit.
-    """
+    header: str
+    unit: str | None
 
-    values: FloatArray
-    unit: str
-    column: str
-    unit_stated: bool
+
+@dataclass
+class _Plan:
+    """Where each channel comes from: from the map, or from a column by its name."""
+
+    column_map: ColumnMap | None
+    found: dict[str, _Column]
+    wanted: set[str] = field(default_factory=set)
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def entries(self) -> Mapping[str, Entry]:
+        return {} if self.column_map is None else self.column_map.entries
+
+    @property
+    def available(self) -> set[str]:
+        return set(self.found) | set(self.entries)
 
 
 def read_channels(
@@ -81,114 +70,116 @@ def read_channels(
     RecordingError
         If the map cannot be used, a required column is missing, or a cell or a unit is bad.
     """
-    entries = {} if map_path is None else read_map(map_path)
-    warnings: list[str] = []
-    found = _canonical_columns(table)
-    warnings += _require(table, set(found) | set(entries), map_path, _mapped_columns(entries))
-    wanted = _wanted(table, set(found) | set(entries), warnings)
-    if map_path is None:
-        unused = [name for name in table.names if split_header(name)[0] not in SI_UNITS]
-        if unused:
-            warnings.append(
-                f"{table.file}: {_quoted(unused)} not used: name them in a column map if they "
-                f"are needed"
-            )
+    plan = _plan(table, map_path)
     channels = {}
     for name in SI_UNITS:
-        if name not in wanted:
-            continue
-        if name in entries and map_path is not None:
-            channels[name] = _mapped(table, name, entries[name], map_path.name)
-        else:
-            channels[name] = _direct(table, name, found[name])
-    return channels, tuple(warnings)
+        if name in plan.wanted:
+            if plan.column_map is not None and name in plan.entries:
+                channels[name] = _mapped(table, name, plan.column_map)
+            else:
+                gear = None if plan.column_map is None else plan.column_map.gear(name)
+                channels[name] = _direct(table, name, plan.found[name], gear)
+    return channels, tuple(plan.warnings)
 
 
 def channel_columns(table: Table, map_path: Path | None) -> list[str]:
     """Headers of the columns that `read_channels` reads, in the file's order."""
-    entries = {} if map_path is None else read_map(map_path)
-    found = _canonical_columns(table)
+    plan = _plan(table, map_path)
     used = set()
-    for name in _wanted(table, set(found) | set(entries), []):
-        if name in entries and map_path is not None:
-            terms = entries[name].terms
-            used |= {_find(table, term.column, name, map_path.name) for term in terms}
+    for name in plan.wanted:
+        if plan.column_map is not None and name in plan.entries:
+            terms = plan.entries[name].terms
+            used |= {_find(table, term.column, name, plan.column_map.file) for term in terms}
         else:
-            used.add(found[name])
+            used.add(plan.found[name].header)
     return [header for header in table.names if header in used]
 
 
-def split_header(header: str) -> tuple[str, str | None]:
-    """Split a header such as ``link_position [deg]`` into its name and its unit.
+def _plan(table: Table, map_path: Path | None) -> _Plan:
+    """Decide where each channel comes from."""
+    column_map = None
+    if map_path is not None:
+        from flexid.recording.column_map import read_map
 
-    >>> split_header("link_position [deg]")
-    ('link_position', 'deg')
-    >>> split_header("time")
-    ('time', None)
-    """
-    match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]\s*", header)
-    return (match[1].strip(), match[2].strip()) if match else (header.strip(), None)
-
-
-def read_map(path: Path) -> Mapping[str, Entry]:
-    """Read a column map.
-
-    Parameters
-    ----------
-    path : Path
-        A TOML file; its keys are canonical names.
-
-    Returns
-    -------
-    Mapping of str to Entry
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing, is no TOML, or holds an unknown key or a value that cannot be used.
-    """
-    from flexid.recording.column_map import parse_entry
-
-    def refuse(_key: str, reason: str) -> RecordingError:
-        return RecordingError(path.name, "", f"the column map {reason}")
-
-    raw = read_bytes(path, LARGEST_MAP, "name the column map, not the log")
-    content = parse_toml(raw, refuse)
-    for key in content:
-        if key not in SI_UNITS:
-            raise RecordingError(
-                path.name,
-                f"key {key!r}",
-                f"this is no channel{_did_you_mean(key, SI_UNITS)}: use one of "
-                f"{', '.join(SI_UNITS)}",
+        column_map = read_map(map_path)
+    plan = _Plan(column_map, _canonical_columns(table))
+    if column_map is None:
+        _add_usual(table, plan)
+    _require(table, plan)
+    _choose(table, plan)
+    if column_map is None:
+        taken = {column.header for column in plan.found.values()}
+        unused = [name for name in table.names if name not in taken]
+        if unused:
+            plan.warnings.append(
+                f"{table.file}: {quoted(unused)} not used: name them in a column map if they "
+                f"are needed"
             )
-    return {key: parse_entry(path.name, key, value) for key, value in content.items()}
+    return plan
 
 
-def _canonical_columns(table: Table) -> dict[str, str]:
-    """Return the headers of the columns that have canonical names, by that name."""
-    found: dict[str, str] = {}
+def _canonical_columns(table: Table) -> dict[str, _Column]:
+    """Return the columns that have canonical names, in whatever letters, by that name."""
+    found: dict[str, _Column] = {}
     for header in table.names:
-        name = split_header(header)[0]
-        if name not in SI_UNITS:
+        bare, unit = split_header(header)
+        name = _BY_FOLDED.get(folded(bare).replace("_", ""))
+        if name is None:
             continue
         if name in found:
             raise RecordingError(
                 table.file,
                 table.header,
-                f"the columns {found[name]!r} and {header!r} are both {name}: remove one of them",
+                f"the columns {found[name].header!r} and {header!r} are both {name}: rename or "
+                f"remove one of them",
             )
-        found[name] = header
+        found[name] = _Column(header, unit)
     return found
 
 
-def _mapped_columns(entries: Mapping[str, Entry]) -> set[str]:
-    return {split_header(term.column)[0] for entry in entries.values() for term in entry.terms}
+def _add_usual(table: Table, plan: _Plan) -> None:
+    """Add columns that have usual names where no column has the channel's own."""
+    taken = {column.header for column in plan.found.values()}
+    candidates: dict[str, list[_Column]] = {}
+    for header in table.names:
+        usual = None if header in taken else usual_channel(header)
+        if usual is not None:
+            candidates.setdefault(usual[0], []).append(_Column(header, usual[1]))
+    known = set(plan.found) | set(candidates)
+    if not known & {"motor_position", "link_position", "deflection"}:  # a drive with one encoder
+        for quantity in ("position", "velocity"):
+            if f"motor_{quantity}" not in known and quantity in candidates:
+                candidates[f"motor_{quantity}"] = candidates[quantity]
+    skipped = set(plan.found)
+    if skipped & set(INPUTS):
+        skipped |= set(INPUTS)
+    if "deflection" in skipped:
+        skipped.add("link_position")
+    added = {}
+    for name in SI_UNITS:
+        columns = [] if name in skipped else candidates.get(name, [])
+        if len(columns) > 1:
+            raise RecordingError(
+                table.file,
+                table.header,
+                f"{quoted(column.header for column in columns)} could each be {name}: rename the "
+                f"one that is, or say in a column map which it is",
+            )
+        if columns:
+            added[name] = columns[0]
+    plan.found |= added
+    if added:
+        shown = ", ".join(
+            f"{column.header!r} for {name} in {column.unit or SI_UNITS[name][0]}"
+            for name, column in added.items()
+        )
+        plan.warnings.append(
+            f"{table.file}: by its name was taken {shown}: check it, or say in a column map what "
+            f"the columns are"
+        )
 
 
-def _require(
-    table: Table, available: set[str], map_path: Path | None, taken: set[str]
-) -> list[str]:
+def _require(table: Table, plan: _Plan) -> None:
     """Raise unless time, a position and an input are there; warn if the link position is not."""
     choices = {
         "time": ("time",),
@@ -196,82 +187,95 @@ def _require(
         _LINK: ("link_position", "deflection"),
         "motor_torque (or motor_current, or motor_voltage)": INPUTS,
     }
-    missing = [label for label, names in choices.items() if not available.intersection(names)]
+    missing = [label for label, names in choices.items() if not plan.available & set(names)]
     if not missing:
-        return []
+        return
+    mapped = {
+        split_header(term.column)[0] for entry in plan.entries.values() for term in entry.terms
+    }
+    taken = mapped | {split_header(column.header)[0] for column in plan.found.values()}
     bare = [name for name, _ in map(split_header, table.names) if name not in taken]
-    hints = [_did_you_mean(label.split(" ")[0], bare) for label in missing]
+    hints = [did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
-    what = "a column map" if map_path is None else f"the column map {map_path.name}"
-    if missing == [_LINK]:
-        return [
-            f"{table.file}: there is no {labels}, so only the rigid joint can be identified: to "
-            f"identify the compliance, log it or name its column in {what}; found "
-            f"{_quoted(table.names)}"
-        ]
-    raise RecordingError(
-        table.file,
-        table.header,
-        f"there is no {labels}; found {_quoted(table.names)}: rename the columns or say in {what} "
-        f"which is which",
+    what = "a column map" if plan.column_map is None else f"the column map {plan.column_map.file}"
+    if missing != [_LINK]:
+        raise RecordingError(
+            table.file,
+            table.header,
+            f"there is no {labels}; found {quoted(table.names)}: rename the columns or say in "
+            f"{what} which is which",
+        )
+    plan.warnings.append(
+        f"{table.file}: there is no {labels}, so only the rigid joint can be identified: to "
+        f"identify the compliance, log it or name its column in {what}; found "
+        f"{quoted(table.names)}"
     )
 
 
-def _wanted(table: Table, available: set[str], warnings: list[str]) -> set[str]:
-    """Return the channels to read: of several inputs, and of two link positions, only one."""
-    wanted = set(available)
+def _choose(table: Table, plan: _Plan) -> None:
+    """Choose the channels to read: of several inputs, and of two link positions, only one."""
+    plan.wanted = wanted = plan.available
+
+    def leave_out(name: str, why: str) -> None:
+        wanted.discard(name)
+        plan.warnings.append(f"{table.file}: {name} is not used, since {why}")
+
     if "link_velocity" in wanted and not wanted & {"link_position", "deflection"}:
-        wanted.discard("link_velocity")
-        warnings.append(
-            f"{table.file}: link_velocity is not used, since there is no link position: log it"
-        )
+        leave_out("link_velocity", "there is no link position: log it")
     if {"link_position", "deflection"} <= wanted:
-        wanted.discard("deflection")
-        warnings.append(
-            f"{table.file}: deflection is not used, since the link position is there: remove "
-            f"the link position to use it"
-        )
+        leave_out("deflection", "the link position is there: remove the link position to use it")
     inputs = [name for name in INPUTS if name in wanted]
     for name in inputs[1:]:
-        wanted.discard(name)
-        warnings.append(
-            f"{table.file}: {name} is not used, since {inputs[0]} is there: remove {inputs[0]} "
-            f"to use it"
-        )
-    return wanted
+        leave_out(name, f"{inputs[0]} is there: remove {inputs[0]} to use it")
 
 
-def _direct(table: Table, name: str, header: str) -> Channel:
+def _direct(table: Table, name: str, column: _Column, gear: float | None) -> Channel:
     """Read a column under its canonical name."""
-    unit = split_header(header)[1]
+    header, unit = column
     place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
     factor, si_unit = _scale(table.file, place, unit, name)
+    gear, geared = _geared(name, si_unit, gear)
+    factor *= geared
     values = table.numbers(header)
     if factor != 1.0:
         with np.errstate(over="ignore"):
             values *= factor
-    return Channel(values, si_unit, header, unit is not None)
+    origin = Origin({header: 1.0}, factor, 0.0, si_unit, gear)
+    return Channel(values, si_unit, header, unit is not None, origin)
 
 
-def _mapped(table: Table, name: str, entry: Entry, map_file: str) -> Channel:
+def _mapped(table: Table, name: str, column_map: ColumnMap) -> Channel:
     """Compute a channel by its entry in the column map."""
+    entry, map_file = column_map.entries[name], column_map.file
     headers = [_find(table, term.column, name, map_file) for term in entry.terms]
     units = {split_header(header)[1] for header in headers}
     if entry.unit is None and len(units) > 1:
         raise RecordingError(
             map_file,
             f"key '{name}'",
-            f"the columns {_quoted(headers)} differ in unit: scale them to one and name it by "
+            f"the columns {quoted(headers)} differ in unit: scale them to one and name it by "
             f"'unit'",
         )
     unit = entry.unit if entry.unit is not None else units.pop()
     factor, si_unit = _scale(map_file, f"key '{name}'", unit, name)
+    gear, geared = _geared(name, si_unit, column_map.gear(name))
+    factor *= geared
+    weights: dict[str, float] = {}
     total = np.zeros(table.frame.height)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
         for term, header in zip(entry.terms, headers, strict=True):
             total += term.scale * table.numbers(header)
+            weights[header] = weights.get(header, 0.0) + term.scale
         values = factor * (entry.scale * total + entry.offset)
-    return Channel(values, si_unit, " + ".join(headers), unit is not None)
+    origin = Origin(weights, factor * entry.scale, factor * entry.offset, si_unit, gear)
+    return Channel(values, si_unit, " + ".join(headers), unit is not None, origin)
+
+
+def _geared(name: str, si_unit: str, gear: float | None) -> tuple[float | None, float]:
+    """The gear ratio that acts on a channel, and the factor that it makes."""
+    if gear is None or name not in GEARED or si_unit in ("V", "A"):
+        return None, 1.0
+    return gear, gear if name == "motor_torque" else 1.0 / gear
 
 
 def _scale(file: str, place: str, unit: str | None, name: str) -> tuple[float, str]:
@@ -284,28 +288,25 @@ def _scale(file: str, place: str, unit: str | None, name: str) -> tuple[float, s
 
 
 def _find(table: Table, column: str, name: str, map_file: str) -> str:
-    """Return the header of a column that the map names in full or without its unit."""
-    if column in table.names:
-        return column
-    matches = [header for header in table.names if split_header(header)[0] == column]
-    if len(matches) == 1:
-        return matches[0]
-    if matches:
-        reason = f"{_quoted(matches)} both match {column!r}: write the name with its unit"
-    else:
-        hint = _did_you_mean(column, [split_header(header)[0] for header in table.names])
-        reason = f"{table.file} has no column {column!r}{hint}: name one of {_quoted(table.names)}"
-    raise RecordingError(map_file, f"key '{name}'", reason)
-
-
-def _did_you_mean(word: str, candidates: Iterable[str]) -> str:
-    by_lower = {candidate.lower(): candidate for candidate in candidates}
-    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.75)
-    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
-
-
-def _quoted(names: Iterable[str]) -> str:
-    shown = [repr(name if len(name) <= 40 else name[:37] + "...") for name in names]
-    if len(shown) > 20:
-        shown = [*shown[:20], f"and {len(shown) - 20} more"]
-    return ", ".join(shown)
+    """Return the header that the map names: exactly, without its unit, or in other letters."""
+    bare = {header: split_header(header)[0] for header in table.names}
+    for matches in (
+        [header for header in table.names if header == column],
+        [header for header in table.names if bare[header] == column],
+        [
+            header
+            for header in table.names
+            if folded(column) in (folded(header), folded(bare[header]))
+        ],
+    ):
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            reason = f"{quoted(matches)} both match {column!r}: write the name as in the file"
+            raise RecordingError(map_file, f"key '{name}'", reason)
+    hint = did_you_mean(column, bare.values())
+    raise RecordingError(
+        map_file,
+        f"key '{name}'",
+        f"{table.file} has no column {column!r}{hint}: name one of {quoted(table.names)}",
+    )

@@ -6,7 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flexid.recording import checks
-from flexid.recording.columns import INPUTS, VELOCITIES, Channel, read_channels
+from flexid.recording.channel import INPUTS, VELOCITIES, Channel
+from flexid.recording.columns import read_channels
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import check_increasing, even_grid, to_grid
 from flexid.recording.table import Table, read_table
@@ -45,6 +46,8 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
 def log_of_table(table: Table, columns: Path | None = None) -> Log:
     """As `read_log`, from a file's columns."""
     channels, warnings = read_channels(table, columns)
+    warnings = table.warnings + warnings
+    origins = {name: channel.origin for name, channel in channels.items()}
     clock = channels.pop("time")
     checks.check_magnitude(table.file, "time", clock)
     check_increasing(table, clock.column, clock.values)
@@ -64,7 +67,7 @@ def log_of_table(table: Table, columns: Path | None = None) -> Log:
         if name in channels:
             positions = [getattr(piece, name.replace("velocity", "position")) for piece in pieces]
             warnings += checks.check_derivative(table.file, name, channels[name], positions, pieces)
-    return Log(tuple(pieces), warnings, table.file, table.sha256)
+    return Log(tuple(pieces), warnings, table.file, table.sha256, origins)
 
 
 def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:

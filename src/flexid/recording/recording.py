@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import RecordingError
+from flexid.recording.channel import Origin
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -39,7 +41,7 @@ class Recording:
     link_velocity, motor_velocity : FloatArray, shape (n,), or None
         Velocities in rad/s; None where they were not measured.
     source : str
-        Name of the file.
+        The file, as its path was given.
     link_from_deflection : bool
         Whether the link position is the motor's plus a measured deflection, which alone is late if
         it is.
@@ -160,12 +162,21 @@ class Log:
     warnings : tuple of str
         One sentence each, with the place and the remedy.
     source : str
-        Name of the file.
+        The file, as its path was given.
     sha256 : str
         Digest of the file's bytes.
+    columns : mapping of str to Origin
+        How each channel was computed from the columns of the file, by the channel's name.
     """
 
     pieces: tuple[Recording, ...]
     warnings: tuple[str, ...]
     source: str
     sha256: str
+    columns: Mapping[str, Origin] = field(default_factory=dict)
+
+    @property
+    def provenance(self) -> dict[str, object]:
+        """File, digest and columns, as they stand in a result's JSON."""
+        columns = {name: asdict(origin) for name, origin in self.columns.items()}
+        return {"file": self.source, "sha256": self.sha256, "columns": columns}

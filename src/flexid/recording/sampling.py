@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from flexid.recording.table import Table
 
 FEWEST_SAMPLES = 20  # of a piece
+FEWEST_TO_IDENTIFY = 75  # of a piece: 50 to fit, and a third that is kept out
 LONGEST_SAMPLE_TIME = 0.5  # s
 SHORTEST_SAMPLE_TIME = 1e-6  # s
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
@@ -152,8 +153,8 @@ def _check_count(file: str, count: int) -> None:
         raise RecordingError(
             file,
             "",
-            f"there are {count} samples where at least {FEWEST_SAMPLES} are needed: record for "
-            f"longer",
+            f"there are {count} samples where {FEWEST_SAMPLES} are the fewest that are read, and "
+            f"{FEWEST_TO_IDENTIFY} the fewest that can be identified: record for longer",
         )
 
 

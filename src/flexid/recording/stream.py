@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError
+from flexid.files import shown
 from flexid.recording import checks
 from flexid.recording.columns import channel_columns, read_channels
 from flexid.recording.read import ENCODERS, log_of_table, recording_of
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexid.recording.columns import Channel
+    from flexid.recording.channel import Channel
     from flexid.recording.recording import FloatArray, Log, Recording
 
 CHUNK = 262_144
@@ -75,7 +76,7 @@ class LogStream:
     """
 
     def __init__(self, path: Path, columns: Path | None, head_rows: int) -> None:
-        self.file = path.name
+        self.file = shown(path)
         self.warnings: list[str] = []
         """What was found in the stream, once it is over."""
         self._path = path

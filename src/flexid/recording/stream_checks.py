@@ -10,7 +10,7 @@ import numpy as np
 from flexid.recording import checks
 
 if TYPE_CHECKING:
-    from flexid.recording.columns import Channel
+    from flexid.recording.channel import Channel
     from flexid.recording.recording import FloatArray
 
 FROZEN = 5.0

@@ -19,6 +19,13 @@ EXAMPLES = {
     "A": ("A", "mA"),
 }
 LONGEST_UNIT = 24
+_WORDS = ("deg", "rad", "deg/s", "rad/s", "rpm")  # whatever their letters' case
+_USUAL = {
+    *("s", "sec", "ms", "us", "µs", "μs", "rad", "deg", "°", "º", "turn", "turns", "rev", "count"),
+    *("counts", "inc", "rad/s", "deg/s", "°/s", "º/s", "rpm", "1/min", "rad/s^2", "rad/s2"),
+    *("N m", "Nm", "N*m", "N·m", "mN m", "mNm", "kNm", "V", "mV", "A", "mA", "Arms", "W"),
+    *("Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
+}
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
 
 
@@ -29,6 +36,11 @@ class UnitError(Exception):
 def examples(si_unit: str) -> str:
     """Return units that may be written where `si_unit` is expected, as text."""
     return ", ".join(f"[{unit}]" for unit in EXAMPLES[si_unit])
+
+
+def is_usual(text: str) -> bool:
+    """Whether a text is a unit as loggers write them, of whatever quantity."""
+    return text in _USUAL or text.lower() in _WORDS
 
 
 def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
@@ -75,7 +87,9 @@ def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     """
     registry = _registry()
     unknown = UnitError(f"the unit [{text}] is not known: write {_accepted(si_units)}")
-    text = re.sub(f"[{DOTS}]", "·", text)
+    text = re.sub(f"[{DOTS}]", "·", text).replace("º", "°")
+    if text.lower() in _WORDS:
+        text = text.lower()
     # Exponents and numbers are limited, so that no unit text can ask for a power tower.
     bare = re.sub(r"\^-?[12](?![\d^])|^\s*1\s*(?=/)", "", text)
     legible = all(character.isalpha() or character in " */·°" for character in bare)

@@ -1,0 +1,96 @@
+"""Files from outside: opened, bounded in size, refused in one sentence.
+
+Every reader has an error of its own; it hands in a function that makes that error of a reason.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    Refuse = Callable[[str], Exception]
+    """Makes an error of a reason."""
+
+
+def shown(path: Path) -> str:
+    """The path as it was given, for a message: on one line, and no longer than one can read.
+
+    >>> from pathlib import Path
+    >>> shown(Path("logs") / "a.csv")
+    'logs/a.csv'
+    """
+    text = "".join(
+        character if character.isprintable() else repr(character)[1:-1] for character in str(path)
+    )
+    return text if len(text) <= 300 else f"{text[:140]}...{text[-140:]}"
+
+
+def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
+    """Size in bytes of an ordinary file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    wanted : str
+        What it should be, for the remedy: "a log".
+    refuse : callable
+        Makes the error that is raised where the path leads to no ordinary file.
+    """
+    remedy = f"give the path of {wanted}"
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        if path.is_symlink():
+            raise refuse(f"this is a link to a file that is not there: {remedy}") from None
+        raise refuse(f"there is no such file: check the spelling, or {remedy}") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno == errno.ELOOP:
+            raise refuse(f"this is a link that leads back to itself: {remedy}") from None
+        raise refuse(_not_opened(error, remedy)) from None
+    if stat.S_ISDIR(status.st_mode):
+        raise refuse(f"this is a folder: {remedy} in it")
+    if not stat.S_ISREG(status.st_mode):  # opening a pipe would wait for its other end
+        raise refuse(f"this is no ordinary file: {remedy}, copied into one")
+    return status.st_size
+
+
+def read_bytes(path: Path, limit: int, wanted: str, refuse: Refuse, *, shorten: str = "") -> bytes:
+    """Bytes of a file of at most `limit` bytes.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    limit : int
+        Most bytes that are read.
+    wanted : str
+        What the file should be, for the remedy: "a TOML file".
+    refuse : callable
+        Makes the error that is raised where the file cannot be read, or is larger.
+    shorten : str, optional
+        What to do with a file that is too large; without it, to give what is wanted.
+    """
+    if check_file(path, wanted, refuse) <= limit:
+        try:
+            with path.open("rb") as file:
+                raw = file.read(limit + 1)
+        except OSError as error:
+            raise refuse(_not_opened(error, f"give the path of {wanted}")) from None
+        if len(raw) <= limit:
+            return raw
+    most = f"{limit / 1e6:g} MB" if limit >= 1_000_000 else f"{limit / 1e3:g} kB"
+    raise refuse(
+        f"the file is larger than {most}, the most that is read: {shorten or f'give {wanted}'}"
+    )
+
+
+def _not_opened(error: OSError | ValueError, remedy: str) -> str:
+    reason = (getattr(error, "strerror", None) or str(error)).lower()
+    return f"the file cannot be opened ({reason}): {remedy}"

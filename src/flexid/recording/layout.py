@@ -1,0 +1,280 @@
+"""Where a text file's header, units and rows stand, whatever its logger wrote around them."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from flexid.errors import RecordingError
+from flexid.recording.names import split_header
+from flexid.recording.units import is_usual
+
+SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's
+BLANK = " "  # the separator where columns are separated by any number of blanks
+COMMENTS = ("#", "%", "//")
+LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers
+LONGEST_LINE = 1_000_000  # bytes
+MOST_COLUMNS = 10_000
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the parts of a text file stand.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the columns, with the unit in brackets where a row of units gives it.
+    separator : str
+        Between cells; `BLANK` where it is any number of blanks.
+    header_line : int
+        Line of the names, from 1.
+    first_line : int
+        Line of the first row of values.
+    start : int
+        Where that line begins, in bytes.
+    skipped : tuple of (int, int)
+        First and last line of a preamble that is no comment; empty without one.
+    """
+
+    names: tuple[str, ...]
+    separator: str
+    header_line: int
+    first_line: int
+    start: int
+    skipped: tuple[int, int] | tuple[()] = ()
+
+
+@dataclass(frozen=True)
+class _Line:
+    number: int
+    begin: int  # of the line, in bytes
+    end: int  # behind its line feed
+    text: str
+
+    @property
+    def is_comment(self) -> bool:
+        return self.text.lstrip(' "').startswith(COMMENTS)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    header: _Line
+    units: _Line | None
+    separator: str
+    first_line: int
+    start: int
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a decimal point or a decimal comma, finite or not."""
+    return _NUMBER.fullmatch(cell.strip()) is not None
+
+
+def layout_of(file: str, text: bytes) -> Layout:
+    """Find header, units and first row.
+
+    The header is the line of names above the first two rows of numbers with as many cells, or
+    above a row of units above them; lines before it are a preamble.
+
+    Parameters
+    ----------
+    file : str
+        For messages.
+    text : bytes
+        UTF-8 with line feeds.
+
+    Raises
+    ------
+    RecordingError
+        If there is no header, or something stands between it and the numbers.
+    """
+    lines = _head(file, text)
+    plain = [line for line in lines if not line.is_comment]
+    if not plain:
+        raise RecordingError(
+            file, "line 1", "there is nothing but comments: write the column names below them"
+        )
+    found = _first_row(plain)
+    if found is None:  # no row of numbers: the first line is taken for the header, and rows follow
+        first = plain[0]
+        separator = _header_separator(first.text)
+        return _layout(file, lines, _Parts(first, None, separator, first.number + 1, first.end))
+    first, separator, width = found
+    header, units = _above(file, lines[: lines.index(first)], first, separator, width)
+    # A row before it may have another length, and is refused later.
+    first = next(line for line in plain if line.number > header.number and line is not units)
+    if len(_names(header, separator)) == width and not _is_row(split(first.text, separator)):
+        raise RecordingError(
+            file,
+            f"line {first.number}",
+            f"the line stands between the column names and the numbers, and is neither a row of "
+            f"{width} values nor of units: mend or remove it",
+        )
+    return _layout(file, lines, _Parts(header, units, separator, first.number, first.begin))
+
+
+def _above(
+    file: str, above: list[_Line], first: _Line, separator: str, width: int
+) -> tuple[_Line, _Line | None]:
+    """The lines of the names and of the units, if there is one, above the first row."""
+    fitting = [
+        line
+        for line in above
+        if len(cells := _names(line, separator)) == width and not _is_row(cells)
+    ]
+    named = [line for line in fitting if not line.is_comment] or fitting
+    if not named:  # the rows differ in length from any header, and are refused for that
+        named = [line for line in above if not line.is_comment]
+        if not named:
+            raise _no_header(file, first.number)
+        return named[0], None
+    units = None
+    if len(named) > 1 and _is_units(_names(named[-1], separator)):
+        units = named.pop()
+    header = named[-1]
+    if units is None:
+        below = [line for line in fitting if line.number > header.number]
+        units = next((line for line in below if _is_units(_names(line, separator))), None)
+    return header, units
+
+
+def _no_header(file: str, line: int) -> RecordingError:
+    return RecordingError(
+        file,
+        f"line {line}",
+        "the file begins with numbers: write a header with the column names first",
+    )
+
+
+def _head(file: str, text: bytes) -> list[_Line]:
+    """The first lines that are not blank."""
+    lines = []
+    position = 0
+    for number in range(1, LONGEST_PREAMBLE + 3):
+        if position >= len(text):
+            break
+        end = text.find(b"\n", position, position + LONGEST_LINE + 1) + 1
+        if end == 0:
+            end = len(text)
+        if end - position > LONGEST_LINE:
+            raise RecordingError(
+                file,
+                f"line {number}",
+                f"the line has more than {LONGEST_LINE} bytes: write one line for each sample",
+            )
+        line = text[position:end].decode("utf-8", errors="replace").rstrip("\r\n")
+        if line.strip():
+            lines.append(_Line(number, position, end, line))
+        position = end
+    return lines
+
+
+def _first_row(plain: list[_Line]) -> tuple[_Line, str, int] | None:
+    """The first row of numbers that another follows, with its separator and how many cells."""
+    for index, line in enumerate(plain):
+        for separator in (*SEPARATORS, BLANK):
+            cells = split(line.text, separator)
+            if not _is_row(cells, all_of_them=separator == BLANK):
+                continue
+            following = plain[index + 1 : index + 2]
+            if all(len(split(other.text, separator)) == len(cells) for other in following) and all(
+                _is_row(split(other.text, separator)) for other in following
+            ):
+                return line, separator, len(cells)
+    return None
+
+
+def _is_row(cells: list[str], *, all_of_them: bool = False) -> bool:
+    """Whether most cells, two or more in all, are numbers."""
+    count = sum(map(is_number, cells))
+    return len(cells) >= 2 and (count == len(cells) if all_of_them else 2 * count > len(cells))
+
+
+def _is_units(cells: list[str]) -> bool:
+    """Whether at least half of the cells that are not empty are units."""
+    filled = [cell for cell in cells if cell]
+    usual = [cell for cell in filled if is_usual(cell) or re.fullmatch(r"\[.*\]|\(.*\)", cell)]
+    return bool(usual) and 2 * len(usual) >= len(filled)
+
+
+def split(line: str, separator: str) -> list[str]:
+    """Cells of one line, stripped; blanks within brackets separate nothing."""
+    if separator == BLANK:
+        return re.findall(r"[^\s\[(\"]+(?:\s*\[[^\]]*\]|\s*\([^)]*\))?|\"[^\"]*\"|\S+", line)
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    except (csv.Error, StopIteration):
+        return []
+
+
+def _names(line: _Line, separator: str) -> list[str]:
+    """Cells of a header, which NumPy writes as a comment."""
+    return split(_bare(line), separator)
+
+
+def _bare(line: _Line) -> str:
+    """A line without what makes it a comment."""
+    return line.text.lstrip(" #%/") if line.is_comment else line.text
+
+
+def _header_separator(header: str) -> str:
+    """The separator that occurs most often in a header, outside units and quotes."""
+    bare = re.sub(r"\[[^\]]*\]|\([^)]*\)|\"[^\"]*\"", "", header)
+    return max(",;\t|", key=bare.count)
+
+
+def _layout(file: str, lines: list[_Line], parts: _Parts) -> Layout:
+    """The layout with these parts, whose names are checked."""
+    header, separator = parts.header, parts.separator
+    place = f"line {header.number}"
+    if _bare(header).count('"') % 2:
+        raise RecordingError(
+            file, place, "a quotation mark opens in the header and does not close: mend it"
+        )
+    names = _names(header, separator)
+    if len(names) > MOST_COLUMNS:
+        raise RecordingError(
+            file,
+            place,
+            f"there are {len(names)} columns, more than the {MOST_COLUMNS} that are read: write "
+            f"the columns of one joint",
+        )
+    names = [name or f"unnamed {number}" for number, name in enumerate(names, start=1)]
+    if all(map(is_number, names)):
+        raise _no_header(file, header.number)
+    if parts.units is not None:
+        row = _names(parts.units, separator)
+        names = [
+            _with_unit(file, parts.units.number, *pair) for pair in zip(names, row, strict=True)
+        ]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise RecordingError(
+            file, place, f"the column {twice[0]!r} stands there twice: rename or remove one"
+        )
+    before = [line.number for line in lines if line.number < header.number and not line.is_comment]
+    return Layout(
+        tuple(names), separator, header.number, parts.first_line, parts.start,
+        (before[0], before[-1]) if before else (),
+    )  # fmt: skip
+
+
+def _with_unit(file: str, line: int, name: str, unit: str) -> str:
+    """A name with the unit that stands below it."""
+    unit = re.sub(r"^[\[(](.*)[\])]$", r"\1", unit).strip()
+    if not unit:
+        return name
+    bare, own = split_header(name)
+    if own is None:
+        return f"{name} [{unit}]"
+    if own != unit:
+        raise RecordingError(
+            file,
+            f"line {line}, column {name!r}",
+            f"the unit below the name is [{unit}]: let the two agree, or remove one",
+        )
+    return f"{bare} [{unit}]"

@@ -1,0 +1,121 @@
+"""Names of columns: split from their units, and recognised however they are written."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_QUANTITIES = {
+    "position": {"position", "pos", "angle", "ang", "q", "theta", "phi"},
+    "velocity": {"velocity", "vel", "speed", "omega", "qd", "dq", "qdot", "dtheta", "thetadot"},
+    "torque": {"torque", "tau", "trq"},
+    "current": {"current", "cur", "curr", "i", "iq"},
+    "voltage": {"voltage", "volt", "u"},
+    "time": {"time", "t", "timestamp", "clock"},
+}
+_SIDES = {
+    "motor": {"motor", "mot", "m", "rotor", "drive"},
+    "link": {"link", "load", "l", "arm", "output"},
+}
+_FILLERS = {"meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value"}
+_UNITS = {
+    "s": "s", "sec": "s", "ms": "ms", "us": "us", "rad": "rad", "deg": "deg", "rpm": "rpm",
+    "rad_s": "rad/s", "rad/s": "rad/s", "radps": "rad/s", "rads": "rad/s",
+    "deg_s": "deg/s", "deg/s": "deg/s", "degps": "deg/s", "degs": "deg/s",
+    "Nm": "N m", "N_m": "N m", "mNm": "mN m", "A": "A", "mA": "mA", "V": "V", "mV": "mV",
+}  # fmt: skip
+_INPUTS = ("torque", "current", "voltage")
+
+
+def split_header(header: str) -> tuple[str, str | None]:
+    """Split a header such as ``link_position [deg]`` into its name and its unit.
+
+    A number in brackets is an index.
+
+    >>> split_header("link_position [deg]")
+    ('link_position', 'deg')
+    >>> split_header("time (s)")
+    ('time', 's')
+    >>> split_header("position[0]")
+    ('position[0]', None)
+    """
+    match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", header)
+    if match is None:
+        return header.strip(), None
+    unit = (match[2] if match[2] is not None else match[3]).strip()
+    if unit.isdecimal():
+        return header.strip(), None
+    return match[1].strip(), unit
+
+
+def folded(name: str) -> str:
+    """A name in lower case, its words joined by underscores.
+
+    >>> folded("Motor Position")
+    'motor_position'
+    """
+    return re.sub(r"[\s.\-]+", "_", name.casefold())
+
+
+def usual_channel(header: str) -> tuple[str, str | None] | None:
+    """The channel that a column holds by a usual name, and the unit in that name.
+
+    A position or a velocity whose name has no side is that of a drive with one encoder, and is
+    returned as ``"position"`` or ``"velocity"``.
+
+    >>> usual_channel("q_link_deg")
+    ('link_position', 'deg')
+    >>> usual_channel("tau")
+    ('motor_torque', None)
+    >>> usual_channel("temperature") is None
+    True
+    """
+    bare, unit = split_header(header)
+    stem = bare
+    if unit is None:
+        match = re.fullmatch(rf"(.+?)[\s_.\-/]+({'|'.join(map(re.escape, _UNITS))})", bare)
+        if match:
+            stem, unit = match[1], _UNITS[match[2]]
+    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+|\d+", stem)]
+    quantities = [_kind(word, _QUANTITIES) for word in words]
+    sides = [_kind(word, _SIDES) for word in words]
+    if any(
+        quantity is None and side is None and word not in _FILLERS
+        for word, quantity, side in zip(words, quantities, sides, strict=True)
+    ):
+        return None
+    found = [quantity for quantity in quantities if quantity is not None]
+    where = {side for side in sides if side is not None}
+    if len(found) != 1 or len(where) > 1:
+        return None
+    quantity, side = found[0], next(iter(where), None)
+    if {"i", "u"} & set(words) and unit is None:  # as well a row's number, or any input
+        return None
+    if quantity == "time":
+        return None if side else ("time", unit)
+    if quantity in _INPUTS:
+        return None if side == "link" else (f"motor_{quantity}", unit)
+    return (f"{side}_{quantity}" if side else quantity, unit)
+
+
+def _kind(word: str, kinds: dict[str, set[str]]) -> str | None:
+    return next((kind for kind, words in kinds.items() if word in words), None)
+
+
+def did_you_mean(word: str, candidates: Iterable[str]) -> str:
+    """A question in brackets that names the candidate closest to a word; empty if none is."""
+    by_lower = {candidate.lower(): candidate for candidate in candidates}
+    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.75)
+    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
+
+
+def quoted(names: Iterable[str]) -> str:
+    """Names between quotation marks, as many and as much of them as one can read."""
+    shown = [repr(name if len(name) <= 40 else name[:37] + "...") for name in names]
+    if len(shown) > 20:
+        shown = [*shown[:20], f"and {len(shown) - 20} more"]
+    return ", ".join(shown)

@@ -1,0 +1,130 @@
+"""From the bytes of a text file to columns of text, every bad row with its line."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+
+import polars as pl
+
+from flexid.errors import RecordingError
+from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of
+
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
+    """Read a text file.
+
+    Parameters
+    ----------
+    file : str
+        For messages.
+    raw : bytes
+        UTF-8 or UTF-16 with a byte-order mark, or else Latin-1.
+
+    Returns
+    -------
+    layout : Layout
+    frame : polars.DataFrame
+        Cells as text.
+
+    Raises
+    ------
+    RecordingError
+        If it is no text, has no header, or its rows differ in length.
+    """
+    text = _utf_8(file, raw)
+    layout = layout_of(file, text)
+    body = text[layout.start :].rstrip()
+    if not body:
+        raise RecordingError(
+            file,
+            f"line {layout.header_line}",
+            "no samples follow the header: export the log again",
+        )
+    if layout.separator == BLANK:
+        body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", body))
+    names = layout.names
+    try:
+        frame = pl.read_csv(
+            body, separator=layout.separator, has_header=False, infer_schema=False,
+            schema=dict.fromkeys(names, pl.String),
+        )  # fmt: skip
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        fault = _ragged_row(file, layout, body) or RecordingError(
+            file, "", f"the rows below {names[0]!r} do not form a table: export the log as CSV"
+        )
+        raise fault from error
+    if b'"' in body or frame[names[-1]].null_count():
+        fault = _ragged_row(file, layout, body)
+        if fault is not None:
+            raise fault
+    return layout, frame
+
+
+def _utf_8(file: str, raw: bytes) -> bytes:
+    """The text as UTF-8 without byte-order mark, with line feeds; raise if it is none."""
+    if raw.startswith(UTF_16):
+        try:
+            raw = raw.decode("utf-16").encode("utf-8")
+        except UnicodeError:
+            raise RecordingError(
+                file, "", "the text is damaged UTF-16: save the file as UTF-8"
+            ) from None
+    sample = raw[:65536]
+    if b"\0" in sample or sum(byte < 9 or 13 < byte < 32 for byte in sample) > 0.01 * len(sample):
+        raise RecordingError(
+            file, "", "this is a binary file, not text: export the log as CSV or Parquet"
+        )
+    text = raw.removeprefix(b"\xef\xbb\xbf")
+    if not text.isascii():
+        try:
+            text.decode("utf-8")
+        except UnicodeDecodeError:
+            text = text.decode("latin-1").encode("utf-8")
+    return text if b"\n" in text else text.replace(b"\r", b"\n")
+
+
+def _ragged_row(file: str, layout: Layout, body: bytes) -> RecordingError | None:
+    """Return the first row whose number of cells differs from the header's, if there is one."""
+    lines = io.TextIOWrapper(io.BytesIO(body), encoding="utf-8", errors="replace", newline="")
+    reader = csv.reader(lines, delimiter=layout.separator, strict=True)
+    line = layout.first_line
+    width = len(layout.names)
+    before = 0
+    try:
+        for row in reader:
+            place = f"line {line}"
+            if reader.line_num > before + 1:
+                return _open_quote(file, place)
+            if not row:
+                return RecordingError(file, place, "the line is blank: remove it")
+            if row[0].lstrip().startswith(COMMENTS):
+                return RecordingError(
+                    file, place, "the line is a comment between samples: remove it"
+                )
+            if len(row) != width:
+                return RecordingError(
+                    file,
+                    place,
+                    f"the row has {len(row)} cells where the header has {width}: complete or remove"
+                    f" it; numbers with decimal commas need another separator",
+                )
+            line += 1
+            before = reader.line_num
+    except csv.Error as error:
+        if "expected after" in str(error):
+            return RecordingError(
+                file, f"line {line}", "text follows a quotation mark within a cell: remove one"
+            )
+        # The end of the file, or of the longest cell, is reached within a quotation.
+        return _open_quote(file, f"line {line}")
+    return None
+
+
+def _open_quote(file: str, place: str) -> RecordingError:
+    return RecordingError(
+        file, place, "a quotation mark opens on this line and does not close on it: remove it"
+    )
