@@ -81,7 +81,7 @@ def print_identified(found: Identification) -> None:
     print(
         f"    link {1e3 * late.value:.2f} ms late ({late.status}), stiffness "
         f"{stiffness.value:.3g} [{low:.3g}, {high:.3g}] {stiffness.verdict}; exit "
-        f"{0 if found.supported else 1}; residuals {residuals} times noise; "
+        f"{0 if found.supports() else 1}; residuals {residuals} times noise; "
         f"free run {format_fits(found.validation.fit_percent)}"
     )
 

@@ -110,15 +110,17 @@ def test_usage_error_has_status_2():
     assert "Traceback" not in done.stderr
 
 
-def test_interrupt_is_quiet(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-    """Assert that Ctrl-C ends the command with status 130 and without a traceback."""
+def test_interruption_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Assert that Ctrl-C ends the command with status 3 and without a traceback."""
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("flexid.derivation.observer.derive_observer", interrupt)
-    run_here("derive", "flexible-joint", status=130)
-    assert capsys.readouterr().err == ""
+    run_here("derive", "flexible-joint", status=3)
+    assert capsys.readouterr().err == "flexid: interrupted; nothing half written is left\n"
 
 
 def test_version_and_help():

@@ -44,7 +44,7 @@ def test_full_disk_is_one_sentence():
         )
     assert outcome.returncode == 2
     assert outcome.stderr.splitlines() == [
-        "flexid: the output or the cache cannot be written (No space left on device): "
+        "flexid: the output cannot be written (No space left on device): "
         "make room, or write elsewhere"
     ]
 

@@ -43,7 +43,7 @@ def test_answers_are_those_of_identify(faint):
     """Assert that value, interval, verdict, reason and excitation are the identification's own."""
     _, path, report = faint
     found = identify([read_log(path)], HELD)
-    assert report.supported == found.supported
+    assert report.identification.verdict == found.verdict
     assert set(report.assessment.coefficients) == set(found.coefficients)
     for name, c in found.coefficients.items():
         own = report.assessment.coefficients[name]
@@ -160,7 +160,7 @@ def test_a_rigid_joint_is_examined_too(tmp_path):
     np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
     report = examine([read_log(path)], Settings(terms=("gravity",)))
     assert set(report.assessment.coefficients) == set(true)
-    assert report.supported
+    assert report.identification.supports()
 
 
 def test_a_short_log_is_refused_as_identify_refuses_it(tmp_path):
@@ -239,4 +239,4 @@ def test_every_error_is_one_of_flexid(tmp_path):
         report = examine([read_log(path)], PAPER)
     except FlexidError:
         return
-    assert not report.supported
+    assert not report.identification.supports()

@@ -1,44 +1,62 @@
-"""``flexid campaign EXPERIMENT``: many runs; ``flexid campaign --summary DIR``: what they tell."""
+"""``flexid campaign EXPERIMENT``: many runs; ``flexid campaign --summary DIR``: what they show."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flexid.cli.exit_status import ExitStatus
+from flexid.cli.options import AsJson, directory
+from flexid.cli.output import hand_over, output
 from flexid.errors import SettingError
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-_INTERRUPTED = 130
+EXAMPLES = (
+    "campaign experiments/noise_campaign.toml --out noise",
+    "campaign --summary noise",
+)
 
 
 def campaign(
     experiment: Annotated[
-        Path | None, typer.Argument(help="TOML file with a [campaign] table.", show_default=False)
+        Path | None,
+        typer.Argument(
+            metavar="EXPERIMENT",
+            help="TOML file with a table named campaign.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Directory of the rows; a campaign begun there goes on.")
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            parser=directory,
+            help="Write the rows into this directory; a campaign begun there goes on.",
+        ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Threads; all cores by default.")
+        int | None,
+        typer.Option(min=1, metavar="NUMBER", help="Use so many threads; all cores by default."),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="Dask scheduler to run it on, e.g. tcp://host:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Run it on this Dask scheduler: tcp://host:8786."),
     ] = None,
     summary: Annotated[
-        Path | None, typer.Option(help="Summarise the campaign in this directory instead.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Summarise the campaign in this directory instead."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the summary as JSON instead of tables.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Run an experiment many times, as its [campaign] table says, or summarise what was run.
+    """Run an experiment many times, or summarise such runs.
 
-    A campaign that was interrupted goes on with the same command, and ends with the same rows.
+    What varies stands in the file's table named campaign. A campaign that was interrupted goes on
+    with the same command, and ends with the same rows.
 
-    Exit status 0: every run has its row, whatever became of it; 1: a summary in which no run
-    finished; 2: bad input; 130: interrupted, with all complete pieces kept.
+    Exit status: 0 where every run has its row, whatever became of it; 1 for a summary in which no
+    run finished; 2 for bad input; 3 where it was interrupted, with all complete parts kept.
     """
     if summary is not None:
         _refuse("--summary", "stands alone", experiment, out, workers, scheduler)
@@ -79,10 +97,10 @@ def _run(path: Path, out: Path, workers: int | None, scheduler: str | None) -> N
             campaign = run_campaign(experiment, out, workers, scheduler, report)
     except KeyboardInterrupt:
         typer.echo(f"flexid: interrupted: {_kept(out)}; the same command goes on", err=True)
-        raise typer.Exit(_INTERRUPTED) from None
+        raise typer.Exit(ExitStatus.INTERRUPTED) from None
     statuses = ", ".join(f"{name} {count}" for name, count in campaign.statuses.items())
     typer.echo(f"{campaign.runs} runs in {out}: {statuses}")
-    typer.echo(f"What they tell: flexid campaign --summary {out}")
+    typer.echo(f"Summary: flexid campaign --summary {out}")
 
 
 def _kept(out: Path) -> str:
@@ -120,21 +138,22 @@ def _progress_bar() -> "Progress":
     return Progress(*columns, left, console=console, disable=not console.is_terminal)
 
 
-def _summarise(directory: Path, as_json: bool) -> None:
+def _summarise(campaign: Path, as_json: bool) -> None:
     from flexid.campaigns import summarise
     from flexid.report.campaign_document import campaign_document
-    from flexid.report.campaign_figures import save_campaign_figures
     from flexid.report.campaign_table import print_campaign
-    from flexid.report.documents import output_directory, to_json
 
-    found = summarise(directory)
-    document = to_json(campaign_document(found))
-    with output_directory(directory) as files:
-        (files / "summary.json").write_text(document, encoding="utf-8")
-        save_campaign_figures(found, files)
-    if as_json:
-        typer.echo(document, nl=False)
-    else:
-        print_campaign(found)
+    found = summarise(campaign)
+    document = campaign_document(found)
+
+    def write(directory: Path) -> None:
+        from flexid.report.campaign_figures import save_campaign_figures
+        from flexid.report.documents import to_json
+
+        (directory / "summary.json").write_text(to_json(document), encoding="utf-8")
+        save_campaign_figures(found, directory)
+
+    with output(campaign) as files:
+        hand_over(document, lambda: print_campaign(found), write, as_json=as_json, directory=files)
     if not found.finished:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitStatus.LACKING)

@@ -14,6 +14,12 @@ SHIPPED = "flexible-joint"
 """Name of the model that needs no file."""
 
 
+EXAMPLES = (
+    "derive flexible-joint --to latex",
+    "derive examples/models/pendulum.toml --to c",
+)
+
+
 class Target(StrEnum):
     """What the equations are printed as."""
 
@@ -23,17 +29,28 @@ class Target(StrEnum):
 
 
 def derive(
-    model: Annotated[str, typer.Argument(help=f"A TOML model file, or {SHIPPED}.")],
-    to: Annotated[Target, typer.Option(help="What to print.")] = Target.LATEX,
+    model: Annotated[
+        str,
+        typer.Argument(metavar="MODEL", help=f"TOML model file, or {SHIPPED}.", show_default=False),
+    ],
+    to: Annotated[Target, typer.Option(help="Print LaTeX, Python or C.")] = Target.LATEX,
     terms: Annotated[
         str | None,
-        typer.Option(help=f"Terms of {SHIPPED}, comma-separated; the paper's if not given."),
+        typer.Option(
+            metavar="NAMES",
+            help=f"Terms of {SHIPPED}, between commas; the paper's if not given.",
+        ),
     ] = None,
     unknown_input_gain: Annotated[
         bool, typer.Option("--unknown-input-gain", help=f"Estimate beta1 of {SHIPPED} as well.")
     ] = False,
 ) -> None:
-    """Derive the parametric observer of a model and print its equations."""
+    """Derive a model's observer as LaTeX, Python or C.
+
+    The observer estimates the model's coefficients while the machine runs (Huang, 2003).
+
+    Exit status: 0 when it is done, 2 for bad input, which includes a model that has no observer.
+    """
     from flexid.derivation.observer import derive_observer
     from flexid.derivation.printing_c import c_observer
     from flexid.derivation.printing_latex import latex_observer

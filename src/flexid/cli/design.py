@@ -1,13 +1,19 @@
-"""``flexid design DRIVE``: an input that tells the coefficients apart, within limits."""
+"""``flexid design DRIVE``: an input that determines the coefficients, within limits."""
 
-from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flexid.cli.options import AsJson
+from flexid.cli.exit_status import ExitStatus
+from flexid.cli.options import AsJson, out_option
+from flexid.cli.output import hand_over, output, print_warnings
+
+EXAMPLES = (
+    "design examples/drive.toml --out results",
+    "design examples/drive.toml --kind trajectory --duration 20",
+)
 
 
 class Kind(StrEnum):
@@ -25,27 +31,40 @@ class Criterion(StrEnum):
 
 
 def design(
-    drive: Annotated[Path, typer.Argument(help="TOML file: parameters, limits, sensors.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Directory for command.csv, design.json and design.png.")
-    ] = None,
+    drive: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DRIVE", help="TOML file with parameters, limits, sensors.", show_default=False
+        ),
+    ],
+    out: Annotated[Path | None, out_option("command.csv, design.json and design.png")] = None,
     kind: Annotated[
-        Kind | None, typer.Option(help="A torque to play, or a motor position to follow.")
+        Kind | None, typer.Option(help="Design a torque to play, or a motor position to follow.")
     ] = None,
     criterion: Annotated[
-        Criterion | None, typer.Option(help="E: the worst direction; D: the volume.")
+        Criterion | None,
+        typer.Option(help="Make the worst direction small (E), or the volume (D)."),
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="Length of the experiment in s.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Length of the experiment.")
+    ] = None,
     estimate: Annotated[
-        Path | None, typer.Option(help="estimate.json whose values replace the file's parameters.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Take the parameters from this estimate.json of flexid identify."
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the search's random starts.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, metavar="NUMBER", help="Seed of the search's random starts.")
+    ] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Design an experiment that tells every coefficient, within limits, and check it.
+    """Design a motion that determines the parameters.
 
-    Exit status 0: every coefficient would be told to 10 % or better; 1: some would not, and the
-    result says which; 2: bad input.
+    It keeps to the drive's limits, and is checked on drives that are wrong by 30 %.
+
+    Exit status: 0 where every coefficient would be determined to 10 % or better; 1 where some would
+    not, and the answer says which; 2 for bad input.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -53,9 +72,8 @@ def design(
     from flexid.experiment_design.design import STEPS
     from flexid.experiment_design.design import design as run
     from flexid.experiment_design.drive_file import read_drive
-    from flexid.report.design_files import design_document, save_command
+    from flexid.report.design_files import design_document
     from flexid.report.design_table import print_design
-    from flexid.report.documents import output_directory, to_json
 
     given = {"kind": kind, "criterion": criterion, "duration": duration}
     choices = {
@@ -66,24 +84,28 @@ def design(
     file = read_drive(drive, estimate, choices)
     errors = Console(stderr=True)
     columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with (
-        nullcontext() if out is None else output_directory(out) as directory,
-        Progress(*columns, console=errors, transient=True) as progress,
-    ):
-        task = progress.add_task("searching", total=STEPS)
-        result = run(file, seed, lambda name: progress.update(task, advance=1, description=name))
-        document = to_json(design_document(result))
-        if directory is not None:
-            from flexid.report.design_figures import save_design_figure
+    with output(out) as directory:
+        with Progress(
+            *columns, console=errors, transient=True, disable=not errors.is_terminal
+        ) as progress:
+            task = progress.add_task("searching", total=STEPS)
+            result = run(
+                file, seed, lambda name: progress.update(task, advance=1, description=name)
+            )
+        document = design_document(result)
 
-            (directory / "design.json").write_text(document, encoding="utf-8")
+        def write(directory: Path) -> None:
+            from flexid.report.design_figures import save_design_figure
+            from flexid.report.design_files import save_command
+            from flexid.report.documents import to_json
+
+            (directory / "design.json").write_text(to_json(document), encoding="utf-8")
             save_command(result, directory)
             save_design_figure(result, directory)
-    for warning in file.warnings:
-        errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
-    if as_json:
-        typer.echo(document, nl=False)
-    else:
-        print_design(result)
+
+        print_warnings(file.warnings, errors)
+        hand_over(
+            document, lambda: print_design(result), write, as_json=as_json, directory=directory
+        )
     if not result.supported:
-        raise typer.Exit(1)
+        raise typer.Exit(ExitStatus.LACKING)

@@ -1,75 +1,42 @@
-"""The ``flexid`` command: registers every command and turns errors into one sentence."""
+"""The ``flexid`` command: what a process needs before anything is loaded.
+
+Nothing else is imported here, so that an interruption is answered from the first moments on, while
+the commands are still being loaded.
+"""
 
 import os
+import signal
 import sys
-from typing import Annotated
+from types import FrameType
 
-import typer
-
-from flexid.cli.campaign import campaign
-from flexid.cli.derive import derive
-from flexid.cli.design import design
-from flexid.cli.excitation import excitation
-from flexid.cli.identify import identify
-from flexid.cli.reproduce import reproduce
-from flexid.cli.simulate import simulate
-from flexid.cli.validate import validate
-from flexid.errors import FlexidError
-
-app = typer.Typer(
-    name="flexid",
-    help="Trustworthy physical parameters of flexible-joint drives from their motion.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-
-# One line per command. Their modules import nothing heavy before they are called.
-app.command()(identify)
-app.command()(validate)
-app.command()(excitation)
-app.command()(design)
-app.command()(derive)
-app.command()(simulate)
-app.command()(campaign)
-app.command()(reproduce)
-
-
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"flexid {version('flexid')}")
-        raise typer.Exit
-
-
-@app.callback()
-def _options(
-    _version: Annotated[
-        bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
-    ] = False,
-) -> None:
-    pass
+_INTERRUPTED = 3  # as in flexid.cli.exit_status
 
 
 def main() -> None:
-    """Run the command line. Exit status: 0 done, 1 the data cannot support it, 2 bad input."""
-    # Before NumPy is loaded: our matrices are small, and where other work has a core, threads of
-    # the linear algebra that share them wait for each other longer than they compute.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    """Run the command line; its exit status is an `ExitStatus`."""
+    interruptions: list[int] = []
+
+    def interrupted(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        interruptions.append(number)
+        if len(interruptions) > 1:  # whoever asks twice wants no cleaning up
+            os._exit(_INTERRUPTED)
+        raise KeyboardInterrupt
+
+    before = {}
     try:
-        app()
-    except FlexidError as error:
-        typer.echo(f"flexid: {error}", err=True)
-        sys.exit(2)
-    except OSError as error:  # a full disk or a closed terminal; bad paths are FlexidErrors
-        place = error.filename or "the output or the cache"
-        reason = error.strerror or error
-        typer.echo(
-            f"flexid: {place} cannot be written ({reason}): make room, or write elsewhere", err=True
-        )
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.signal(number, interrupted)
+        from flexid.cli.commands import run
+
+        status = run()
+    except BaseException:
+        if not interruptions:
+            raise
+        status = 0
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if interruptions and status != _INTERRUPTED:  # whatever was made of it on the way
+        status = _INTERRUPTED
+        print("flexid: interrupted; nothing half written is left", file=sys.stderr)
+    sys.exit(status)

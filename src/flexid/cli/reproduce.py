@@ -1,50 +1,54 @@
 """``flexid reproduce``: the paper, run and checked claim by claim."""
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from flexid.cli.options import AsJson, out_option
+from flexid.cli.output import hand_over, output
+
+EXAMPLES = ("reproduce --out results",)
 
 
 def reproduce(
-    out: Annotated[
-        Path | None, typer.Option(help="Directory for result.json and the figures.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+    out: Annotated[Path | None, out_option("result.json and the figures")] = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Reproduce Huang (2003): Table I, Figures 1 to 5, the readings, every claim.
+    """Reproduce the paper, and check its claims.
 
-    Exit status 0 whatever the claims come to; 2: the directory cannot be written.
+    Huang (2003): Table I, Figures 1 to 5, both readings of its control law, and every claim.
+
+    Exit status: 0 whatever the claims come to, 2 where the directory cannot be written.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from flexid.report.documents import output_directory, to_json
     from flexid.report.huang2003_document import reproduction_document
     from flexid.report.huang2003_table import print_reproduction
     from flexid.studies.huang2003.reproduction import STEPS
     from flexid.studies.huang2003.reproduction import reproduce as run
 
+    errors = Console(stderr=True)
     columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with (
-        nullcontext() if out is None else output_directory(out) as directory,
-        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
-    ):
-        task = progress.add_task("loading", total=STEPS + (directory is not None))
+    with output(out) as directory:
+        with Progress(
+            *columns, console=errors, transient=True, disable=not errors.is_terminal
+        ) as progress:
+            task = progress.add_task("loading", total=STEPS)
+            result = run(lambda name: progress.update(task, advance=1, description=name))
+        document = reproduction_document(result)
 
-        def finished(name: str) -> None:
-            progress.update(task, advance=1, description=name)
-
-        result = run(finished)
-        document = to_json(reproduction_document(result))
-        if directory is not None:
+        def write(directory: Path) -> None:
+            from flexid.report.documents import to_json
             from flexid.report.huang2003_figures import save_reproduction_figures
 
-            (directory / "result.json").write_text(document, encoding="utf-8")
-            save_reproduction_figures(result, directory)
-            finished("figures")
-    if as_json:
-        typer.echo(document, nl=False)
-    else:
-        print_reproduction(result)
+            with errors.status("drawing"):
+                (directory / "result.json").write_text(to_json(document), encoding="utf-8")
+                save_reproduction_figures(result, directory)
+
+        hand_over(
+            document,
+            lambda: print_reproduction(result),
+            write,
+            as_json=as_json,
+            directory=directory,
+        )

@@ -1,62 +1,77 @@
 """``flexid simulate EXPERIMENT``: one run of an experiment file."""
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flexid.cli.assignments import parse_values
-from flexid.errors import SimulationError
+from flexid.cli.options import AsJson, out_option
+from flexid.cli.output import hand_over, output
+from flexid.errors import SettingError
+
+EXAMPLES = (
+    "simulate experiments/sampled_joint.toml --out run",
+    "simulate experiments/huang2003.toml --set controller.k=30",
+)
 
 
 def simulate(
-    experiment: Annotated[Path, typer.Argument(help="TOML file, e.g. experiments/huang2003.toml.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Directory for run.parquet, log.parquet, run.json, figures.")
-    ] = None,
+    experiment: Annotated[
+        Path, typer.Argument(metavar="EXPERIMENT", help="TOML file.", show_default=False)
+    ],
+    out: Annotated[Path | None, out_option("run.parquet, log.parquet, run.json, figures")] = None,
     values: Annotated[
         list[str] | None,
-        typer.Option("--set", help="PATH=VALUE in the file, e.g. controller.k=30; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Replace a number of the file, e.g. controller.k=30. May be repeated.",
+        ),
     ] = None,
-    csv: Annotated[bool, typer.Option("--csv", help="Write the time series as CSV too.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+    csv: Annotated[
+        bool, typer.Option("--csv", help="Write the time series as CSV, too; needs --out.")
+    ] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Simulate an experiment: plant, controller and observer, with all values from a file.
+    """Simulate a closed loop with an observer, from a file.
 
-    Exit status 0: the run is done; 1: it diverges or cannot meet its tolerance; 2: bad input.
+    Plant, controller, reference, observer, sensors and noise stand in the experiment file.
+
+    Exit status: 0 when the run is done; 1 where it diverges or cannot meet its tolerance; 2 for bad
+    input.
     """
+    if csv and out is None:
+        raise SettingError("--csv", "has nowhere to write: name a directory with --out")
     from rich.console import Console
 
     from flexid.experiments import read_experiment
     from flexid.experiments.measures import measure
-    from flexid.report.documents import output_directory, to_json
     from flexid.report.run_document import run_document
     from flexid.report.run_table import print_run
 
     chosen = read_experiment(experiment).with_values(parse_values("--set", values or []))
-    with (
-        nullcontext() if out is None else output_directory(out) as directory,
-        Console(stderr=True).status(
+    with output(out) as directory:
+        with Console(stderr=True).status(
             "simulating (the first run on a machine compiles for up to a minute)"
-        ) as status,
-    ):
-        try:
+        ):
             run = chosen.run()
-        except SimulationError as error:
-            typer.echo(f"flexid: {error}", err=True)
-            raise typer.Exit(1) from None
         measures = measure(run)
-        document = to_json(run_document(chosen, run, measures))
-        if directory is not None:
+        document = run_document(chosen, run, measures)
+
+        def write(directory: Path) -> None:
+            from flexid.report.documents import to_json
             from flexid.report.run_figures import save_run_figures
             from flexid.report.run_series import save_run_series
 
-            status.update("writing")
-            (directory / "run.json").write_text(document, encoding="utf-8")
+            (directory / "run.json").write_text(to_json(document), encoding="utf-8")
             save_run_series(run, directory, csv)
             save_run_figures(chosen.name, run, directory)
-    if as_json:
-        typer.echo(document, nl=False)
-    else:
-        print_run(chosen, run, measures)
+
+        hand_over(
+            document,
+            lambda: print_run(chosen, run, measures),
+            write,
+            as_json=as_json,
+            directory=directory,
+        )

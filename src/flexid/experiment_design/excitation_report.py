@@ -57,11 +57,6 @@ class ExcitationReport:
     spectrum: FloatArray
     input_unit: str
 
-    @property
-    def supported(self) -> bool:
-        """Whether every coefficient is told, be it weakly: as the identification says."""
-        return self.identification.supported
-
 
 def examine(
     logs: Sequence[Log], settings: Settings, progress: Progress = _silent

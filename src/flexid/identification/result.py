@@ -322,6 +322,12 @@ class Identification:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def supported(self) -> bool:
-        """Whether the data determine every coefficient, be it weakly."""
-        return all(c.verdict != "undetermined" for c in self.coefficients.values())
+    def verdict(self) -> Verdict:
+        """The worst verdict on any parameter or coefficient."""
+        found = {e.verdict for e in (*self.parameters.values(), *self.coefficients.values())}
+        worst: tuple[Verdict, ...] = ("undetermined", "weak", "determined")
+        return next(verdict for verdict in worst if verdict in found)
+
+    def supports(self, *, strict: bool = False) -> bool:
+        """Whether the data determine every parameter, be it weakly; if strict, not weakly."""
+        return self.verdict == "determined" or (self.verdict == "weak" and not strict)

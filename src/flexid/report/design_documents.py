@@ -23,7 +23,7 @@ def excitation_document(report: ExcitationReport) -> dict[str, Any]:
         "hold": found.choices.hold,
         "input_delay": asdict(alignment.input_delay),
         "link_delay": asdict(alignment.link_delay),
-        "supported": report.supported,
+        "supported": found.supports(),
         "warnings": list(found.warnings),
         "provenance": dict(found.provenance),
     }

@@ -236,11 +236,28 @@ def wrapped(text: str, width: int, indent: str = "") -> list[str]:
 
 def print_parts(parts: Iterable[Part]) -> None:
     """Print tables and texts on standard output, one after the other."""
-    console = Console()
     columns = shutil.get_terminal_size((USUAL, 24)).columns
-    for line in laid_out(parts, min(max(columns, NARROWEST), WIDEST)):
+    width = min(max(columns, NARROWEST), WIDEST)
+    console, parts = _Console(), [*parts]
+    lines = list(laid_out(parts, width))
+    if not encodable("".join(line.plain for line in lines)):  # what is spelled takes more room
+        narrower = (list(laid_out(parts, width - spare)) for spare in range(width // 4))
+        fitting = (page for page in narrower if max(map(_spelled_width, page)) <= width)
+        lines = next(fitting, lines)
+    for line in lines:
         console.print(line, soft_wrap=True)
     sys.stdout.flush()  # what cannot be written fails here, and not when Python ends
+
+
+def _spelled_width(line: Text) -> int:
+    return len(spelled(line.plain))
+
+
+class _Console(Console):
+    """A console that says when its reader has left, instead of ending the process."""
+
+    def on_broken_pipe(self) -> None:
+        raise
 
 
 def laid_out(parts: Iterable[Part], width: int) -> Iterator[Text]:
@@ -265,6 +282,15 @@ def _lines_of(text: Text, width: int) -> Iterator[Text]:
         yield Text(line, text.style)
 
 
+def encodable(text: str) -> bool:
+    """Whether standard output can show a text as it is."""
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def spelled(text: str) -> str:
     """Text in ASCII, for terminals that have no Greek.
 
@@ -273,7 +299,7 @@ def spelled(text: str) -> str:
     >>> spelled("θ₁ ≤ 5 ± 0.1 1/s²")
     'theta1 <= 5 +- 0.1 1/s2'
     """
-    return "".join(_SPELLED.get(c) or _decomposed(c) for c in text)
+    return "".join(c if c.isascii() else _SPELLED.get(c) or _decomposed(c) for c in text)
 
 
 def _decomposed(character: str) -> str:

@@ -1,0 +1,92 @@
+"""How an answer leaves a command: printed and written, each although the other may fail."""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+@contextmanager
+def output(out: Path | None) -> Iterator[Path | None]:
+    """Directory whose files appear when all are written; none if none is wanted.
+
+    Raises
+    ------
+    SettingError
+        If it cannot be written; a long computation had better not begin.
+    """
+    if out is None:
+        yield None
+        return
+    from flexid.report.documents import output_directory
+
+    with output_directory(out) as directory:
+        yield directory
+
+
+def hand_over(
+    document: Mapping[str, Any],
+    show: Callable[[], None],
+    write: Callable[[Path], None],
+    *,
+    as_json: bool,
+    directory: Path | None,
+) -> None:
+    """Print an answer and write its files: a full disk must not lose what is printed.
+
+    Parameters
+    ----------
+    document : mapping
+        What is printed as JSON.
+    show : callable
+        Prints tables instead.
+    write : callable
+        Writes the files into a directory.
+    as_json : bool
+        Whether JSON is wanted.
+    directory : Path or None
+        Where to write, if anywhere.
+
+    Raises
+    ------
+    OSError
+        What failed first, when all has been tried.
+    """
+    failures = []
+    for step in (
+        lambda: print_document(document) if as_json else show(),
+        lambda: directory is None or write(directory),
+    ):
+        try:
+            step()
+        except BrokenPipeError:  # whoever read the answer has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except OSError as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]
+
+
+def print_document(document: Mapping[str, Any]) -> None:
+    """Print JSON on standard output, in ASCII where that does not have every character."""
+    from flexid.report.documents import to_json
+    from flexid.report.terminal import encodable
+
+    text = to_json(document)
+    if not encodable(text):
+        text = json.dumps(json.loads(text), indent=2) + "\n"
+    typer.echo(text, nl=False)
+
+
+def print_warnings(warnings: Iterable[str], errors: "Console") -> None:
+    """Print warnings on standard error, a line each."""
+    for warning in warnings:
+        errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)

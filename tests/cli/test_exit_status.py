@@ -1,0 +1,181 @@
+"""What the exit status says, and what is left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from flexid.cli.exit_status import ExitStatus
+from flexid.cli.main import _INTERRUPTED
+from flexid.errors import ConvergenceError
+
+RUN = "from flexid.cli.main import main; main()"
+
+
+def start(*arguments, code=RUN, **keywords):
+    """Start the command in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **keywords,
+    )
+
+
+@pytest.fixture
+def judged(monkeypatch, examples):
+    """Return a function that lets the next identification come to a verdict."""
+    from flexid.identification import identify as module
+
+    wanted = []
+    once = {}
+
+    def identify(logs, settings, progress):
+        if not once:
+            once["result"] = genuine(logs, settings, progress)
+        found = once["result"]
+        stiffness = replace(found.parameters["joint_stiffness"], verdict=wanted[-1])
+        return replace(found, parameters={**found.parameters, "joint_stiffness": stiffness})
+
+    genuine = module.identify
+    monkeypatch.setattr(module, "identify", identify)
+    return wanted.append
+
+
+@pytest.mark.parametrize(
+    ("verdict", "options", "status"),
+    [
+        ("determined", (), 0),
+        ("determined", ("--strict",), 0),
+        ("weak", (), 0),
+        ("weak", ("--strict",), 1),
+        ("undetermined", (), 1),
+    ],
+)
+def test_the_worst_verdict_decides(flexid, judged, examples, verdict, options, status):
+    """Assert that one weak parameter counts with --strict only, and an undetermined one always."""
+    judged(verdict)
+    assert flexid("identify", examples / "flexible_joint.csv", *options).status == status
+
+
+def test_a_fit_that_fails_is_the_datas(flexid, monkeypatch, examples):
+    """Assert that a log that no model can be fitted to exits 1 with one sentence."""
+    from flexid.identification import identify as module
+
+    def fail(*_):
+        raise ConvergenceError("prediction error", "no start leads anywhere: check the units")
+
+    monkeypatch.setattr(module, "identify", fail)
+    outcome = flexid("identify", examples / "flexible_joint.csv")
+    assert outcome.status == 1
+    assert outcome.stderr.splitlines() == [
+        "flexid: prediction error: no start leads anywhere: check the units"
+    ]
+
+
+def break_identification(monkeypatch):
+    """Let identification raise what nobody foresaw."""
+    from flexid.identification import identify as module
+
+    def fail(*_):
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(module, "identify", fail)
+
+
+def test_a_defect_says_how_to_report_it(flexid, monkeypatch, examples, tmp_path):
+    """Assert that an unforeseen error exits 70 with a paragraph, and its traceback in a file."""
+    break_identification(monkeypatch)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    outcome = flexid("identify", examples / "flexible_joint.csv")
+    assert outcome.status == 70
+    assert "Traceback" not in outcome.stderr
+    assert "Please report it" in " ".join(outcome.stderr.split())
+    (file,) = tmp_path.iterdir()
+    assert file.name in outcome.stderr
+    content = file.read_text()
+    assert "ZeroDivisionError: division by zero" in content
+    assert content.startswith("flexid identify")
+
+
+def test_debug_prints_the_traceback(flexid, monkeypatch, examples):
+    """Assert that --debug shows a defect where it happens."""
+    break_identification(monkeypatch)
+    outcome = flexid("--debug", "identify", examples / "flexible_joint.csv")
+    assert outcome.status == 70
+    assert outcome.stderr.startswith("Traceback")
+
+
+def test_the_status_of_an_interruption_is_one():
+    """Assert that what is said before the commands are loaded is what they say."""
+    assert ExitStatus.INTERRUPTED == _INTERRUPTED
+
+
+SLOW = """
+import os
+import sys
+import time
+import flexid.studies.huang2003.reproduction as module
+def reproduce(finished):
+    print([name[:8] for name in os.listdir(sys.argv[-1])], flush=True)
+    time.sleep(60.0)
+module.reproduce = reproduce
+from flexid.cli.main import main
+main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_leaves_nothing_behind(tmp_path: Path, number: int):
+    """Assert that Ctrl-C and SIGTERM exit 3 with one sentence, without files half written."""
+    out = tmp_path / "results"
+    out.mkdir()
+    process = start("reproduce", "--out", out, code=SLOW)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "['.flexid-']\n"
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 3
+    assert said.splitlines()[-1] == "flexid: interrupted; nothing half written is left"
+    assert list(out.iterdir()) == []
+
+
+EARLY = """
+import os, signal, sys, threading
+from flexid.cli import main as module
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == sys.argv[-1]:
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+sys.argv[1:] = ["--help", sys.argv[-1]]
+module.main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("loading", ["flexid.cli.commands", "typer", "typer.core", "flexid.errors"])
+def test_an_interruption_while_the_commands_are_loaded(loading: str):
+    """Assert that Ctrl-C in the first moments is answered like any other."""
+    process = start(loading, code=EARLY)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 3, said
+    assert said.splitlines() == ["flexid: interrupted; nothing half written is left"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes that close")
+def test_a_reader_that_has_seen_enough_is_no_error():
+    """Assert that the answer's status stands where its reader closes the pipe."""
+    with start("reproduce") as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+    assert said == ""
+    assert process.returncode == 0

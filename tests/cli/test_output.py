@@ -1,0 +1,95 @@
+"""How an answer leaves a command: on a full disk, and where there is no Greek."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from rich.text import Text
+
+from flexid.cli.encoding import spell_what_cannot_be_encoded
+from flexid.cli.output import hand_over, print_document
+from flexid.report.terminal import Column, Table, print_parts
+
+LITTLE_ROOM = """
+import resource
+import sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
+from flexid.cli.main import main
+main()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of processes")
+def test_a_full_disk_loses_no_result(examples, tmp_path):
+    """Assert that what cannot be written is printed all the same, and said in one sentence."""
+    log = examples / "flexible_joint.csv"
+    command = [sys.executable, "-c", "from flexid.cli.main import main; main()", "identify", log]
+    subprocess.run(command, check=True, capture_output=True)  # may have kernels to make
+    out = tmp_path / "results"
+    out.mkdir()
+    command[2] = LITTLE_ROOM
+    done = subprocess.run([*command, "--out", out], capture_output=True, text=True)
+    assert "joint_stiffness" in done.stdout
+    assert done.stderr.splitlines()[-1].endswith(": make room, or write elsewhere")
+    assert "cannot be written (File too large)" in done.stderr
+    assert done.returncode == 2
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize("failing", ["show", "write"])
+def test_what_fails_does_not_keep_the_rest(tmp_path, failing):
+    """Assert that files are written though nothing can be printed, and the other way round."""
+    taken = []
+
+    def step(name):
+        taken.append(name)
+        if name == failing:
+            raise OSError("no room")
+
+    with pytest.raises(OSError, match="no room"):
+        hand_over(
+            {},
+            lambda: step("show"),
+            lambda _: step("write"),
+            as_json=False,
+            directory=tmp_path,
+        )
+    assert taken == ["show", "write"]
+
+
+@pytest.fixture(params=["ascii", "cp1252"])
+def printed(request, monkeypatch):
+    """Return a function that gives what is printed on a terminal without Greek."""
+
+    def by(printing):
+        raw = io.BytesIO()
+        stream = io.TextIOWrapper(raw, encoding=request.param, write_through=True)
+        with monkeypatch.context() as patched:
+            patched.setattr(sys, "stdout", stream)
+            spell_what_cannot_be_encoded()
+            printing()
+        return raw.getvalue().decode(request.param)
+
+    return by
+
+
+def test_tables_without_greek(printed, monkeypatch):
+    """Assert that a table keeps its width and its numbers where characters are spelled."""
+    monkeypatch.setenv("COLUMNS", "60")
+    table = Table("θ ± 1", [Column("name"), Column("β₁ ± γ", right=True)])
+    for i in range(5):
+        table.add(f"θ{i} of the claim", "1.25 ≤ 3.75 ± 0.5, 2.25 ± 1.75 rad")
+    page = printed(lambda: print_parts([table, Text("φ " * 40 + "α₂ = 1.5 ± 0.25")]))
+    assert max(map(len, page.splitlines())) <= 60
+    assert page.count("theta") == 6
+    assert "alpha2 = 1.5" in " ".join(page.split())
+    assert "…" not in page
+
+
+def test_json_without_greek_is_the_same(printed):
+    """Assert that JSON says the same whatever the terminal can show."""
+    document = {"name": "θ₁ ± é", "value": 1.5}
+    assert json.loads(printed(lambda: print_document(document))) == document
