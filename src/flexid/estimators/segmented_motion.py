@@ -289,33 +289,20 @@ class SegmentedMotion:
         drives = self._drives(delays[INPUT])
         dry = self._dry(coefficients, wanted)
 
-        def run(first: int, stop: int) -> None:
-            kernel.segment_equations(
-                first,
-                stop,
-                segments.starts,
-                segments.lengths,
-                self.first_blocks,
-                segments.sample_times,
-                point.initial_states,
-                segments.measured,
-                late,
-                late_columns,
-                self._reference,
-                outputs,
-                self.weights,
-                drives,
-                coefficients,
-                self.constants,
-                wanted,
-                delay_sought,
-                dry,
-                self.substeps,
-                normal,
-                gradient,
-                residuals,
-                costs,
-            )
+        divided = (
+            segments.starts,
+            segments.lengths,
+            self.first_blocks,
+            segments.sample_times,
+            point.initial_states,
+        )
+        sensors = outputs, segments.measured, self._reference, late, late_columns, self.weights
+        model = drives, coefficients, self.constants, dry
+        sought = wanted, delay_sought
+        results = normal, gradient, residuals, costs
+
+        def run(*part: int) -> None:
+            kernel.segment_equations(part, divided, sensors, model, self.substeps, sought, results)
 
         in_threads(run, segments.lengths)
         # Segment by segment in their order, so that no digit depends on the threads.
@@ -388,7 +375,8 @@ def segmented_motion(
 
         return sensitivity_functions(system, "Segmented prediction error")
 
-    kernel = load_kernel("prediction_error", [system.digest], build, ["prediction_error"])
+    templates = ["bound", "runge_kutta", "prediction_error"]
+    kernel = load_kernel("prediction_error", [system.digest], build, templates)
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(len(segments.measured))
     unknowns = unknowns or Unknowns(system)

@@ -11,14 +11,12 @@ import flexid
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
+from flexid.kernels.templates.bound import BOUND
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
 from flexid.simulation.sample_grid import SampleGrid, check_positive
 
 Array = NDArray[np.float64]
-
-DIVERGED_BEYOND = 1e12
-"""Magnitude of a coordinate at which a run counts as diverged: an angle has lost its digits."""
 
 _FIRST_STEP = 1e-6
 _LONGEST_STEP = 1.0
@@ -160,7 +158,7 @@ def integrate_loops(
         tolerance.absolute_tolerance,
         min(_FIRST_STEP, grid.sample_time),
         _LONGEST_STEP,
-        DIVERGED_BEYOND,
+        BOUND,
         tolerance.maximum_steps,
         grid.sample_time,
         samples,

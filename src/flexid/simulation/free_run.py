@@ -11,7 +11,7 @@ from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-from flexid.simulation.substeps import runge_kutta_substeps
+from flexid.simulation.substeps import HELD_INPUT, runge_kutta_substeps
 
 
 def free_run(
@@ -127,4 +127,4 @@ def free_run_kernel(system: ParametricSystem) -> ModuleType:
 
         return model_functions(system, "Free run")
 
-    return load_kernel("free_run", [system.digest], build, ["free_run"])
+    return load_kernel("free_run", [system.digest], build, [*HELD_INPUT, "free_run"])

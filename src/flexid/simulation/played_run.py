@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.substeps import runge_kutta_substeps
+from flexid.simulation.substeps import HELD_INPUT, runge_kutta_substeps
 
 FloatArray = NDArray[np.float64]
 
@@ -85,11 +85,8 @@ def play(
     substeps = runge_kutta_substeps(kernel, start, still, p, c, sample_time)
     written = kernel.played_run(
         np.asarray(start, dtype=np.float64),
-        command.torque,
-        command.reference,
-        command.gains,
+        (command.torque, command.reference, command.gains),
         tracked,
-        np.inf,
         p,
         c,
         sample_time,
@@ -110,4 +107,4 @@ def played_kernel(system: ParametricSystem) -> ModuleType:
 
         return model_functions(system, "Played run")
 
-    return load_kernel("played_run", [system.digest], build, ["played_run"])
+    return load_kernel("played_run", [system.digest], build, [*HELD_INPUT, "played_run"])

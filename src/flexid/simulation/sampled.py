@@ -203,7 +203,10 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
         return sampled_loop_source(declaration)
 
     return load_kernel(
-        "sampled_loop", declaration.digests, build, ["run_status", "loop_measures", "sampled_loop"]
+        "sampled_loop",
+        declaration.digests,
+        build,
+        ["bound", "run_status", "loop_measures", "sampled_loop"],
     )
 
 

@@ -10,6 +10,9 @@ from flexid.simulation.linearisation import jacobian
 
 Array = NDArray[np.float64]
 
+HELD_INPUT = ("bound", "held_rates", "runge_kutta")
+"""Templates by which a model alone moves under an input."""
+
 _STEPS_PER_TIME_CONSTANT = 20.0  # of the fastest pole; the method then errs by 3e-9 per step
 _MOST_SUBSTEPS = 1000  # per sample
 

@@ -7,7 +7,7 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import N_COEFFICIENTS, N_INPUTS, N_ROWS, N_STATES
-    from flexid.kernels.templates.prediction_error import advance
+    from flexid.kernels.templates.prediction_error import Motion, cross_interval
 
 
 SIZE = N_STATES + N_COEFFICIENTS  # states of the model, then its coefficients
@@ -48,7 +48,7 @@ def predict(belief, inputs, settings, work):
     """Bring mean and covariance over one interval; the transition is that of the motion itself."""
     h = settings[SAMPLE_TIME]
     covariance = belief[COVARIANCE_AT:].reshape((SIZE, SIZE))
-    z, rate, trial, total, product = work[0], work[1], work[2], work[3], work[4]
+    z, product = work[0], work[1]
     at = np.empty(N_COEFFICIENTS, np.int64)
     for i in range(N_COEFFICIENTS):
         at[i] = 1 + N_STATES + i
@@ -67,8 +67,8 @@ def predict(belief, inputs, settings, work):
     for j in range(N_ROWS):
         modes[j] = np.sign(belief[2 * j + 1])
     p, c = belief[N_STATES:SIZE], settings[CONSTANTS:]
-    u, du = np.empty(N_INPUTS), np.empty(N_INPUTS)
-    advance(z, drive, h, 1, modes, dry, p, c, at, 0, total, rate, trial, product, u, du)
+    motion = Motion(drive, modes, dry, p, c, at, 0, np.empty(N_INPUTS), np.empty(N_INPUTS))
+    cross_interval(z, h, 1, motion, (work[2], work[3], work[4]), product)
     for i in range(N_STATES):
         for k in range(SIZE):
             value = 0.0

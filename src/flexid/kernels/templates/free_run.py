@@ -6,54 +6,38 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import N_INPUTS, N_STATES, right_hand_side
+    from flexid.kernels.templates.bound import BOUND
+    from flexid.kernels.templates.generated import N_INPUTS, N_STATES
+    from flexid.kernels.templates.held_rates import Motion
+    from flexid.kernels.templates.runge_kutta import runge_kutta
 
 
 @njit(cache=True, error_model="numpy")
 def free_run(x0, u, p, c, h, held, substeps, out):
-    """Integrate the model under a recorded input with the classical Runge-Kutta method.
+    """Integrate the model under a recorded input, in steps of h / substeps seconds.
 
     Between samples the input is held (held = 1) or interpolated linearly (held = 0).
     Returns the number of samples written: fewer than asked for if the motion diverged.
-
-    State by state: a sum of arrays would ask for new memory at every step.
     """
-    n = u.shape[0]
-    x = x0.copy()
-    xs = np.empty(N_STATES)
-    us = np.empty(N_INPUTS)
-    slope = np.zeros(N_INPUTS)
-    k1 = np.empty(N_STATES)
-    k2 = np.empty(N_STATES)
-    k3 = np.empty(N_STATES)
-    k4 = np.empty(N_STATES)
-    d = h / substeps
-    out[0] = x
-    for i in range(n - 1):
+    shape = (N_STATES, 1)
+    x, end = np.empty(shape), np.empty(shape)
+    work = end, np.empty(shape), np.empty(shape)
+    change = np.zeros(N_INPUTS)
+    for j in range(N_STATES):
+        x[j, 0] = x0[j]
+        out[0, j] = x0[j]
+    room = np.empty(N_INPUTS)
+    for i in range(u.shape[0] - 1):
         if not held:
             for j in range(N_INPUTS):
-                slope[j] = (u[i + 1, j] - u[i, j]) / substeps
+                change[j] = u[i + 1, j] - u[i, j]
+        motion = Motion(u[i], change, p, c, room)
         for s in range(substeps):
-            for j in range(N_INPUTS):
-                us[j] = u[i, j] + slope[j] * s
-            right_hand_side(x, us, p, c, k1)
-            for j in range(N_INPUTS):
-                us[j] = u[i, j] + slope[j] * (s + 0.5)
+            runge_kutta(x, s / substeps, 1.0 / substeps, h, motion, work)
             for j in range(N_STATES):
-                xs[j] = x[j] + 0.5 * d * k1[j]
-            right_hand_side(xs, us, p, c, k2)
-            for j in range(N_STATES):
-                xs[j] = x[j] + 0.5 * d * k2[j]
-            right_hand_side(xs, us, p, c, k3)
-            for j in range(N_INPUTS):
-                us[j] = u[i, j] + slope[j] * (s + 1.0)
-            for j in range(N_STATES):
-                xs[j] = x[j] + d * k3[j]
-            right_hand_side(xs, us, p, c, k4)
-            for j in range(N_STATES):
-                x[j] += d / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j])
+                x[j, 0] = end[j, 0]
         for j in range(N_STATES):
-            if not abs(x[j]) < 1e12:
+            if not abs(x[j, 0]) < BOUND:
                 return i + 1
-            out[i + 1, j] = x[j]
-    return n
+            out[i + 1, j] = x[j, 0]
+    return u.shape[0]

@@ -8,12 +8,14 @@ velocities are continuous there, and so are their derivatives, but for those of 
     release    S+ = S-.
 """
 
+from collections import namedtuple
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.bound import BOUND
     from flexid.kernels.templates.generated import (
         N_COEFFICIENTS,
         N_INPUTS,
@@ -21,72 +23,63 @@ if TYPE_CHECKING:
         N_STATES,
         variation_rates,
     )
+    from flexid.kernels.templates.runge_kutta import runge_kutta
 
-
-BOUND = 1e12  # a residual beyond it means that the segment diverged
 MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
 MOST_TRIALS = 8  # of the secant that locates a change
 STOPPING_SAMPLES = 3.0  # within which a row stops that counts as stuck from the start
 NEAR = 1e-9  # of an interval, to which a change is located
 
+# What moves the model over one interval, beside its state: each input's start and change with their
+# derivatives by the delay; the mode of each row, and whether it can stick; coefficients, constants;
+# the column of each coefficient and of the delay; and room for the inputs and their derivatives.
+Motion = namedtuple("Motion", "drive modes dry p c at delay u du")
+
 
 @njit(cache=True, error_model="numpy")
-def rates_at(z, drive, place, modes, dry, p, c, at, delay, rate, u, du):
+def rates_at(z, place, motion, rate):
     """Rates of z at a place within the interval; rows that stick do not move."""
+    drive, modes, u, du = motion.drive, motion.modes, motion.u, motion.du
     for j in range(N_INPUTS):
         u[j] = drive[j, 0] + place * drive[j, 1]
         du[j] = drive[j, 2] + place * drive[j, 3]
-    variation_rates(z, u, du, modes, p, c, at, delay, rate)
+    variation_rates(z, u, du, modes, motion.p, motion.c, motion.at, motion.delay, rate)
     for row in range(N_ROWS):
-        if dry[row] and modes[row] == 0.0:
+        if motion.dry[row] and modes[row] == 0.0:
             for j in range(z.shape[1]):
                 rate[2 * row, j] = 0.0
                 rate[2 * row + 1, j] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def runge_kutta(z, drive, place, span, h, modes, dry, p, c, at, delay, end, rate, trial, u, du):
-    """Classical Runge-Kutta over a span of the interval, from z to end."""
-    step = span * h
-    end[:] = z
-    trial[:] = z
-    for stage in range(4):
-        node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-        reach = 0.5 if stage < 2 else 1.0
-        weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
-        rates_at(trial, drive, place + node * span, modes, dry, p, c, at, delay, rate, u, du)
-        for i in range(N_STATES):
-            for j in range(z.shape[1]):
-                end[i, j] += weight * rate[i, j]
-                trial[i, j] = z[i, j] + reach * step * rate[i, j]
-
-
-@njit(cache=True, error_model="numpy")
-def pull(z, row, side, drive, place, modes, dry, p, c, at, delay, rate, u, du):
+def pull(z, row, side, place, motion, rate):
     """Acceleration of a row at rest if its friction were that of sliding to a side."""
+    modes = motion.modes
     kept = modes[row]
     modes[row] = side
-    rates_at(z, drive, place, modes, dry, p, c, at, delay, rate, u, du)
+    rates_at(z, place, motion, rate)
     modes[row] = kept
     return rate[2 * row + 1, 0]
 
 
 @njit(cache=True, error_model="numpy")
-def margin(z, row, drive, place, modes, dry, p, c, at, delay, rate, u, du):
+def margin(z, row, place, motion, rate):
     """Positive as long as a row stays in its mode: its speed, or what friction has in reserve."""
-    if modes[row] != 0.0:
-        return modes[row] * z[2 * row + 1, 0]
-    forward = pull(z, row, 1.0, drive, place, modes, dry, p, c, at, delay, rate, u, du)
-    backward = pull(z, row, -1.0, drive, place, modes, dry, p, c, at, delay, rate, u, du)
+    mode = motion.modes[row]
+    if mode != 0.0:
+        return mode * z[2 * row + 1, 0]
+    forward = pull(z, row, 1.0, place, motion, rate)
+    backward = pull(z, row, -1.0, place, motion, rate)
     return min(-forward, backward)
 
 
 @njit(cache=True, error_model="numpy")
-def change_mode(z, row, drive, place, modes, dry, p, c, at, delay, rate, other, u, du):
+def change_mode(z, row, place, motion, rate, other):
     """Let a row whose margin is used up change its mode: reverse, stick, or let go."""
+    modes = motion.modes
     velocity = 2 * row + 1
-    forward = pull(z, row, 1.0, drive, place, modes, dry, p, c, at, delay, rate, u, du)
-    backward = pull(z, row, -1.0, drive, place, modes, dry, p, c, at, delay, rate, u, du)
+    forward = pull(z, row, 1.0, place, motion, rate)
+    backward = pull(z, row, -1.0, place, motion, rate)
     old = modes[row]
     if old == 0.0:
         modes[row] = 1.0 if forward > -backward else -1.0
@@ -96,9 +89,9 @@ def change_mode(z, row, drive, place, modes, dry, p, c, at, delay, rate, other, 
     z[velocity, 0] = 0.0
     through = after * old < 0.0
     if through and before * old < 0.0:
-        rates_at(z, drive, place, modes, dry, p, c, at, delay, other, u, du)
+        rates_at(z, place, motion, other)
         modes[row] = -old
-        rates_at(z, drive, place, modes, dry, p, c, at, delay, rate, u, du)
+        rates_at(z, place, motion, rate)
         for j in range(1, z.shape[1]):
             later = -z[velocity, j] / before
             for i in range(N_ROWS):
@@ -112,19 +105,20 @@ def change_mode(z, row, drive, place, modes, dry, p, c, at, delay, rate, other, 
 
 
 @njit(cache=True, error_model="numpy")
-def first_modes(z, drive, h, trace, modes, dry, p, c, at, delay, rate, u, du):
+def first_modes(z, h, trace, motion, rate):
     """Modes at the start of a segment; a row that would stop within a few samples sticks at once.
 
     How fast such a row was leaves no trace in its positions, if it moves by less than `trace`, and
     a fit must not chase it.
     """
+    modes = motion.modes
     for row in range(N_ROWS):
         velocity = z[2 * row + 1, 0]
         modes[row] = -1.0 if velocity < 0.0 else 1.0
-        if not dry[row]:
+        if not motion.dry[row]:
             continue
-        forward = pull(z, row, 1.0, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du)
-        backward = pull(z, row, -1.0, drive, 0.0, modes, dry, p, c, at, delay, rate, u, du)
+        forward = pull(z, row, 1.0, 0.0, motion, rate)
+        backward = pull(z, row, -1.0, 0.0, motion, rate)
         braking = -forward if velocity >= 0.0 else backward
         soon = abs(velocity) <= STOPPING_SAMPLES * h * braking
         near = velocity * velocity <= 2.0 * braking * trace[row]
@@ -137,14 +131,14 @@ def first_modes(z, drive, h, trace, modes, dry, p, c, at, delay, rate, u, du):
 
 
 @njit(cache=True, error_model="numpy")
-def leaving_row(z, end, drive, place, span, modes, dry, p, c, at, delay, rate, u, du):
+def leaving_row(z, end, place, span, motion, rate):
     """The row whose mode ends first within a span, by linear interpolation; or -1."""
     chosen, earliest = -1, 2.0
     for row in range(N_ROWS):
-        if dry[row]:
-            last = margin(end, row, drive, place + span, modes, dry, p, c, at, delay, rate, u, du)
+        if motion.dry[row]:
+            last = margin(end, row, place + span, motion, rate)
             if last < 0.0:
-                first = margin(z, row, drive, place, modes, dry, p, c, at, delay, rate, u, du)
+                first = margin(z, row, place, motion, rate)
                 when = max(first, 0.0) / (max(first, 0.0) - last)
                 if when < earliest:
                     chosen, earliest = row, when
@@ -152,20 +146,19 @@ def leaving_row(z, end, drive, place, span, modes, dry, p, c, at, delay, rate, u
 
 
 @njit(cache=True, error_model="numpy")
-def span_to_change(
-    z, row, drive, place, span, h, modes, dry, p, c, at, delay, end, rate, trial, u, du
-):
+def span_to_change(z, row, place, span, h, motion, work):
     """Span after which the margin of a row is used up (regula falsi after Illinois)."""
+    end, rate, _ = work
     low, high = 0.0, span
-    at_low = max(margin(z, row, drive, place, modes, dry, p, c, at, delay, rate, u, du), 0.0)
-    at_high = margin(end, row, drive, place + span, modes, dry, p, c, at, delay, rate, u, du)
+    at_low = max(margin(z, row, place, motion, rate), 0.0)
+    at_high = margin(end, row, place + span, motion, rate)
     found = high
     for _ in range(MOST_TRIALS):
         found = low + (high - low) * at_low / (at_low - at_high)
         if found - low < NEAR or high - found < NEAR:
             break
-        runge_kutta(z, drive, place, found, h, modes, dry, p, c, at, delay, end, rate, trial, u, du)
-        value = margin(end, row, drive, place + found, modes, dry, p, c, at, delay, rate, u, du)
+        runge_kutta(z, place, found, h, motion, work)
+        value = margin(end, row, place + found, motion, rate)
         if value < 0.0:
             high, at_high = found, value
             at_low *= 0.5
@@ -176,89 +169,67 @@ def span_to_change(
 
 
 @njit(cache=True, error_model="numpy")
-def advance(z, drive, h, substeps, modes, dry, p, c, at, delay, end, rate, trial, other, u, du):
+def cross_interval(z, h, substeps, motion, work, other):
     """Bring z over one sampling interval, in place."""
+    end, rate, _ = work
     place, events = 0.0, 0
     any_dry = False
     for row in range(N_ROWS):
-        any_dry = any_dry or dry[row]
+        any_dry = any_dry or motion.dry[row]
     while place < 1.0 - NEAR:
         span = min(1.0 / substeps, 1.0 - place)
-        runge_kutta(z, drive, place, span, h, modes, dry, p, c, at, delay, end, rate, trial, u, du)
+        runge_kutta(z, place, span, h, motion, work)
         row = -1
         if any_dry and events < MOST_EVENTS:
-            row = leaving_row(z, end, drive, place, span, modes, dry, p, c, at, delay, rate, u, du)
+            row = leaving_row(z, end, place, span, motion, rate)
         if row >= 0:
-            span = span_to_change(
-                z, row, drive, place, span, h, modes, dry, p, c, at, delay, end, rate, trial, u, du
-            )
-            runge_kutta(
-                z, drive, place, span, h, modes, dry, p, c, at, delay, end, rate, trial, u, du
-            )
-            change_mode(
-                end, row, drive, place + span, modes, dry, p, c, at, delay, rate, other, u, du
-            )
+            span = span_to_change(z, row, place, span, h, motion, work)
+            runge_kutta(z, place, span, h, motion, work)
+            change_mode(end, row, place + span, motion, rate, other)
             events += 1
         z[:] = end
         place += span
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def segment_equations(
-    first,
-    stop,
-    starts,
-    lengths,
-    first_blocks,
-    sample_times,
-    initial_states,
-    measured,
-    late,
-    late_columns,
-    reference,
-    outputs,
-    weights,
-    drives,
-    p,
-    c,
-    wanted,
-    delay_sought,
-    dry,
-    substeps,
-    normal,
-    gradient,
-    residuals,
-    costs,
-):
+def segment_equations(part, segments, sensors, model, substeps, sought, results):
     """Normal equations of every block for its segment's initial state and what is sought.
 
-    Of the segments from `first` up to, not including, `stop`: threads that have different ones do
-    not meet. Segment s begins at sample starts[s], is made up of the blocks first_blocks[s] to
-    first_blocks[s + 1] - 1, all of about the same length, and has the coefficients p[s], of which
-    those at the places `wanted` are sought, then the input's delay if `delay_sought`, then the
-    delays of outputs at their places `late_columns` (-1: not sought). Column a of `outputs`
-    measures the state measured[a] (less the state reference[a], if that is not -1, as far as
-    delays go) as it was late[a] seconds before, and weighs weights[a] (one over its standard
-    deviation). drives[k] holds, of each input over the interval from sample k on, its start and
-    its change, and the derivatives of both by the delay. Fills `normal`, shape (n_blocks, n, n),
-    `gradient`, shape (n_blocks, n), all zero before, `residuals`, shape of `outputs`, and `costs`,
-    shape (n_segments,), with the weighted sum of squares of each segment: infinite, and then the
-    last one, if its motion diverged.
+    part      the first segment, and the one that is no longer taken: threads that have different
+              ones do not meet
+    segments  first sample, number of samples, first block and sample time of each, and its initial
+              state; segment s is made up of the blocks first_blocks[s] to first_blocks[s + 1] - 1,
+              all of about the same length
+    sensors   outputs, shape (n, n_outputs), and of each column a the state that it measures, less
+              the state reference[a], if that is not -1, as far as delays go; the delay in s, the
+              place of that among what is sought (-1: not sought), and the weight: one over the
+              standard deviation
+    model     drives[k], of each input over the interval from sample k on its start and its change,
+              and the derivatives of both by the delay; coefficients of each segment; constants;
+              which rows can stick
+    sought    places of the coefficients, and whether the input's delay is sought after them
+    results   filled, all zero before: normal equations, shape (n_blocks, n, n), their right-hand
+              sides, shape (n_blocks, n), residuals, shape of the outputs, and the weighted sum of
+              squares of each segment: infinite, and then the last one, if its motion diverged
     """
+    first, stop = part
+    starts, lengths, first_blocks, sample_times, initial_states = segments
+    outputs, measured, reference, late, late_columns, weights = sensors
+    drives, p, c, dry = model
+    wanted, delay_sought = sought
+    normal, gradient, residuals, costs = results
     size = normal.shape[1]
     carried = N_STATES + wanted.shape[0] + (1 if delay_sought else 0)
     delay = carried if delay_sought else 0
     at = np.zeros(N_COEFFICIENTS, np.int64)
     for j in range(wanted.shape[0]):
         at[wanted[j]] = 1 + N_STATES + j
-    z = np.empty((N_STATES, 1 + carried))
-    rate = np.empty((N_STATES, 1 + carried))
-    trial = np.empty((N_STATES, 1 + carried))
-    end = np.empty((N_STATES, 1 + carried))
-    other = np.empty((N_STATES, 1 + carried))
+    shape = (N_STATES, 1 + carried)
+    z, other = np.empty(shape), np.empty(shape)
+    work = np.empty(shape), np.empty(shape), np.empty(shape)
+    rate = work[1]
     row = np.zeros(1 + size)
-    u = np.empty(N_INPUTS)
-    du = np.empty(N_INPUTS)
+    u, du = np.empty(N_INPUTS), np.empty(N_INPUTS)
     modes = np.empty(N_ROWS)
     trace = np.zeros(N_ROWS)  # the noise of each row's position
     for a in range(measured.shape[0]):
@@ -274,31 +245,17 @@ def segment_equations(
             z[i, 0] = initial_states[s, i]
             z[i, 1 + i] = 1.0
         h = sample_times[s]
-        first_modes(z, drives[starts[s]], h, trace, modes, dry, p[s], c, at, delay, rate, u, du)
+        motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du)
+        first_modes(z, h, trace, motion, rate)
         blocks = first_blocks[s + 1] - first_blocks[s]
         for k in range(starts[s], starts[s] + lengths[s]):
             b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
             if k > starts[s]:
-                advance(
-                    z,
-                    drives[k - 1],
-                    sample_times[s],
-                    substeps,
-                    modes,
-                    dry,
-                    p[s],
-                    c,
-                    at,
-                    delay,
-                    end,
-                    rate,
-                    trial,
-                    other,
-                    u,
-                    du,
-                )
+                motion = Motion(drives[k - 1], modes, dry, p[s], c, at, delay, u, du)
+                cross_interval(z, h, substeps, motion, work, other)
             if any_late:
-                rates_at(z, drives[k], 0.0, modes, dry, p[s], c, at, delay, rate, u, du)
+                motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du)
+                rates_at(z, 0.0, motion, rate)
             for a in range(measured.shape[0]):
                 state = measured[a]
                 row[:] = 0.0

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
+    from flexid.kernels.templates.bound import BOUND
     from flexid.kernels.templates.generated import (
         N_COEFFICIENTS,
         N_INPUTS,
@@ -59,7 +60,7 @@ def move(x, u, p, duration, substeps):
 def bounded(values):
     """Whether every number is finite and of a size that means something."""
     for value in values:
-        if not abs(value) < 1e12:
+        if not abs(value) < BOUND:
             return False
     return True
 
