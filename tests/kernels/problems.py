@@ -143,22 +143,14 @@ def integrate(
     table = np.empty((1, samples, kernel.SIZE))
     counts = np.zeros((1, 3), dtype=np.int64)
     status, reached = np.zeros(1, dtype=np.int64), np.zeros(1)
+    first_step = min(1e-3, longest_step) if relative < 1.0 else longest_step
     kernel.integrate(
-        0.0,
-        stop,
+        (0.0, stop),
         z,
         np.array([[stiffness]]),
-        relative,
-        absolute,
-        min(1e-3, longest_step) if relative < 1.0 else longest_step,
-        longest_step,
-        1e12,
-        most_steps,
-        sample_time,
-        table,
+        (relative, absolute, first_step, longest_step, 1e12, most_steps),
+        (sample_time, table),
         np.empty((1, 0)),
-        status,
-        reached,
-        counts,
+        (status, reached, counts),
     )
     return int(status[0]), float(reached[0]), z[0], table[0], counts[0]

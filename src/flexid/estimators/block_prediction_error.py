@@ -24,7 +24,7 @@ from flexid.estimators.beside_least_squares import (
     state_layout,
 )
 from flexid.estimators.block_covariance import Blocks, block_covariance
-from flexid.estimators.gauss_newton import Minimum, approach
+from flexid.estimators.gauss_newton import Minimum, approach, output_weights
 from flexid.estimators.recursive_least_squares import (
     LEAST_INFORMATION,
     N_BLOCKS,
@@ -44,7 +44,6 @@ from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise
 
 _COARSE, _FINE = 1.0, 0.1  # length of a step, in standard deviations, that ends the iteration
-_FINEST = 1e-9  # noise over the largest position that is still told from none
 _BLOCKS_PER_MEMORY = 8.0  # as in recursive least squares
 _CLOCK, _BLOCK_LENGTH, _SPAN = 1, 2, 3  # places in a state's counts
 
@@ -154,10 +153,10 @@ class BlockPredictionError(BesideLeastSquares):
         point = Point(prior[0], first_states(segments))
         if not parts["noise"].any():  # guessed from the positions, then taken from the residuals
             noise = np.array([position_noise(column) for column in positions.T])
-            problem = problem.at(point, _weights(noise, positions))
+            problem = problem.at(point, output_weights(noise, positions))
             coarse = approach(problem, point, _COARSE)
             point = coarse.point
-            parts["noise"][:] = 1.0 / _weights(coarse.noise(problem), positions)
+            parts["noise"][:] = 1.0 / output_weights(coarse.noise(problem), positions)
         # The same weights for all blocks, so that their information and the prior's compare
         problem = problem.at(point, 1.0 / parts["noise"])
         return approach(problem, point, _FINE)
@@ -244,8 +243,3 @@ def block_prediction_error(
     )
     fading = float(np.exp(-sample_time / memory_time))
     return BlockPredictionError(beside, samples, layout, fading)
-
-
-def _weights(noise: FloatArray, positions: FloatArray) -> FloatArray:
-    floor = _FINEST * float(np.max(np.abs(positions)))
-    return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)

@@ -20,6 +20,7 @@ _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING = 1e-6  # less than this is none
 _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
+_FINEST = 1e-9  # noise over the largest output that is distinguished from none: a 30 bit encoder's
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,3 +161,17 @@ def _is_rounding(step: Reduced, point: Point) -> bool:
     largest = np.abs(point.initial_states).max(axis=0)
     states = np.abs(step.states_step) <= _ROUNDING * largest
     return bool(values.all() and states.all())
+
+
+def output_weights(noise: FloatArray, outputs: FloatArray) -> FloatArray:
+    """One over the noise of each output, or over the least that is distinguished from none.
+
+    Parameters
+    ----------
+    noise : array, shape (n_outputs,)
+        Standard deviations.
+    outputs : array, shape (n, n_outputs)
+        What was measured.
+    """
+    floor = _FINEST * float(np.max(np.abs(outputs)))
+    return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)

@@ -14,7 +14,7 @@ import numpy as np
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.filter_rate import choose_filter_rate
-from flexid.estimators.gauss_newton import Minimum, approach, minimise
+from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights
 from flexid.estimators.rowwise import RowwiseFit
 from flexid.estimators.samples import FloatArray, Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
@@ -27,7 +27,6 @@ from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise, velocity
 
 _COARSE, _FINE = 1.0, 1e-2  # length of a step, in standard deviations, that ends the iteration
-_FINEST = 1e-9  # noise over the largest output that is still told from none: a 30 bit encoder's
 _AGREEMENT = 10.0  # standard deviations of least squares within which an estimate may end
 _SLACK = 1.0  # and this part of the value besides, for what the model leaves out
 _EFFECT = 0.05  # and this part of the row's acceleration, for coefficients that are about zero
@@ -205,9 +204,9 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     outputs = problem.segments.outputs
     guess = np.array([position_noise(column) for column in outputs.T])
     point = Point(values, first_states(problem.segments))
-    problem = problem.at(point, _weights(guess, outputs))
+    problem = problem.at(point, output_weights(guess, outputs))
     coarse = approach(problem, point, _COARSE)
-    problem = problem.at(coarse.point, _weights(coarse.noise(problem), outputs))
+    problem = problem.at(coarse.point, output_weights(coarse.noise(problem), outputs))
     found = minimise(problem, coarse.point, _FINE)
     return problem, found, coarse.iterations + found.iterations
 
@@ -244,14 +243,11 @@ def _least_squares(pieces: Sequence[Samples], unknowns: Unknowns, hold: Hold) ->
     return filtered_least_squares(complete, system, rate, hold, unknowns)
 
 
-def _weights(noise: FloatArray, outputs: FloatArray) -> FloatArray:
-    floor = _FINEST * float(np.max(np.abs(outputs)))
-    return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)
-
-
 def _misfit(problem: SegmentedMotion, found: Minimum) -> float:
     """Log of the residuals' mean squares, summed over the outputs: what only noise explains."""
-    return -2.0 * float(np.sum(np.log(_weights(found.noise(problem), problem.segments.outputs))))
+    return -2.0 * float(
+        np.sum(np.log(output_weights(found.noise(problem), problem.segments.outputs)))
+    )
 
 
 def _infinite(covariance: FloatArray, free: np.ndarray) -> FloatArray:

@@ -13,7 +13,7 @@ from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.kernels.templates.bound import BOUND
 from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.run import Run
+from flexid.simulation.run import Run, split_columns
 from flexid.simulation.sample_grid import SampleGrid, check_positive
 
 Array = NDArray[np.float64]
@@ -149,23 +149,22 @@ def integrate_loops(
     status = np.zeros(runs, dtype=np.int64)
     reached = np.zeros(runs)
     counts = np.zeros((runs, 3), dtype=np.int64)
-    kernel.integrate(
-        0.0,
-        grid.end,
-        variables,
-        parameters,
+    steps = (
         tolerance.relative_tolerance,
         tolerance.absolute_tolerance,
         min(_FIRST_STEP, grid.sample_time),
         _LONGEST_STEP,
         BOUND,
         tolerance.maximum_steps,
-        grid.sample_time,
-        samples,
+    )
+    kernel.integrate(
+        (0.0, grid.end),
+        variables,
+        parameters,
+        steps,
+        (grid.sample_time, samples),
         totals,
-        status,
-        reached,
-        counts,
+        (status, reached, counts),
     )
     return Ends(status, reached, variables, counts)
 
@@ -195,13 +194,6 @@ def loop_kernel(
     return load_kernel(task, decisive, build, templates)
 
 
-def split_outputs(kernel: ModuleType, outputs: Array) -> list[Array]:
-    """States, inputs, estimates, their errors, tracking error and regressors, columns each."""
-    n = kernel.N_COEFFICIENTS
-    widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
-    return np.split(outputs, np.cumsum(widths), axis=1)
-
-
 def _run(
     loop: ClosedLoop,
     kernel: ModuleType,
@@ -212,7 +204,7 @@ def _run(
 ) -> Run:
     outputs = np.empty((len(samples), kernel.N_OUTPUTS))
     kernel.sampled_outputs(grid.sample_time, samples, loop.parameters, outputs)
-    states, inputs, estimates, errors, tracking, _ = split_outputs(kernel, outputs)
+    states, inputs, estimates, errors, tracking, _ = split_columns(kernel, outputs)
     return Run(
         loop,
         grid.times,

@@ -19,11 +19,11 @@ from flexid.simulation.closed_loop import (
     Tolerance,
     integrate_loops,
     loop_kernel,
-    split_outputs,
 )
 from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.run import split_columns
 from flexid.simulation.sample_grid import SampleGrid
-from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel, split_record
+from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
 from flexid.simulation.threads import share_out
 
 Array = NDArray[np.float64]
@@ -156,7 +156,7 @@ def simulate_ensemble(
         table.steps[block] = ends.counts[:, 0]
 
     share_out(len(blocks), workers, job)
-    states, _, _, errors, _, _ = split_outputs(kernel, table.totals[:, kernel.N_MEASURES :])
+    states, _, _, errors, _, _ = split_columns(kernel, table.totals[:, kernel.N_MEASURES :])
     return _ensemble(kernel, loops[0].system, table, table.reached, states, errors)
 
 
@@ -220,7 +220,7 @@ def simulate_sampled_ensemble(
         table.steps[place] = end.samples
 
     share_out(len(loops), workers, job)
-    states, _, _, errors, _, _ = split_record(kernel, record)
+    states, _, _, errors, _, _ = split_columns(kernel, record)
     return _ensemble(kernel, loops[0].system, table, table.steps, states, errors)
 
 

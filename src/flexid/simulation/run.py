@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,3 +85,19 @@ class Run:
         names = self.loop.system.inputs
         inputs = dict(zip(names, self.inputs.T, strict=True))
         return columns | ({"motor_torque": inputs[names[0]]} if len(names) == 1 else inputs)
+
+
+def split_columns(kernel: ModuleType, table: Array) -> list[Array]:
+    """States, inputs, estimates, their errors, tracking error and what follows, columns each.
+
+    Parameters
+    ----------
+    kernel : module
+        Of the loop, continuous or sampled.
+    table : (n, n_columns) ndarray
+        What it wrote: its outputs, which end with the regressors, or its record, which ends with
+        the measured states.
+    """
+    n = kernel.N_COEFFICIENTS
+    widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
+    return np.split(table, np.cumsum(widths), axis=1)

@@ -16,7 +16,7 @@ from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.run import Run
+from flexid.simulation.run import Run, split_columns
 from flexid.simulation.sample_grid import SampleGrid
 from flexid.simulation.substeps import runge_kutta_substeps
 
@@ -64,6 +64,12 @@ class Sampling:
         for name in ("position_resolution", "position_noise", "velocity_noise"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise SettingError(name, f"{getattr(self, name)!r} must be zero or positive")
+
+    @property
+    def sensors(self) -> tuple[float, float, float]:
+        """Noise of positions and of velocities, and resolution of positions."""
+        noise = float(self.position_noise), float(self.velocity_noise)
+        return *noise, float(self.position_resolution)
 
     def noise(self, count: int, states: int) -> Array:
         """Standard normal numbers behind the noise, (count, states), or no rows if there is none.
@@ -117,7 +123,7 @@ def simulate_sampled(
             "the sampled loop diverges: lower its gains or its sample time",
             (end.samples - 1) * sampling.sample_time,
         )
-    states, inputs, estimates, errors, tracking, measured = split_record(kernel, record)
+    states, inputs, estimates, errors, tracking, measured = split_columns(kernel, record)
     settings = {"task": "sampled", "duration": duration, **asdict(sampling)}
     return Run(
         loop,
@@ -173,25 +179,14 @@ def run_sampled(
         np.array([loop.initial_state]),
         loop.parameters[np.newaxis],
         _constants(loop),
-        sampling.noise(grid.count, kernel.N_STATES),
-        np.array([sampling.position_noise, sampling.velocity_noise]),
-        sampling.position_resolution,
-        sampling.input_limit,
-        _substeps(kernel, loop, sampling.sample_time),
-        loop.start_estimates,
-        _observer_settings(loop, sampling.sample_time),
+        (sampling.noise(grid.count, kernel.N_STATES), *sampling.sensors),
+        (sampling.input_limit, _substeps(kernel, loop, sampling.sample_time)),
+        (loop.start_estimates, _observer_settings(loop, sampling.sample_time)),
         grid.count,
         record,
         totals,
     )
     return SampledEnd(status, samples, limited)
-
-
-def split_record(kernel: ModuleType, record: Array) -> list[Array]:
-    """States, inputs, estimates, their errors, tracking error and measured states, columns each."""
-    n = kernel.N_COEFFICIENTS
-    widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
-    return np.split(record, np.cumsum(widths), axis=1)
 
 
 def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
@@ -240,7 +235,6 @@ def _run_called(
     x = tuple(loop.initial_state)
     drawn = sampling.noise(grid.count, len(x))
     noise = drawn if len(drawn) else np.zeros((grid.count, len(x)))
-    deviations = (sampling.position_noise, sampling.velocity_noise)
     settings = kernel.as_settings(_observer_settings(loop, h))
     parameters = kernel.as_parameters(loop.parameters[np.newaxis], 0)
     substeps = _substeps(kernel, loop, h)
@@ -248,20 +242,16 @@ def _run_called(
     reference = np.stack([loop.reference.evaluate(grid.times, d) for d in range(5)], axis=1)
     limited = 0
     for n in range(grid.count):
-        seen = kernel.sense(x, tuple(noise[n]), *deviations, sampling.position_resolution)
+        seen = kernel.sense(x, tuple(noise[n]), *sampling.sensors)
         demanded = np.ravel(law(n * h, np.array(seen), reference[n].copy()))
         x, current, clipped = kernel.respond(
             x,
             seen,
             tuple(map(float, demanded)),
             current,
-            reference[n, 0],
-            parameters,
             settings,
-            sampling.input_limit,
-            substeps,
-            record,
-            n,
+            (parameters, sampling.input_limit, substeps),
+            (reference[n, 0], record, n),
         )
         limited += clipped
         if not kernel.bounded(x):

@@ -360,25 +360,12 @@ def fill_samples(w, start, sample_time, samples, counts):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate(
-    start,
-    stop,
-    z,
-    p,
-    relative,
-    absolute,
-    first_step,
-    longest_step,
-    limit,
-    most_steps,
-    sample_time,
-    samples,
-    totals,
-    status,
-    reached,
-    counts,
-):
-    """Integrate z' = rates(t, z, p) from start to stop; arguments are those of rodas5p."""
+def integrate(span, z, p, steps, sampling, totals, results):
+    """Integrate z' = rates(t, z, p) over a span; arguments are those of rodas5p."""
+    start, stop = span
+    relative, absolute, first_step, longest_step, limit, most_steps = steps
+    sample_time, samples = sampling
+    status, reached, counts = results
     runs = z.shape[0]
     w = np.zeros(SLOTS * LANES)
     for lane in range(LANES):

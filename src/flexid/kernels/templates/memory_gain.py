@@ -38,7 +38,7 @@ LEAST_TOLERANCE = 1e-5  # part of a regressor that the others must leave over
 
 
 @njit(cache=True, error_model="numpy")
-def factorise(matrix, n):
+def cholesky(matrix, n):
     """Overwrite the lower half by the Cholesky factor; return the least pivot, squared."""
     least = np.inf
     for i in range(n):
@@ -55,7 +55,7 @@ def factorise(matrix, n):
 
 
 @njit(cache=True, error_model="numpy")
-def solve(factor, n, b):
+def cholesky_solve(factor, n, b):
     """Overwrite b by the solution."""
     for i in range(n):
         total = b[i]
@@ -105,13 +105,13 @@ def update_row(j, n, state, settings, signals, h, matrix, error):
     scaled_equations(j, n, state, values, matrix, error)
     gain = settings[GAIN] * h
     if ADJUGATE:  # every coefficient alone, by the determinant: p' = g D (adj(A) B - D p) / max D²
-        least = factorise(matrix, n)
+        least = cholesky(matrix, n)
         determinant = 1.0
         for i in range(n):
             determinant *= matrix[i, i] * matrix[i, i] * state[PEAKS_AT + start + i]
         if least > 1e-9:
             state[LARGEST_AT + j] = max(state[LARGEST_AT + j], determinant)
-            solve(matrix, n, error)
+            cholesky_solve(matrix, n, error)
             share = determinant / state[LARGEST_AT + j]
             gain *= share * share
             gain /= 1.0 + gain
@@ -121,14 +121,14 @@ def update_row(j, n, state, settings, signals, h, matrix, error):
         for i in range(n):
             for k in range(n):
                 matrix[i, k] = gain * matrix[i, k] + (1.0 if i == k else 0.0)
-        least = factorise(matrix, n)
-        solve(matrix, n, error)
+        least = cholesky(matrix, n)
+        cholesky_solve(matrix, n, error)
     for i in range(n):
         peak = state[PEAKS_AT + start + i]
         values[i] += gain * error[i] / sqrt(peak) if peak > 0.0 else 0.0
     # Of the memory as it is, whatever the law
     scaled_equations(j, n, state, values, matrix, error)
-    return innovation, factorise(matrix, n) > LEAST_TOLERANCE
+    return innovation, cholesky(matrix, n) > LEAST_TOLERANCE
 
 
 @njit(cache=True, error_model="numpy")

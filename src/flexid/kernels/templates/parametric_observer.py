@@ -24,7 +24,7 @@ NO_INNOVATION = (np.nan,) * N_ROWS
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def take(current, sample, fixed):
+def take_in(current, sample, fixed):
     """State after a sample, innovations, status: tuples stay in registers, views do not."""
     if not is_finite(sample):
         return (0.0,) + current[1:], NO_INNOVATION, REJECTED
@@ -46,7 +46,7 @@ def as_array(current):
 def step(state, sample, settings):
     """New state and info after one sample; the old state is left as it is."""
     one = as_sample(sample.reshape((1, SAMPLE_SIZE)), 0)
-    current, innovation, status = take(as_state(state), one, as_settings(settings))
+    current, innovation, status = take_in(as_state(state), one, as_settings(settings))
     info = np.empty(N_ROWS + 1)
     for j in range(N_ROWS):
         info[j] = innovation[j]
@@ -60,7 +60,7 @@ def replay(state, samples, settings, coefficients, infos):
     current = as_state(state)
     fixed = as_settings(settings)
     for n in range(samples.shape[0]):
-        current, innovation, status = take(current, as_sample(samples, n), fixed)
+        current, innovation, status = take_in(current, as_sample(samples, n), fixed)
         for i in range(N_COEFFICIENTS):
             coefficients[n, i] = current[1 + i]
         for j in range(N_ROWS):

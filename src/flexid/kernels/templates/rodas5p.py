@@ -78,7 +78,7 @@ RODAS_DENSE = np.array([
 
 
 @njit(cache=True, error_model="numpy")
-def factorise(matrix, pivots):
+def lu_factor(matrix, pivots):
     """Overwrite a matrix by its LU factors, rows swapped so that pivots are largest.
 
     The diagonal holds the reciprocals of the pivots, which the solutions need many times.
@@ -109,7 +109,7 @@ def factorise(matrix, pivots):
 
 
 @njit(cache=True, error_model="numpy")
-def solve(matrix, pivots, b):
+def lu_solve(matrix, pivots, b):
     """Overwrite b by the solution; the matrix has been factorised."""
     for row in range(SIZE):
         other = pivots[row]
@@ -133,7 +133,7 @@ def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
     per_h = 1.0 / h
     for i in range(SIZE):
         stages[0, i] = dz[i] + h * RODAS_SLOPE[0] * slope[i]
-    solve(matrix, pivots, stages[0])
+    lu_solve(matrix, pivots, stages[0])
     for stage in range(1, 8):
         # Stages outside, components inside: this order becomes vector instructions.
         for i in range(SIZE):
@@ -148,7 +148,7 @@ def rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new):
         rates(t + RODAS_TIME[stage] * h, trial, p, new)
         for i in range(SIZE):
             stages[stage, i] += new[i]
-        solve(matrix, pivots, stages[stage])
+        lu_solve(matrix, pivots, stages[stage])
     for i in range(SIZE):
         new[i] = trial[i] + stages[7, i]
 
@@ -179,23 +179,11 @@ def interpolate(t, h, z, new, stages, dense, start, sample_time, samples, filled
 
 
 @njit(cache=True, error_model="numpy")
-def integrate_run(
-    start,
-    stop,
-    z,
-    p,
-    relative,
-    absolute,
-    first_step,
-    longest_step,
-    limit,
-    most_steps,
-    sample_time,
-    samples,
-    totals,
-    counts,
-):
+def integrate_run(span, z, p, steps, sampling, totals, counts):
     """Integrate one run; return its status and the time reached."""
+    start, stop = span
+    relative, absolute, first_step, longest_step, limit, most_steps = steps
+    sample_time, samples = sampling
     dz = np.empty(SIZE)
     slope = np.empty(SIZE)
     trial = np.empty(SIZE)
@@ -231,7 +219,7 @@ def integrate_run(
             for j in range(SIZE):
                 matrix[i, j] = -jacobian[i, j]
             matrix[i, i] += 1.0 / (h * RODAS_GAMMA)
-        factorise(matrix, pivots)
+        lu_factor(matrix, pivots)
         rosenbrock_step(t, h, z, p, dz, slope, matrix, pivots, stages, trial, new)
         error = 0.0
         for i in range(SIZE):
@@ -273,50 +261,24 @@ def integrate_run(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def integrate(
-    start,
-    stop,
-    z,
-    p,
-    relative,
-    absolute,
-    first_step,
-    longest_step,
-    limit,
-    most_steps,
-    sample_time,
-    samples,
-    totals,
-    status,
-    reached,
-    counts,
-):
-    """Integrate z' = rates(t, z, p) from start to stop, for several runs with a row each.
+def integrate(span, z, p, steps, sampling, totals, results):
+    """Integrate z' = rates(t, z, p) over a span, for several runs with a row each.
 
-    z                    overwritten by the final state
-    relative, absolute   tolerance of every component: absolute + relative |z[i]|
-    limit                magnitude of a component beyond which the run counts as diverged
-    samples              filled with z at start, start + sample_time, ...; rows of the second axis,
-                         of which there may be none
-    totals               handed to observe at every accepted step, for the trapezoidal rule;
-                         without columns if nothing is to be measured
-    status, reached      filled with what became of the run, and the time it reached
-    counts               filled with accepted steps, rejected steps, filled samples
+    span      start and stop
+    z         overwritten by the final state
+    steps     relative and absolute tolerance of every component, absolute + relative |z[i]|; first
+              and longest step; magnitude of a component beyond which the run counts as diverged;
+              most steps
+    sampling  sample time, and samples filled with z at start, start + sample_time, ...; rows of the
+              second axis, of which there may be none
+    totals    handed to observe at every accepted step, for the trapezoidal rule; without columns if
+              nothing is to be measured
+    results   filled with what became of each run, the time it reached, and its accepted steps,
+              rejected steps and filled samples
     """
+    sample_time, samples = sampling
+    status, reached, counts = results
     for run in range(z.shape[0]):
         status[run], reached[run] = integrate_run(
-            start,
-            stop,
-            z[run],
-            p[run],
-            relative,
-            absolute,
-            first_step,
-            longest_step,
-            limit,
-            most_steps,
-            sample_time,
-            samples[run],
-            totals[run],
-            counts[run],
+            span, z[run], p[run], steps, (sample_time, samples[run]), totals[run], counts[run]
         )

@@ -80,8 +80,14 @@ def note(x, u, current, tracking, seen, p, record, n):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def respond(x, seen, demanded, current, reference, p, settings, limit, substeps, record, n):
-    """What follows the law in a sample: limit, observer, record, plant; 1 if an input was cut."""
+def respond(x, seen, demanded, current, settings, drive, log):
+    """What follows the law in a sample: limit, observer, record, plant; 1 if an input was cut.
+
+    drive  the plant's parameters, the limit of its inputs, and steps of the integrator per sample
+    log    the reference, the record, and the row of this sample
+    """
+    p, limit, substeps = drive
+    reference, record, n = log
     u, cut = saturate(demanded, limit)
     current, _ = advance(current, seen + u, settings)
     note(x, u, current, x[TRACKED] - reference, seen, p, record, n)
@@ -89,34 +95,24 @@ def respond(x, seen, demanded, current, reference, p, settings, limit, substeps,
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def sampled_run(
-    start,
-    p,
-    constants,
-    noise,
-    deviations,
-    resolution,
-    limit,
-    substeps,
-    estimates,
-    observer,
-    count,
-    record,
-    totals,
-):
+def sampled_run(start, p, constants, sensors, drive, observer, count, record, totals):
     """Run the loop over so many samples.
 
     start, p     plain states at the start and parameters of the loop, one row each
-    noise        standard normal numbers, a row per sample, or no rows for none
-    deviations   what they are multiplied by: for positions and for velocities
-    observer     settings of the sampled observer, its sample time first
+    sensors      standard normal numbers, a row per sample, or no rows for none; what they are
+                 multiplied by for positions and for velocities; resolution of positions
+    drive        limit of the inputs, and steps of the integrator per sample
+    observer     estimates at the start, and settings of the observer, its sample time first
     record       a row per sample, or a single row for the last one alone
     totals       zeros to which measures are added, every sample with weight 1; empty if not wanted
     Returns a status, samples done and how many were clipped.
     """
-    h = observer[0]
-    settings = (h, 1.0) + as_settings(observer)[2:]  # held inputs, known when this is compiled
+    noise, position, velocity, resolution = sensors
+    estimates, set_to = observer
+    h = set_to[0]
+    settings = (h, 1.0) + as_settings(set_to)[2:]  # held inputs, known when this is compiled
     parameters = as_parameters(p, 0)
+    plant = (parameters, drive[0], drive[1])
     current = first_state(estimates)
     x = as_states(start, 0)
     draws = as_states(np.zeros((1, N_STATES)), 0)
@@ -125,7 +121,6 @@ def sampled_run(
     known = np.empty(N_ROWS)
     logged = record.shape[0] > 1
     measured = totals.shape[0] > 0
-    position, velocity = deviations[0], deviations[1]
     clipped = 0
     for n in range(count):
         if noisy:
@@ -133,19 +128,8 @@ def sampled_run(
         seen = sense(x, draws, position, velocity, resolution)
         demanded, reference = control(n * h, seen, parameters)
         row = n if logged else 0
-        x, current, cut = respond(
-            x,
-            seen,
-            demanded,
-            current,
-            reference,
-            parameters,
-            settings,
-            limit,
-            substeps,
-            record,
-            row,
-        )
+        log = (reference, record, row)
+        x, current, cut = respond(x, seen, demanded, current, settings, plant, log)
         clipped += cut
         if measured:  # a view of an array in every sample would cost a tenth of the time
             y = record[row]
