@@ -129,6 +129,27 @@ def without_integrals(
     return integrals, plain
 
 
+def symbols_in_eq_2(rows: tuple[PrintableRow, ...]) -> set[sp.Basic]:
+    """Symbols on the right-hand sides of eq. (2)."""
+    shown = [e for row in rows for _, y, cb in row.estimates for e in (y, cb)]
+    return set().union(*(e.free_symbols for e in shown))
+
+
+def symbols_in_eq_3(rows: tuple[PrintableRow, ...]) -> set[sp.Basic]:
+    """Symbols on the right-hand sides of eq. (3), and of eq. (2), which goes before it."""
+    shown = [e for row in rows for _, *parts in row.updates for e in parts]
+    shown += [e for row in rows for e in (row.gain, row.meaning)]
+    return symbols_in_eq_2(rows).union(*(e.free_symbols for e in shown))
+
+
+def integrals_among(
+    symbols: set[sp.Basic], integrals: dict[sp.Symbol, sp.Integral]
+) -> tuple[dict[sp.Symbol, sp.Integral], set[sp.Basic]]:
+    """The integrals that some of the symbols stand for, and all symbols that are needed then."""
+    found = {name: integral for name, integral in integrals.items() if name in symbols}
+    return found, symbols.union(*(integral.free_symbols for integral in found.values()))
+
+
 def estimate_texts(
     rows: tuple[PrintableRow, ...], show: Callable[[sp.Expr], str]
 ) -> list[tuple[str, str]]:

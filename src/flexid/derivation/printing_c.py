@@ -1,6 +1,5 @@
 """The observer's equations as C99 functions on doubles."""
 
-import re
 from collections.abc import Callable, Sequence
 from typing import cast
 
@@ -15,8 +14,11 @@ from flexid.derivation.printing import (
     argument_groups,
     estimate_texts,
     fresh_names,
+    integrals_among,
     printable_rows,
     rate_texts,
+    symbols_in_eq_2,
+    symbols_in_eq_3,
     without_integrals,
 )
 from flexid.derivation.quadrature import graded_rule
@@ -42,9 +44,25 @@ static double log_cosh_(double z)
 
 
 class _CPrinter(C99CodePrinter):
-    """Products for small powers, and no macro that C99 does not have."""
+    """Products for small powers, and no macro that C99 does not have; notes a use of ln cosh.
+
+    Parameters
+    ----------
+    renamed : dict of Symbol to Symbol
+        Names in C for what is none there.
+    """
+
+    def __init__(self, renamed: dict[sp.Symbol, sp.Symbol]) -> None:
+        super().__init__()
+        self._renamed = renamed
+        self.log_cosh = False
+
+    def show(self, expression: sp.Expr) -> str:
+        """The expression in C."""
+        return str(self.doprint(expression.xreplace(self._renamed)))
 
     def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
+        self.log_cosh = True
         return f"log_cosh_({self._print(expr.args[0])})"
 
     def _print_NumberSymbol(self, expr: sp.NumberSymbol) -> str:  # noqa: N802, the same
@@ -79,10 +97,15 @@ def c_observer(observer: SymbolicObserver) -> str:
     hats = [p for row in observer.rows for p in row.estimates]
     groups = dict(zip(_ARGUMENTS, argument_groups(observer), strict=True))
     abbreviations = [row.abbreviation for row in rows]
-    show = _printer([*hats, *abbreviations, *(s for group in groups.values() for s in group)])
+    printer = _printer([*hats, *abbreviations, *(s for group in groups.values() for s in group)])
+    show = printer.show
     estimates = estimate_texts(rows, show)
     meanings, rates = rate_texts(rows, show)
-    reads = {show(s): f"{a}[{i}]" for a, group in groups.items() for i, s in enumerate(group)}
+    reads = {
+        s: _constant(show(s), f"{a}[{i}]")
+        for a, group in groups.items()
+        for i, s in enumerate(group)
+    }
     estimated = [_constant(name, text) for name, text in estimates]
     first = [f"    estimate[{i}] = {text};" for i, (_, text) in enumerate(estimates)]
     second = [
@@ -90,17 +113,24 @@ def c_observer(observer: SymbolicObserver) -> str:
         *(_constant(name, text) for name, text in meanings),
         *(f"    rate[{i}] = {text};" for i, text in enumerate(rates)),
     ]
-    sums = {name: _sum(name, i, show) for name, i in integrals.items()}
+
+    def function(name: str, target: str, used: set[sp.Basic], body: list[str]) -> str:
+        found, used = integrals_among(used, integrals)
+        loops = [line for q, integral in found.items() for line in _sum(q, integral, show)]
+        values = [line for symbol, line in reads.items() if symbol in used]
+        unused = [a for a, group in groups.items() if used.isdisjoint(group)]
+        return _function(name, [*groups, target], unused, [*values, *loops, *body])
+
     functions = "\n".join(
         (
-            _function("observer_estimates", "estimate", groups, reads, sums, first),
-            _function("observer_rates", "rate", groups, reads, sums, second),
+            function("observer_estimates", "estimate", symbols_in_eq_2(rows), first),
+            function("observer_rates", "rate", symbols_in_eq_3(rows), second),
         )
     )
-    return _front(observer, groups, functions) + functions
+    return _front(observer, groups, printer.log_cosh) + functions
 
 
-def _printer(symbols: Sequence[sp.Symbol]) -> Callable[[sp.Expr], str]:
+def _printer(symbols: Sequence[sp.Symbol]) -> _CPrinter:
     """A printer that renames what is no name in C."""
     names = FreshNames([str(s) for s in symbols] + list(_RESERVED))
     renamed = {
@@ -108,11 +138,10 @@ def _printer(symbols: Sequence[sp.Symbol]) -> Callable[[sp.Expr], str]:
         for s in symbols
         if str(s) in _RESERVED or not str(s).isascii()
     }
-    printer = _CPrinter()
-    return lambda expression: str(printer.doprint(expression.xreplace(renamed)))
+    return _CPrinter(renamed)
 
 
-def _front(observer: SymbolicObserver, groups: dict, functions: str) -> str:
+def _front(observer: SymbolicObserver, groups: dict, log_cosh: bool) -> str:
     lines = [
         f"/* Parametric observer, Huang (2003), of the model {observer.symbolic.system.name}.",
         *(f" * {name:15} {', '.join(map(str, group)) or 'none'}" for name, group in groups.items()),
@@ -120,9 +149,9 @@ def _front(observer: SymbolicObserver, groups: dict, functions: str) -> str:
         " */",
     ]
     text = "\n".join(lines) + "\n#include <math.h>\n"
-    if "log_cosh_(" in functions:
+    if log_cosh:
         text += _LOG_COSH
-    if "NODES" in functions:
+    if observer.quadratures:
         nodes, weights = graded_rule()
         for name, values in (("NODES", nodes), ("WEIGHTS", weights)):
             numbers = ",\n    ".join(map(repr, values.tolist()))
@@ -130,25 +159,11 @@ def _front(observer: SymbolicObserver, groups: dict, functions: str) -> str:
     return text + "\n"
 
 
-def _function(
-    name: str,
-    target: str,
-    groups: dict,
-    reads: dict[str, str],
-    sums: dict[sp.Symbol, list[str]],
-    body: list[str],
-) -> str:
-    text = "\n".join(body)
-    loops = [line for q, lines in sums.items() if re.search(rf"\b{q}\b", text) for line in lines]
-    used = set(re.findall(r"\w+", "\n".join([*loops, text])))
-    values = [_constant(variable, place) for variable, place in reads.items() if variable in used]
-    arguments = [*(f"const double *{array}" for array in groups), f"double *{target}"]
-    unused = [
-        f"    (void){array};" for array in groups if not any(f" {array}[" in v for v in values)
-    ]
+def _function(name: str, arrays: list[str], unused: list[str], body: list[str]) -> str:
+    *given, filled = arrays
+    arguments = [*(f"const double *{array}" for array in given), f"double *{filled}"]
     head = f"void {name}(\n    " + ",\n    ".join(arguments) + ")\n{"
-    lines = [head, *unused, *values, *loops, *body]
-    return "\n".join([*lines, "}\n"])
+    return "\n".join([head, *(f"    (void){array};" for array in unused), *body, "}\n"])
 
 
 def _constant(name: str, value: str) -> str:

@@ -1,7 +1,6 @@
 """The observer's equations as plain Python that needs nothing but `math`."""
 
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import sympy as sp
@@ -14,17 +13,17 @@ from flexid.derivation.printing import (
     argument_groups,
     estimate_texts,
     fresh_names,
+    integrals_among,
     printable_rows,
     rate_texts,
+    symbols_in_eq_2,
+    symbols_in_eq_3,
     without_integrals,
 )
 from flexid.derivation.quadrature import graded_rule
 from flexid.derivation.special import LogCosh
 
 _ARGUMENTS = ("states", "inputs", "input_rates", "observer_states", "gains", "constants")
-
-_MATH = ("asinh", "atan", "copysign", "cos", "cosh", "erf", "exp", "log", "pi")
-_MATH += ("sin", "sqrt", "tan", "tanh")
 
 _LOG_COSH = '''def _log_cosh(z):
     """ln cosh z, without overflow."""
@@ -44,22 +43,29 @@ _WEIGHTS = {weights!r}
 
 
 class _PythonPrinter(PythonCodePrinter):
+    """Notes what it has used: names of `math` in ``module_imports``, and ln cosh."""
+
+    def __init__(self) -> None:
+        super().__init__({"fully_qualified_modules": False})
+        self.log_cosh = False
+
     def _print_LogCosh(self, expr: LogCosh) -> str:  # noqa: N802, SymPy's printer protocol
+        self.log_cosh = True
         return f"_log_cosh({self._print(expr.args[0])})"
 
     def _print_Exp1(self, expr: sp.NumberSymbol) -> str:  # noqa: ARG002, N802, the same
-        return "exp(1)"  # a model may have its own e
+        return f"{self._module_format('math.exp')}(1)"  # a model may have its own e
 
     def _print_sign(self, e: sp.Function) -> str:
         argument = self._print(e.args[0])
-        return f"(0.0 if {argument} == 0 else copysign(1.0, {argument}))"
+        copysign = self._module_format("math.copysign")
+        return f"(0.0 if {argument} == 0 else {copysign}(1.0, {argument}))"
 
-
-_printer = _PythonPrinter({"fully_qualified_modules": False})
-
-
-def _show(expression: sp.Expr) -> str:
-    return str(_printer.doprint(expression))
+    @property
+    def math(self) -> set[str]:
+        """What it has used of `math`."""
+        used = {name.removeprefix("math.") for name in self.module_imports.get("math", ())}
+        return used | ({"exp", "log"} if self.log_cosh else set())
 
 
 def python_observer(observer: SymbolicObserver) -> str:
@@ -76,43 +82,44 @@ def python_observer(observer: SymbolicObserver) -> str:
         Source. Both functions take sequences of states, inputs (their rates, if the observer
         needs them), the observer's own states, gains and constants (if there are any).
     """
-    functions = _functions(observer)
-    called = set(re.findall(r"[A-Za-z_]\w*(?=\()|\bpi\b", functions))
-    helpers = _LOG_COSH + "\n\n" if "_log_cosh" in called else ""
-    if "_integrate" in called:
+    printer = _PythonPrinter()
+    functions = _functions(observer, lambda expression: str(printer.doprint(expression)))
+    helpers = _LOG_COSH + "\n\n" if printer.log_cosh else ""
+    if observer.quadratures:
         nodes, weights = graded_rule()
         helpers += _INTEGRATE.format(
             count=len(nodes), nodes=tuple(nodes.tolist()), weights=tuple(weights.tolist())
         )
-    called |= set(re.findall(r"\w+(?=\()", helpers))
-    used = ", ".join(name for name in _MATH if name in called)
+    used = ", ".join(sorted(printer.math))
     head = (
         f'"""Parametric observer, Huang (2003), of the model {observer.symbolic.system.name}."""\n'
     )
     return head + (f"\nfrom math import {used}\n\n\n" if used else "\n\n") + helpers + functions
 
 
-def _functions(observer: SymbolicObserver) -> str:
+def _functions(observer: SymbolicObserver, show: Callable[[sp.Expr], str]) -> str:
     names = fresh_names(observer)
     integrals, rows = without_integrals(printable_rows(observer, names))
     groups = dict(zip(_ARGUMENTS, argument_groups(observer), strict=True))
     arguments = {str(names.take(name)): group for name, group in groups.items() if group}
     unpacking = [f"{_tuple(group)} = {name}" for name, group in arguments.items()]
-    estimates = [f"{p} = {text}" for p, text in estimate_texts(rows, _show)]
-    abbreviations, rates = rate_texts(rows, _show)
+    estimates = [f"{p} = {text}" for p, text in estimate_texts(rows, show)]
+    abbreviations, rates = rate_texts(rows, show)
     hats = _tuple([p for row in observer.rows for p in row.estimates])
+    of_eq_2 = _integrals(integrals_among(symbols_in_eq_2(rows), integrals)[0], show)
+    of_eq_3 = _integrals(integrals_among(symbols_in_eq_3(rows), integrals)[0], show)
     blocks = (
         (
             f"def estimates({', '.join(arguments)}):",
             '"""Estimates of the coefficients."""  # Huang (2003), eq. (2)',
-            [*unpacking, *_integrals(integrals, estimates), *estimates, f"return {hats}"],
+            [*unpacking, *of_eq_2, *estimates, f"return {hats}"],
         ),
         (
             f"def rates({', '.join(arguments)}):",
             '"""Rates of the observer\'s states."""  # Huang (2003), eq. (3)',
             [
                 *unpacking,
-                *_integrals(integrals, [*estimates, *rates]),
+                *of_eq_3,
                 *estimates,
                 *(f"{name} = {meaning}" for name, meaning in abbreviations),
                 "return (",
@@ -127,13 +134,14 @@ def _functions(observer: SymbolicObserver) -> str:
     )
 
 
-def _integrals(integrals: dict[sp.Symbol, sp.Integral], texts: Sequence[str]) -> list[str]:
-    """Lines for those integrals that occur in the texts."""
+def _integrals(
+    integrals: dict[sp.Symbol, sp.Integral], show: Callable[[sp.Expr], str]
+) -> list[str]:
+    """Lines that integrate."""
     return [
-        f"{name} = _integrate(lambda {VARIABLE}: {_show(cast(sp.Expr, i.function))}, "
-        f"{_show(upper_limit(i))})"
+        f"{name} = _integrate(lambda {VARIABLE}: {show(cast(sp.Expr, i.function))}, "
+        f"{show(upper_limit(i))})"
         for name, i in integrals.items()
-        if any(re.search(rf"\b{name}\b", text) for text in texts)
     ]
 
 
