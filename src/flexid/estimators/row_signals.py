@@ -63,14 +63,16 @@ def fill_row_signals(
 ) -> None:
     """As `row_signals`, into the columns from `first` on of an array for several pieces."""
     kernel = _kernel(system)
-    positions = np.ascontiguousarray(piece.positions, dtype=np.float64)
-    velocities = np.zeros_like(positions) if piece.velocities is None else piece.velocities
+    velocities = np.zeros_like(piece.positions) if piece.velocities is None else piece.velocities
     if wanted is None:
         wanted = np.arange(kernel.N_SIGNALS, dtype=np.int64)
-    kernel.filter_piece(
-        positions,
+    record = (
+        np.ascontiguousarray(piece.positions, dtype=np.float64),
         np.ascontiguousarray(velocities, dtype=np.float64),
         np.ascontiguousarray(piece.inputs, dtype=np.float64),
+    )
+    kernel.filter_piece(
+        record,
         np.array(list(system.constants.values()), dtype=np.float64),
         float(piece.sample_time),
         pole,

@@ -35,17 +35,17 @@ def rules(wanted, zero_order, weights):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
-def filter_piece(
-    positions, velocities, inputs, constants, sample_time, pole, zero_order, wanted, filtered, at
-):
+def filter_piece(record, constants, sample_time, pole, zero_order, wanted, filtered, at):
     """Double integrals of both sides of every row over two intervals, then smoothed twice.
 
+    The record is positions, velocities and inputs, a row for each sample.
     The second difference of a position is the integral of its acceleration over two intervals,
     weighted by a triangle. That integral is taken by a three-sample rule for every signal, and
     both sides pass the filter ((1 - pole) / (1 - pole/z))^2. Row i of `filtered` receives the
     regressor of coefficient i, row N_COEFFICIENTS + j the left-hand side of row j, known part
     subtracted, from column `at` on; only the rows `wanted` are touched.
     """
+    positions, velocities, inputs = record
     n_wanted = wanted.shape[0]
     every = np.empty((N_SIGNALS, N_ROWS))
     velocity_factors(constants, every)

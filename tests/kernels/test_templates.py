@@ -1,0 +1,249 @@
+"""The templates as Python: each runs uncompiled, and gives what it gives compiled."""
+
+import ast
+import sys
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numba.core import config
+
+from flexid.control.loop import LoopDeclaration
+from flexid.control.pd_gravity import pd_gravity
+from flexid.control.references import sinusoid
+from flexid.control.robust import robust_law
+from flexid.derivation.lane_source import lane_loop_source
+from flexid.derivation.loop_source import composed, stiff_loop_source
+from flexid.derivation.model_functions import model_functions
+from flexid.derivation.regressor_classes import filter_functions
+from flexid.derivation.sampled_loop import sampled_loop_source
+from flexid.derivation.sensitivities import sensitivity_functions
+from flexid.estimators.extended_kalman import extended_kalman_filter
+from flexid.estimators.memory_regressor import memory_regressor
+from flexid.estimators.parametric_observer import parametric_observer
+from flexid.estimators.recursive_least_squares import (
+    least_squares_observer,
+    recursive_least_squares,
+)
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, Timing, segmented_motion
+from flexid.estimators.segments import divide
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.kernels import store
+from flexid.kernels.store import load_kernel
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.terms import with_dry_friction
+from flexid.simulation.closed_loop import simulate
+from flexid.simulation.ensemble import simulate_ensemble
+from flexid.simulation.free_run import free_run
+from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.played_run import Command, play
+from flexid.simulation.sampled import Sampling, simulate_sampled
+
+FOLDER = Path(store.__file__).parent / "templates"
+TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.3}
+JOINT = flexible_joint(known={"beta1": 3.0})
+DRY = with_dry_friction(flexible_joint(("gravity", "motor_viscous", "motor_coulomb")))
+H = 2e-3
+TIME = H * np.arange(120)
+TORQUE = 3.0 * np.sin(40.0 * TIME)
+
+
+def loop(robust: bool = False) -> ClosedLoop:
+    """Return a loop with the joint."""
+    law = robust_law() if robust else pd_gravity()
+    gains = {"link": 1.0, "motor": 1.0}
+    return ClosedLoop(JOINT, TRUE, law, sinusoid(1.0, 2.0), gains)
+
+
+def samples() -> Samples:
+    """Return a short record of the joint."""
+    states = free_run(JOINT, TRUE, np.zeros(4), TORQUE[:, None], H)
+    return Samples(states[:, ::2].copy(), states[:, 1::2].copy(), TORQUE[:, None].copy(), H)
+
+
+def estimate(estimator: Any) -> None:
+    """Feed an online estimator all samples at once, and another one alone."""
+    packed = estimator.pack(samples())
+    packed[40] = np.nan  # is refused, and what follows begins anew
+    last = estimator.replay(estimator.init({"theta1": 4.0, "theta2": 80.0}), packed)
+    estimator.step(last.state, packed[-1])
+
+
+def equations() -> None:
+    """Put up the normal equations of a joint whose motor sticks, with a delay sought."""
+    record = samples()
+    timing = Timing("linear", {"input_delay": 1e-4}, ("input_delay",))
+    problem = segmented_motion(DRY, divide([record], 0.1), timing)
+    values = {**TRUE, "beta1": 3.0, "alpha_coulomb": 5.0}
+    sought = [values[name] for name in problem.unknowns.names] + [1e-4]
+    start = np.zeros((len(problem.segments), 4))
+    problem.equations(Point(np.array(sought), start))
+
+
+ROWS = {"status", "block_scores", "least_squares_gain", "online"}
+LOOP = {"run_status", "loop_measures", "loop_outputs"}
+HELD = {"bound", "held_rates", "runge_kutta"}
+
+CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
+    "free run": (
+        lambda: free_run(JOINT, TRUE, np.full(4, 0.1), TORQUE[:, None], H),
+        HELD | {"free_run"},
+    ),
+    "played run": (
+        lambda: play(
+            JOINT,
+            TRUE,
+            np.zeros(4),
+            Command(TORQUE, np.outer(TIME, [0.1, 0.2]), np.array([5.0, 0.5])),
+            H,
+        ),
+        HELD | {"played_run"},
+    ),
+    "sampled loop": (
+        lambda: simulate_sampled(loop(), 0.1, Sampling(H, 5.0, 1e-4, 1e-4, 1e-2)),
+        {"bound", "run_status", "loop_measures", "sampled_loop"},
+    ),
+    "stiff loop": (lambda: simulate(loop(robust=True), 0.01), LOOP | {"rodas5p"}),
+    "loops side by side": (
+        lambda: simulate_ensemble([loop()], 0.02, stiff=False),
+        LOOP | {"sin_cos", "lanes", "lane_measures", "dopri5"},
+    ),
+    "segments": (equations, {"bound", "runge_kutta", "prediction_error"}),
+    "least squares": (
+        lambda: filtered_least_squares([samples()], JOINT, 20.0),
+        {"state_variable_filter"},
+    ),
+    "observer": (
+        lambda: estimate(parametric_observer(JOINT, {"link": 1.0, "motor": 1.0}, H)),
+        {"status", "parametric_observer"},
+    ),
+    "recursive least squares": (
+        lambda: estimate(recursive_least_squares(JOINT, H)),
+        ROWS | {"filtered_rows"},
+    ),
+    "least-squares observer": (
+        lambda: estimate(least_squares_observer(JOINT, H)),
+        ROWS | {"velocity_rows"},
+    ),
+    "gradient": (
+        lambda: estimate(memory_regressor(JOINT, H, "gradient")),
+        {"status", "velocity_rows", "memory_gain", "online"},
+    ),
+    "DREM": (
+        lambda: estimate(memory_regressor(JOINT, H, "drem")),
+        {"status", "velocity_rows", "memory_gain", "online"},
+    ),
+    "Kalman filter": (
+        lambda: estimate(extended_kalman_filter(JOINT, H, 1e-4)),
+        # Beside it least squares runs, from which it starts.
+        ROWS | {"filtered_rows", "bound", "runge_kutta", "prediction_error", "extended_kalman"},
+    ),
+}
+
+
+def uncompiled(kernel: ModuleType, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return the functions of a kernel as plain Python."""
+    path = Path(str(kernel.__file__))
+    plain: dict[str, Any] = {"__name__": "plain"}
+    with monkeypatch.context() as patch:
+        patch.setattr(config, "DISABLE_JIT", True)
+        exec(compile(path.read_text("utf-8"), str(path), "exec"), plain)
+    return plain
+
+
+def flat(values: Any) -> list[Any]:
+    """Return all numbers and arrays of nested tuples."""
+    return [v for value in values for v in flat(value)] if isinstance(values, tuple) else [values]
+
+
+def twice(
+    name: str, compiled: Callable[..., Any], plain: Callable[..., Any], called: list[str]
+) -> Callable[..., Any]:
+    """Call a function compiled and uncompiled, and compare all that it returns and fills."""
+
+    def call(*arguments: Any) -> Any:
+        called.append(name)
+        copies = deepcopy(arguments)
+        result = compiled(*arguments)
+        with np.errstate(all="ignore"):
+            expected = plain(*copies)
+        found = flat((result, arguments))
+        for ours, right in zip(found, flat((expected, copies)), strict=True):
+            if ours is None or right is None:
+                assert ours is right
+                continue
+            sizes = np.abs(np.ravel(right).astype(float))
+            size = np.max(sizes[np.isfinite(sizes)], initial=0.0)
+            # Compiled sums may be fused or in another order; the slack is for what cancels.
+            np.testing.assert_allclose(ours, right, rtol=1e-9, atol=1e-9 * size, err_msg=name)
+        return result
+
+    return call
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that every function that is called gives the same in Python, from these templates."""
+    seen: set[str] = set()
+    called: list[str] = []
+    loaded: dict[str, SimpleNamespace] = {}
+
+    def load(
+        task: str, declarations: list[str], build: Callable[[], str], templates: Any = ()
+    ) -> SimpleNamespace:
+        kernel = load_kernel(task, declarations, build, templates)
+        if kernel.__name__ not in loaded:
+            seen.update(templates)
+            plain = uncompiled(kernel, monkeypatch)
+            both = SimpleNamespace(**vars(kernel))
+            for name, value in vars(kernel).items():
+                if hasattr(value, "py_func"):
+                    setattr(both, name, twice(name, value, plain[name], called))
+            loaded[kernel.__name__] = both
+        return loaded[kernel.__name__]
+
+    run, templates = CASES[case]
+    for module in list(sys.modules.values()):
+        # The record itself comes from a free run, which is a case of its own.
+        own = module.__name__ == __name__ or (
+            module.__name__.endswith("free_run") and case != "free run"
+        )
+        if getattr(module, "load_kernel", None) is load_kernel and not own:
+            monkeypatch.setattr(module, "load_kernel", load)
+    run()
+    assert called
+    assert seen == templates
+
+
+def test_every_template_runs_uncompiled() -> None:
+    """Assert that no template is left out above."""
+    files = {path.stem for path in FOLDER.glob("*.py")} - {"__init__"}
+    assert set().union(*(templates for _, templates in CASES.values())) == files
+
+
+def test_stub_has_the_arguments_that_are_generated() -> None:
+    """Assert that the types of generated functions are those of functions that exist."""
+    declaration = LoopDeclaration(JOINT, pd_gravity(), sinusoid(1.0, 2.0))
+    law = composed(declaration, plain_coordinates=False)
+    sources = [
+        model_functions(JOINT, "Test"),
+        filter_functions(JOINT, "Test"),
+        sensitivity_functions(JOINT, "Test"),
+        sampled_loop_source(declaration),
+        stiff_loop_source(law),
+        lane_loop_source(law, 2),
+    ]
+    generated = {name: value for source in sources for name, value in signatures(source).items()}
+    stub = signatures((FOLDER / "generated.pyi").read_text("utf-8"))
+    assert stub.items() <= generated.items()
+
+
+def signatures(source: str) -> dict[str, list[str]]:
+    """Return the arguments of each function of a source, by the function's name."""
+    functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
+    return {f.name: [argument.arg for argument in f.args.args] for f in functions}
