@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
@@ -10,6 +10,7 @@ from numbers import Integral
 from typing import Any, Literal
 
 from flexid.errors import AccelerationError, ExperimentError
+from flexid.experiments.frame import Frame, RunSettings, checked
 from flexid.experiments.variation import Variation
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
@@ -19,40 +20,14 @@ from flexid.simulation.sampled import Sampling, simulate_sampled
 Tables = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class RunSettings:
-    """How long a loop runs and how closely it is integrated.
-
-    Parameters
-    ----------
-    duration : float
-        In s.
-    sample_time : float
-        Distance of the samples in s.
-    relative_tolerance, absolute_tolerance : float
-        Of a continuous run.
-    maximum_steps : int
-        Of a continuous run.
-    stiff : bool
-        Whether a continuous run is integrated by the method for stiff loops.
-    """
-
-    duration: float
-    sample_time: float
-    relative_tolerance: float = 1e-6
-    absolute_tolerance: float = 1e-9
-    maximum_steps: int = 1_000_000
-    stiff: bool = True
-
-
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """What an experiment file says.
 
     Parameters
     ----------
-    path : str
-        The file.
+    frame : Frame
+        What the names in it decide.
     tables : mapping
         The file's tables but the campaign's, complete with what it leaves to the defaults.
     loop : ClosedLoop
@@ -62,17 +37,19 @@ class Experiment:
         Of a sampled loop; None for a continuous one.
     variation : Variation or None
         The ``[campaign]`` part, if there is one.
-    build : callable
-        Makes the experiment of other tables of the same shape.
     """
 
-    path: str
+    frame: Frame = field(repr=False)
     tables: Tables = field(repr=False)
     loop: ClosedLoop = field(repr=False)
     settings: RunSettings
     sampling: Sampling | None
-    variation: Variation | None = field(repr=False)
-    build: Callable[[Tables], "Experiment"] = field(repr=False)
+    variation: Variation | None = field(default=None, repr=False)
+
+    @property
+    def path(self) -> str:
+        """The file."""
+        return self.frame.path
 
     @property
     def name(self) -> str:
@@ -147,7 +124,15 @@ class Experiment:
                 raise ExperimentError(self.path, path, f"cannot be set: {suggestion(path, known)}")
             number = int(value) if isinstance(value, Integral) else float(value)
             _put(tables, path.split("."), number)
-        return replace(self.build(tables), variation=self.variation)
+        frame = self.frame
+        content = frame.completed(checked(tables, frame.kinds, frame.refuse))
+        return replace(
+            self,
+            tables=content,
+            settings=frame.settings(content),
+            loop=frame.loop(content, self.loop),
+            sampling=frame.sampling(content),
+        )
 
     def run(self) -> Run:
         """Simulate the experiment.
