@@ -4,6 +4,7 @@ Every reader has an error of its own; it hands in `Refuse`, which makes that err
 reason.
 """
 
+import re
 import tomllib
 from collections.abc import Callable
 from functools import partial
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 200_000
 """Largest file that is read."""
+
+_MOST_PARTS = 20  # of a key, such as controller.nominal.k
+_LONG_KEY = re.compile(
+    rb"(?:\.[ \t]*+(?:[\w-]++|\"[^\"\n]{0,99}\"|'[^'\n]{0,99}')[ \t]*+){%d}" % _MOST_PARTS
+)
 
 Refuse = Callable[[str, str], Exception]
 """Makes an error of a key, empty where the whole file is meant, and a reason, a predicate."""
@@ -41,6 +47,8 @@ def read_bytes(path: Path, wanted: str, refuse: Refuse) -> bytes:
 
 def parse_toml(raw: bytes, refuse: Refuse) -> dict[str, Any]:
     """Tables of a TOML file, from its bytes."""
+    if _LONG_KEY.search(raw):  # tomllib takes minutes and gigabytes for it
+        raise refuse("", f"has a key of more than {_MOST_PARTS} parts: correct it")
     try:
         return tomllib.loads(raw.decode("utf-8-sig"))
     except UnicodeDecodeError as error:

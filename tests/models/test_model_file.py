@@ -74,7 +74,8 @@ FAULTS = {
     "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "no text"),
     "null": ("\0\0\0", "no TOML"),
     "deep array": ("name = " + "[" * 5000, "no TOML"),
-    "too large": (b"#" * 10_000_000, "larger than"),
+    "endless key": (b"a." * 20_000 + b"b = 1", "more than 20 parts"),
+    "too large": (b"#" * 10_000_000, "larger than 200 kB"),
     "too large number": ("name = " + "9" * 6000, "no TOML"),
 }
 

@@ -177,3 +177,22 @@ def test_layout(text: str, names: tuple[str, ...], first: int) -> None:
     assert text.encode()[layout.start :].decode() == "".join(
         text.splitlines(keepends=True)[first - 1 :]
     )
+
+
+@pytest.mark.parametrize("name", ["q_" * 50_000, "[" * 100_000, "-" * 100_000, " " * 100_000])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_endless_names(name: str, separator: str, tmp_path: Path) -> None:
+    """Assert that a name of a tenth of a megabyte neither hides the others nor takes minutes."""
+    columns = joint_columns()
+    lines = csv_text(columns).splitlines()
+    text = "\n".join([f"{lines[0]},{name}x", *(f"{line},0" for line in lines[1:])])
+    path = tmp_path / "other.csv"
+    path.write_text(text.replace(",", separator))
+    log = read_log(path)
+    assert_same(log, read_log(write_csv(tmp_path, columns)))
+    assert "not used" in log.warnings[0]
+    path.write_text(name + "\n" + csv_text(columns))
+    assert_same(read_log(path), log)
+    path.write_text(2 * name + "x," + "\n".join(lines))
+    with pytest.raises(RecordingError, match="line 1: "):
+        read_log(path)

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from flexid.identification.result import Estimator, Verdict
 
@@ -36,6 +36,16 @@ class StoredFit(_Part):
     covariance: list[list[float | None]]
     degrees_of_freedom: list[float | None]
 
+    @model_validator(mode="after")
+    def _one_for_each(self) -> "StoredFit":
+        count = len(self.names)
+        rows = [self.values, self.degrees_of_freedom, *self.covariance]
+        if len(self.covariance) != count or any(len(row) != count for row in rows):
+            raise ValueError(
+                f"values, freedom and covariance must have one entry for {count} names"
+            )
+        return self
+
 
 class StoredExcitation(_Part):
     """How well the coefficients of a row are told apart."""
@@ -61,7 +71,7 @@ class StoredValidation(_Part):
     """Predictions of held-out data, without their runs."""
 
     fit_percent: Fits
-    horizons: dict[str, Fits]
+    horizons: dict[Annotated[str, Field(pattern=r"^\d+(\.\d+)?$")], Fits]
 
 
 class StoredObserver(_Part):

@@ -14,7 +14,7 @@ from flexid.recording.units import is_usual
 SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's
 BLANK = " "  # the separator where columns are separated by any number of blanks
 COMMENTS = ("#", "%", "//")
-LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers
+LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
 LONGEST_LINE = 1_000_000  # bytes
 MOST_COLUMNS = 10_000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
@@ -155,7 +155,7 @@ def _head(file: str, text: bytes) -> list[_Line]:
     lines = []
     position = 0
     for number in range(1, LONGEST_PREAMBLE + 3):
-        if position >= len(text):
+        if position >= min(len(text), LONGEST_LINE):
             break
         end = text.find(b"\n", position, position + LONGEST_LINE + 1) + 1
         if end == 0:
@@ -204,7 +204,9 @@ def _is_units(cells: list[str]) -> bool:
 def split(line: str, separator: str) -> list[str]:
     """Cells of one line, stripped; blanks within brackets separate nothing."""
     if separator == BLANK:
-        return re.findall(r"[^\s\[(\"]+(?:\s*\[[^\]]*\]|\s*\([^)]*\))?|\"[^\"]*\"|\S+", line)
+        return re.findall(
+            r"[^\s\[(\"]+(?:\s{0,9}\[[^\[\]]{0,99}\]|\s{0,9}\([^()]{0,99}\))?|\"[^\"]*\"|\S+", line
+        )
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
     except (csv.Error, StopIteration):
@@ -223,7 +225,7 @@ def _bare(line: _Line) -> str:
 
 def _header_separator(header: str) -> str:
     """The separator that occurs most often in a header, outside units and quotes."""
-    bare = re.sub(r"\[[^\]]*\]|\([^)]*\)|\"[^\"]*\"", "", header)
+    bare = re.sub(r"\[[^\[\]]*\]|\([^()]*\)|\"[^\"]*\"", "", header)
     return max(",;\t|", key=bare.count)
 
 
@@ -236,6 +238,8 @@ def _layout(file: str, lines: list[_Line], parts: _Parts) -> Layout:
             file, place, "a quotation mark opens in the header and does not close: mend it"
         )
     names = _names(header, separator)
+    if not names:  # the csv module gives up
+        raise RecordingError(file, place, "the header cannot be read: write shorter column names")
     if len(names) > MOST_COLUMNS:
         raise RecordingError(
             file,

@@ -28,6 +28,7 @@ _UNITS = {
     "deg_s": "deg/s", "deg/s": "deg/s", "degps": "deg/s", "degs": "deg/s",
     "Nm": "N m", "N_m": "N m", "mNm": "mN m", "A": "A", "mA": "mA", "V": "V", "mV": "mV",
 }  # fmt: skip
+LONGEST = 200  # characters of a name that is looked into
 _INPUTS = ("torque", "current", "voltage")
 
 
@@ -43,12 +44,15 @@ def split_header(header: str) -> tuple[str, str | None]:
     >>> split_header("position[0]")
     ('position[0]', None)
     """
-    match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*", header)
+    header = header.strip()
+    match = None
+    if len(header) <= LONGEST:
+        match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", header)
     if match is None:
-        return header.strip(), None
+        return header, None
     unit = (match[2] if match[2] is not None else match[3]).strip()
     if unit.isdecimal():
-        return header.strip(), None
+        return header, None
     return match[1].strip(), unit
 
 
@@ -75,6 +79,8 @@ def usual_channel(header: str) -> tuple[str, str | None] | None:
     True
     """
     bare, unit = split_header(header)
+    if len(bare) > LONGEST:
+        return None
     stem = bare
     if unit is None:
         match = re.fullmatch(rf"(.+?)[\s_.\-/]+({'|'.join(map(re.escape, _UNITS))})", bare)
@@ -108,7 +114,7 @@ def _kind(word: str, kinds: dict[str, set[str]]) -> str | None:
 
 def did_you_mean(word: str, candidates: Iterable[str]) -> str:
     """A question in brackets that names the candidate closest to a word; empty if none is."""
-    by_lower = {candidate.lower(): candidate for candidate in candidates}
+    by_lower = {name.lower(): name for name in candidates if len(name) <= LONGEST}
     close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.75)
     return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.files import check_file, read_bytes, shown
+from flexid.recording.layout import MOST_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -256,6 +257,13 @@ def _read_parquet(file: str, raw: bytes, digest: str) -> Table:
         raise broken from error
     if frame.width == 0 or frame.height == 0:
         raise RecordingError(file, "", "the file holds no samples: export the log again")
+    if frame.width > MOST_COLUMNS:
+        raise RecordingError(
+            file,
+            "",
+            f"there are {frame.width} columns, more than the {MOST_COLUMNS} that are read: write "
+            f"the columns of one joint",
+        )
     return Table(file, "", 1, "row", frame, digest)
 
 

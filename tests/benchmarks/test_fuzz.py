@@ -1,0 +1,71 @@
+"""Every reader of files answers with a result or with one line, whatever the file."""
+
+from pathlib import Path
+from random import Random
+
+import pytest
+from benchmarks.fuzz import Target, fuzz, made_estimate, mutated, targets, tried
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from flexid.errors import RecordingError
+
+# Damaged Parquet, for which Polars may end the process, is left to the command, which notices.
+NAMES = ("log, text", "column map", "drive file", "experiment file", "model file")
+NAMES += ("estimate", "estimate for a design")
+
+
+@pytest.fixture(scope="module")
+def readers() -> dict[str, Target]:
+    """Return every reader with what it is tried with."""
+    return targets(made_estimate())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_mutated_is_read(name: str, readers: dict[str, Target], tmp_path: Path) -> None:
+    """Assert that the files are good before they are mutated."""
+    target = readers[name]
+    for seed in target.seeds:
+        assert tried(target, tmp_path / f"seed{target.suffix}", seed) == ""
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(seed=st.integers(0, 2**32))
+def test_any_mutation(name: str, readers: dict[str, Target], tmp_path: Path, seed: int) -> None:
+    """Assert that a mutated file is read, or refused in one line."""
+    target = readers[name]
+    content = mutated(Random(seed), target)
+    assert tried(target, tmp_path / f"input{target.suffix}", content) in ("", None)
+
+
+@pytest.mark.parametrize(
+    ("error", "fault"),
+    [
+        (RecordingError("a", "b", "c: d"), None),
+        (RecordingError("a", "b", "two\nlines"), "message of lines"),
+        (ValueError("x"), "ValueError: x"),
+        (MemoryError(), "MemoryError"),
+    ],
+)
+def test_what_a_fault_is(error: Exception, fault: str | None, tmp_path: Path) -> None:
+    """Assert that only an error of one line is no fault, and that the file of a fault is kept."""
+
+    def read(_: Path) -> None:
+        raise error
+
+    target = Target(".x", (b"a",), read)
+    found = tried(target, tmp_path / "a.x", b"a")
+    assert found == fault if found is None or fault is None else found.startswith(fault)
+    tally = fuzz(target, 3, 9.0, 1, tmp_path)
+    assert (tally.read, tally.refused, len(tally.faults)) == (
+        0,
+        0 if fault else 3,
+        3 if fault else 0,
+    )
+    assert bool(list(tmp_path.glob("????????.x"))) is (fault is not None)
