@@ -1,0 +1,67 @@
+"""Whether something printed is what a page shows."""
+
+from __future__ import annotations
+
+import re
+
+_NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+_RULE = re.compile(r"[─━═]+")
+
+
+def agrees(shown: str, printed: str) -> bool:
+    """Return whether a page shows what was printed.
+
+    Words are compared one by one, so that neither widths of columns nor breaks of lines matter, and
+    ``...`` stands for any number of them. A number agrees to the digits shown, the last of which
+    may be off by one; a whole number below 100 counts something, and is the same.
+    """
+    parts = [[]]
+    for word in _words(shown):
+        if word == "...":
+            parts.append([])
+        else:
+            parts[-1].append(word)
+    words = _words(printed)
+    if len(parts) == 1:
+        return _matches(parts[0], words)
+    first, *middle, last = parts
+    if len(words) < len(first) + len(last) or not _matches(first, words[: len(first)]):
+        return False
+    start, end = len(first), len(words) - len(last)
+    for part in middle:
+        places = range(start, end - len(part) + 1)
+        place = next((at for at in places if _matches(part, words[at : at + len(part)])), None)
+        if place is None:
+            return False
+        start = place + len(part)
+    return _matches(last, words[end:])
+
+
+def _words(text: str) -> list[str]:
+    """Return the words of a text, without the rules of its tables."""
+    return [word for word in text.split() if not _RULE.fullmatch(word)]
+
+
+def _matches(shown: list[str], printed: list[str]) -> bool:
+    """Return whether all words agree."""
+    return len(shown) == len(printed) and all(map(_word_agrees, shown, printed))
+
+
+def _word_agrees(shown: str, printed: str) -> bool:
+    """Return whether a word agrees, number by number."""
+    if shown == printed:
+        return True
+    if _NUMBER.split(shown) != _NUMBER.split(printed):
+        return False
+    return all(map(_number_agrees, _NUMBER.findall(shown), _NUMBER.findall(printed)))
+
+
+def _number_agrees(shown: str, printed: str) -> bool:
+    """Return whether a number agrees to the digits shown."""
+    mantissa, _, exponent = shown.partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    value = float(shown.replace("−", "-"))
+    counts = decimals == 0 and not exponent and abs(value) < 100
+    unit = 0.0 if counts else 10.0 ** (int(exponent or 0) - decimals)
+    # A hundredth of the last digit is room for the binary of a decimal.
+    return abs(value - float(printed.replace("−", "-"))) <= 1.01 * unit

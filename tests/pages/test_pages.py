@@ -1,0 +1,50 @@
+"""Every block of code in README and documentation runs, and prints what the page shows."""
+
+from pathlib import Path
+
+import pytest
+from page_blocks import PAGES, blocks, indented_code, page_name
+from run_page import run_page
+
+# Blocks that are not run, of which each says why: how many a page may have.
+NOT_RUN = {
+    "README.md": 3,
+    "CONTRIBUTING.md": 1,
+    "docs/architecture.md": 2,
+    "docs/campaigns.md": 1,
+    "docs/comparison.md": 1,
+    "docs/coverage.md": 1,
+    "docs/decisions/full-model.md": 1,
+    "docs/design.md": 4,
+    "docs/drifting.md": 1,
+    "docs/estimators.md": 2,
+    "docs/online.md": 1,
+    "docs/performance.md": 1,
+    "docs/real-logs/dfki-pendulum.md": 2,
+    "docs/real-logs/ist-arm.md": 2,
+    "docs/reproduction.md": 1,
+    "docs/trials.md": 1,
+}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_page_runs(page: Path, tmp_path: Path) -> None:
+    """Assert that the blocks of a page run in their order and print what it shows."""
+    run_page(page_name(page), blocks(page.read_text(encoding="utf-8")), tmp_path)
+
+
+def test_blocks_that_are_not_run_are_counted() -> None:
+    """Assert that no block is left out without being noticed."""
+    left_out = {
+        page_name(page): sum(
+            block.not_run is not None for block in blocks(page.read_text(encoding="utf-8"))
+        )
+        for page in PAGES
+    }
+    assert {page: count for page, count in left_out.items() if count} == NOT_RUN
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_code_is_fenced(page: Path) -> None:
+    """Assert that no code hides from these tests by being indented."""
+    assert indented_code(page.read_text(encoding="utf-8")) == []
