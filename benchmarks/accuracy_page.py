@@ -11,7 +11,7 @@ from benchmarks.report import markdown
 RESULTS = Path(__file__).with_name("accuracy.json")
 PAGE = Path(__file__).parents[1] / "docs" / "comparison.md"
 
-BEGIN, END = "<!-- accuracy: begin -->", "<!-- accuracy: end -->"
+BLOCK = "accuracy"
 _CODE_BEGINS, _CODE_ENDS = "# user code begins", "# user code ends"
 
 _SAME_DATA = "encoders, noise × 1"  # where no tool sees more than another
@@ -32,25 +32,6 @@ def lines_of_user_code(source: Path) -> int:
         raise ValueError(f"{source} does not mark its user's code once: write both marks")
     code = lines[lines.index(_CODE_BEGINS) + 1 : lines.index(_CODE_ENDS)]
     return sum(1 for line in code if line and not line.startswith("#"))
-
-
-def with_block(page: str, block: str) -> str:
-    """The page with what stands between its two marks replaced.
-
-    Raises
-    ------
-    ValueError
-        If a mark is missing.
-    """
-    if page.count(BEGIN) != 1 or page.count(END) != 1:
-        raise ValueError(f"the page does not have {BEGIN} and {END} once each: write them")
-    before, _, rest = page.partition(BEGIN)
-    return f"{before}{BEGIN}\n\n{block}\n{END}{rest.partition(END)[2]}"
-
-
-def block_of(page: str) -> str:
-    """What stands between the two marks."""
-    return page.partition(f"{BEGIN}\n\n")[2].partition(f"\n{END}")[0]
 
 
 def render(results: Mapping[str, Any]) -> str:

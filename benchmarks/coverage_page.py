@@ -9,28 +9,9 @@ from benchmarks.report import markdown
 RESULTS = Path(__file__).with_name("coverage.json")
 PAGE = Path(__file__).parents[1] / "docs" / "coverage.md"
 
-BEGIN, END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
+BLOCK = "coverage"
 
 Cell = Mapping[str, Any]
-
-
-def with_block(page: str, block: str) -> str:
-    """The page with what stands between its two marks replaced.
-
-    Raises
-    ------
-    ValueError
-        If the page does not have both marks once.
-    """
-    if page.count(BEGIN) != 1 or page.count(END) != 1:
-        raise ValueError(f"the page does not have {BEGIN} and {END} once each: write them")
-    before, _, rest = page.partition(BEGIN)
-    return f"{before}{BEGIN}\n\n{block}\n{END}{rest.partition(END)[2]}"
-
-
-def block_of(page: str) -> str:
-    """What stands between the two marks."""
-    return page.partition(f"{BEGIN}\n\n")[2].partition(f"\n{END}")[0]
 
 
 def render(cells: Sequence[Cell]) -> str:

@@ -12,9 +12,10 @@ import os
 import sys
 from pathlib import Path
 
+from benchmarks.page_block import with_block
 from benchmarks.trials import run
 from benchmarks.trials.families import FAMILIES
-from benchmarks.trials.page import render, terminal, with_block
+from benchmarks.trials.page import BLOCK, render, terminal
 
 
 def main() -> None:
@@ -48,7 +49,7 @@ def main() -> None:
     print(terminal(results))
     if options.page:
         page = options.page.read_text(encoding="utf-8")
-        options.page.write_text(with_block(page, render(results)), encoding="utf-8")
+        options.page.write_text(with_block(page, BLOCK, render(results)), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -12,30 +12,11 @@ from benchmarks.trials.score import Claim, FamilyScore, Share, Spread, claims, s
 RESULTS = Path(__file__).parents[1] / "trials.json"
 PAGE = Path(__file__).parents[2] / "docs" / "trials.md"
 
-BEGIN, END = "<!-- trials: begin -->", "<!-- trials: end -->"
+BLOCK = "trials"
 
 Results = Mapping[str, Any]
 
 Column = tuple[str, Callable[[FamilyScore], str]]
-
-
-def with_block(page: str, block: str) -> str:
-    """The page with what stands between its two marks replaced.
-
-    Raises
-    ------
-    ValueError
-        If the page does not have both marks once.
-    """
-    if page.count(BEGIN) != 1 or page.count(END) != 1:
-        raise ValueError(f"the page does not have {BEGIN} and {END} once each: write them")
-    before, _, rest = page.partition(BEGIN)
-    return f"{before}{BEGIN}\n\n{block}\n{END}{rest.partition(END)[2]}"
-
-
-def block_of(page: str) -> str:
-    """What stands between the two marks."""
-    return page.partition(f"{BEGIN}\n\n")[2].partition(f"\n{END}")[0]
 
 
 def render(results: Results) -> str:

@@ -3,16 +3,14 @@ from pathlib import Path
 
 import pytest
 from benchmarks.accuracy_page import (
-    BEGIN,
-    END,
+    BLOCK,
     PAGE,
     RESULTS,
-    block_of,
     lines_of_user_code,
     render,
-    with_block,
 )
 from benchmarks.accuracy_tools import TOOLS
+from benchmarks.page_block import block_of, with_block
 
 STAMP = {"date": "2000-01-01", "load": 0.1}
 
@@ -105,23 +103,24 @@ def test_code_without_marks_is_refused(tmp_path: Path):
 
 def test_the_block_is_replaced_and_nothing_else():
     """Assert that text around the marks stays, and the block comes back as it was put in."""
-    page = with_block(f"before\n{BEGIN}\nold\n{END}\nafter\n", "new\n")
+    begin, end = "<!-- accuracy: begin -->", "<!-- accuracy: end -->"
+    page = with_block(f"before\n{begin}\nold\n{end}\nafter\n", BLOCK, "new\n")
     assert page.startswith("before\n")
     assert page.endswith("after\n")
     assert "old" not in page
-    assert block_of(page) == "new\n"
+    assert block_of(page, BLOCK) == "new\n"
 
 
 def test_a_page_without_marks_is_refused():
     """Assert that a page without the marks is an error."""
     with pytest.raises(ValueError, match="once each"):
-        with_block("nothing", "new")
+        with_block("nothing", BLOCK, "new")
 
 
 def test_the_page_shows_the_results_that_are_kept():
     """Assert that docs/comparison.md was made from benchmarks/accuracy.json as it is."""
     kept = json.loads(RESULTS.read_text(encoding="utf-8"))
-    assert block_of(PAGE.read_text(encoding="utf-8")) == render(kept)
+    assert block_of(PAGE.read_text(encoding="utf-8"), BLOCK) == render(kept)
 
 
 def test_the_lines_that_are_kept_are_those_of_today():

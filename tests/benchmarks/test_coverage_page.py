@@ -3,7 +3,8 @@
 import json
 
 import pytest
-from benchmarks.coverage_page import PAGE, RESULTS, block_of, render, with_block
+from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, render
+from benchmarks.page_block import block_of, with_block
 
 NOMINAL = (92.0, 98.0)
 
@@ -15,7 +16,7 @@ def cells():
 
 def test_the_page_is_the_results():
     """Assert that the tables of the page are those of the committed results, to the letter."""
-    assert block_of(PAGE.read_text(encoding="utf-8")) == render(cells())
+    assert block_of(PAGE.read_text(encoding="utf-8"), BLOCK) == render(cells())
 
 
 def test_a_line_of_the_table():
@@ -35,7 +36,7 @@ def test_a_line_of_the_table():
 def test_a_page_without_marks_is_refused():
     """Assert that tables are never written to a page that has no place for them."""
     with pytest.raises(ValueError, match="coverage: begin"):
-        with_block("# A page", "| table |")
+        with_block("# A page", BLOCK, "| table |")
 
 
 def test_every_interval_means_what_it_says():

@@ -3,15 +3,15 @@
 import json
 
 import pytest
+from benchmarks.page_block import block_of, with_block
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.page import (
+    BLOCK,
     PAGE,
     RESULTS,
-    block_of,
     families,
     render,
     terminal,
-    with_block,
 )
 from benchmarks.trials.run import merged, read, text
 
@@ -53,7 +53,7 @@ def test_the_page_is_the_results():
     """Assert that the page shows the committed results to the letter."""
     if not RESULTS.exists():
         pytest.skip("nothing was measured yet")
-    assert block_of(PAGE.read_text(encoding="utf-8")) == render(read(RESULTS))
+    assert block_of(PAGE.read_text(encoding="utf-8"), BLOCK) == render(read(RESULTS))
 
 
 def test_the_page_lists_the_families():
@@ -82,7 +82,7 @@ def test_the_terminal_shows_the_same_scores():
 def test_a_page_without_marks_is_refused():
     """Assert that tables are never written to a page that has no place for them."""
     with pytest.raises(ValueError, match="trials: begin"):
-        with_block("# A page", "| table |")
+        with_block("# A page", BLOCK, "| table |")
 
 
 def test_results_are_put_together():

@@ -40,10 +40,8 @@ def test_every_coefficient_has_a_unit():
     assert set(RIGID_UNITS) == {*rigid().system.coefficients}
 
 
-def test_terms_are_found_from_their_coefficients():
-    """Assert that a term is named once, in the model's order, whichever coefficient is given."""
-    found = FLEXIBLE.terms_with(["alpha_damping", "theta_damping", "theta1", "theta2"])
-    assert found == ("gravity", "joint_damping")
+def test_a_coefficient_belongs_to_a_term():
+    """Assert that a coefficient of two sides belongs to one term, and the usual ones to none."""
     assert FLEXIBLE.of_coefficient("alpha_damping") == "joint_damping"
     assert FLEXIBLE.of_coefficient("theta2") is None
 

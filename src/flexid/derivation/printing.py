@@ -4,14 +4,14 @@ Each row has one abbreviation for the predicted acceleration, as s and r in Huan
 where every term of it is negative, the abbreviation is its opposite, as s is there.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import sympy as sp
 
 from flexid.derivation.names import FreshNames
 from flexid.derivation.observer import ObserverRow, SymbolicObserver
-from flexid.derivation.observer_functions import split_integrals
 
 
 @dataclass(frozen=True)
@@ -148,6 +148,35 @@ def integrals_among(
     """The integrals that some of the symbols stand for, and all symbols that are needed then."""
     found = {name: integral for name, integral in integrals.items() if name in symbols}
     return found, symbols.union(*(integral.free_symbols for integral in found.values()))
+
+
+def split_integrals(
+    expressions: Sequence[sp.Expr],
+) -> tuple[dict[sp.Symbol, sp.Integral], list[sp.Expr]]:
+    """Replace the unevaluated integrals in expressions by symbols ``_q0``, ``_q1``, ….
+
+    Parameters
+    ----------
+    expressions : sequence of sympy.Expr
+        Expressions with integrals from 0 to a velocity.
+
+    Returns
+    -------
+    integrals : dict of sympy.Symbol to sympy.Integral
+        What each symbol stands for.
+    expressions : list of sympy.Expr
+        Free of integrals.
+    """
+    found = sorted({i for e in expressions for i in e.atoms(sp.Integral)}, key=sp.default_sort_key)
+    names = {i: sp.Symbol(f"_q{n}", real=True) for n, i in enumerate(found)}
+    plain = [cast(sp.Expr, e.xreplace(names)) for e in expressions]
+    return {name: i for i, name in names.items()}, plain
+
+
+def upper_limit(integral: sp.Integral) -> sp.Expr:
+    """The velocity up to which an immersion's integral runs."""
+    _, _, upper = cast(tuple[sp.Expr, ...], integral.limits[0])
+    return upper
 
 
 def estimate_texts(

@@ -8,7 +8,6 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from flexid.derivation.immersion import VARIABLE
 from flexid.derivation.observer import SymbolicObserver
-from flexid.derivation.observer_functions import upper_limit
 from flexid.derivation.printing import (
     argument_groups,
     estimate_texts,
@@ -18,6 +17,7 @@ from flexid.derivation.printing import (
     rate_texts,
     symbols_in_eq_2,
     symbols_in_eq_3,
+    upper_limit,
     without_integrals,
 )
 from flexid.derivation.quadrature import graded_rule

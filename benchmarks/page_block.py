@@ -1,0 +1,26 @@
+"""The part of a page of the documentation that a benchmark writes, between two marks."""
+
+
+def with_block(page: str, name: str, block: str) -> str:
+    """The page with what stands between the two marks of a name replaced.
+
+    Raises
+    ------
+    ValueError
+        If the page does not have both marks once.
+    """
+    begin, end = _marks(name)
+    if page.count(begin) != 1 or page.count(end) != 1:
+        raise ValueError(f"the page does not have {begin} and {end} once each: write them")
+    before, _, rest = page.partition(begin)
+    return f"{before}{begin}\n\n{block}\n{end}{rest.partition(end)[2]}"
+
+
+def block_of(page: str, name: str) -> str:
+    """What stands between the two marks of a name."""
+    begin, end = _marks(name)
+    return page.partition(f"{begin}\n\n")[2].partition(f"\n{end}")[0]
+
+
+def _marks(name: str) -> tuple[str, str]:
+    return f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
