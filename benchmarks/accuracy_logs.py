@@ -14,7 +14,8 @@ from tests.estimators.noisy_joint import (
     torque,
 )
 
-from benchmarks.peers.problem import Array, Log
+from benchmarks.peers.problem import Log
+from flexid.arrays import FloatArray
 
 EXAMPLE = Path("examples/flexible_joint.csv")
 
@@ -88,9 +89,9 @@ def example(_: Path, __: int) -> Log:
 
 def _written(
     folder: Path,
-    time: Array,
-    positions: Array,
-    velocities: Array | None,
+    time: FloatArray,
+    positions: FloatArray,
+    velocities: FloatArray | None,
     position_noise: float,
     velocity_noise: float,
 ) -> Log:

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Replay = Callable[[], tuple[Array, Array]]
+from flexid.arrays import FloatArray
+
+Replay = Callable[[], tuple[FloatArray, FloatArray]]
 """Runs over all samples; returns estimates and innovations."""
 
 SOURCE = Path(__file__).with_name("observer.c")
@@ -31,7 +31,12 @@ class _Estimate(ctypes.Structure):
 
 
 def compile_replay(
-    flags: tuple[str, ...], folder: Path, samples: Array, step: float, beta1: float, gains: Array
+    flags: tuple[str, ...],
+    folder: Path,
+    samples: FloatArray,
+    step: float,
+    beta1: float,
+    gains: FloatArray,
 ) -> Replay:
     """Compile with gcc and bind to one record.
 
@@ -80,7 +85,7 @@ def compile_replay(
         pointer,
     ]
 
-    def replay() -> tuple[Array, Array]:
+    def replay() -> tuple[FloatArray, FloatArray]:
         estimates, innovations = np.empty((len(samples), 4)), np.empty((len(samples), 2))
         function(
             samples.ctypes.data,

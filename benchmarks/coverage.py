@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.coverage_page import PAGE, RESULTS, render, with_block
+from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, render
+from benchmarks.page_block import with_block
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.block_prediction_error import BlockPredictionError, block_prediction_error
 from flexid.estimators.filter_rate import choose_filter_rate
@@ -24,7 +26,7 @@ from flexid.estimators.recursive_least_squares import (
     RecursiveLeastSquares,
     recursive_least_squares,
 )
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.identification.intervals import interval
 from flexid.models.flexible_joint import flexible_joint
@@ -193,7 +195,7 @@ def main() -> None:
         kept = [cells[n, e] for e in ESTIMATORS for n in NOISES if (n, e) in cells]
         RESULTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         page = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(with_block(page, render(kept)), encoding="utf-8")
+        PAGE.write_text(with_block(page, BLOCK, render(kept)), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -11,9 +11,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.estimators.block_prediction_error import block_prediction_error
 from flexid.estimators.recursive_least_squares import recursive_least_squares
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
 from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, STYLE, new_figure, save
 from flexid.simulation.free_run import free_run

@@ -11,12 +11,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from benchmarks.table1 import AMPLITUDE, KE_N, MGL_N, OMEGA, START, Table1
-
-Array = NDArray[np.float64]
+from flexid.arrays import FloatArray
 
 DURATION = 30.0
 
@@ -61,7 +59,7 @@ def scipy_run(plain: bool, tolerance: float, plant: Plant) -> tuple[list[float],
 
 def scipy_pool(
     plants: Sequence[Plant], plain: bool, tolerance: float, workers: int
-) -> tuple[Array, float, float]:
+) -> tuple[FloatArray, float, float]:
     """Run all plants in a pool of processes that is already there.
 
     Returns
@@ -86,7 +84,7 @@ def _warm_up(_: int) -> None:
 
 def diffrax_ensemble(
     plants: Sequence[Plant], gains: tuple[float, float] | None, tolerance: float, solver: str
-) -> Callable[[], Array]:
+) -> Callable[[], FloatArray]:
     """All plants as one vmap on the processor.
 
     Parameters
@@ -173,7 +171,7 @@ def _pd_rates(t: Any, state: Any, p: Any, gains: tuple[float, float]) -> list[An
     ]
 
 
-def nearness(errors: Array, reference: Array) -> float:
+def nearness(errors: FloatArray, reference: FloatArray) -> float:
     """Largest deviation, relative to the value, or to 1e-3 where that is smaller."""
     deviation = np.abs(errors - reference) / np.maximum(np.abs(reference), 1e-3)
     return float(np.max(deviation)) if np.all(np.isfinite(deviation)) else math.inf

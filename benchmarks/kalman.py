@@ -4,9 +4,8 @@ from math import cos, sin
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexid.arrays import FloatArray
 
 _MEASURED = np.eye(4, 8)
 
@@ -29,7 +28,7 @@ class JointFilter(ExtendedKalmanFilter):
         Initial coefficients, as uncertain as they are large.
     """
 
-    def __init__(self, step: float, beta1: float, noise: tuple[float, float], guess: Array):
+    def __init__(self, step: float, beta1: float, noise: tuple[float, float], guess: FloatArray):
         super().__init__(dim_x=8, dim_z=4)
         self.step, self.beta1 = step, beta1
         variances = np.tile(np.square(noise), 2)
@@ -38,7 +37,7 @@ class JointFilter(ExtendedKalmanFilter):
         self.Q = np.diag(np.concatenate((1e-4 * variances, np.zeros(4))))
         self.R = np.diag(variances)
 
-    def advance(self, measurement: Array, torque: float) -> None:
+    def advance(self, measurement: FloatArray, torque: float) -> None:
         """One sample: predict over the interval with its mean torque, then correct."""
         self.predict(torque)  # type: ignore[arg-type] - by its default filterpy seems to want an int
         self.update(measurement, lambda _: _MEASURED, lambda x: x[:4])
@@ -53,14 +52,14 @@ class JointFilter(ExtendedKalmanFilter):
         k4 = self._rates(x + h * k3, u)
         self.x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
-    def _rates(self, x: Array, u: float) -> Array:
+    def _rates(self, x: FloatArray, u: float) -> FloatArray:
         x1, x2, x3, x4, theta1, theta2, alpha1, alpha2 = x.tolist()
         twist = x1 - x3
         link = -theta1 * sin(x1) - theta2 * twist
         motor = alpha1 * twist - alpha2 * x4 + self.beta1 * u
         return np.array([x2, link, x4, motor, 0.0, 0.0, 0.0, 0.0])
 
-    def _jacobian(self) -> Array:
+    def _jacobian(self) -> FloatArray:
         x1, _, x3, x4, theta1, theta2, alpha1, alpha2 = self.x.tolist()
         h, twist = self.step, x1 - x3
         F = np.eye(8)

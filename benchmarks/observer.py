@@ -16,10 +16,11 @@ from tests.estimators.noisy_joint import (
     joint_samples,
 )
 
-from benchmarks.c_observer import BUILDS, Array, Replay, compile_replay
+from benchmarks.c_observer import BUILDS, Replay, compile_replay
 from benchmarks.comparison import AtLeast, AtMost, Comparison, Detail, Outcome, Side, duration
 from benchmarks.kalman import JointFilter
 from benchmarks.timing import Timing, measure
+from flexid.arrays import FloatArray
 from flexid.estimators.parametric_observer import (
     ParametricObserver,
     packed,
@@ -71,7 +72,7 @@ def run(quick: bool) -> Outcome:
 
 
 def _replays(
-    observer: ParametricObserver, samples: Array, repetitions: int
+    observer: ParametricObserver, samples: FloatArray, repetitions: int
 ) -> tuple[Timing, dict[tuple[str, ...], Timing]]:
     """Time per sample of flexid's replay and of every build of the C."""
     state = observer.init()
@@ -92,7 +93,9 @@ def _replays(
     return own, dict(zip(BUILDS, others, strict=True))
 
 
-def _steps(observer: ParametricObserver, samples: Array, repetitions: int) -> tuple[Timing, Timing]:
+def _steps(
+    observer: ParametricObserver, samples: FloatArray, repetitions: int
+) -> tuple[Timing, Timing]:
     """Time per sample of flexid's and of filterpy's steps, one Python call each."""
     measured = np.ascontiguousarray(samples[1 : _STEPS + 1, :4])
     torques = _mean_torques(samples)
@@ -115,7 +118,7 @@ def _kalman() -> JointFilter:
     return JointFilter(SAMPLE_TIME, TRUTH["beta1"], (POSITION_NOISE, VELOCITY_NOISE), 0.5 * _TRUE)
 
 
-def _mean_torques(samples: Array) -> list[float]:
+def _mean_torques(samples: FloatArray) -> list[float]:
     return (0.5 * (samples[1:, 4] + samples[:-1, 4])).tolist()
 
 
@@ -130,7 +133,7 @@ def _builds_table(builds: dict[tuple[str, ...], Timing]) -> Detail:
     )
 
 
-def _fits_table(observer: ParametricObserver, samples: Array) -> Detail:
+def _fits_table(observer: ParametricObserver, samples: FloatArray) -> Detail:
     """What both make of the whole record: a peer that does not work is no peer."""
     kalman = _kalman()
     for measurement, torque in zip(samples[1:, :4], _mean_torques(samples), strict=True):

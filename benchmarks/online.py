@@ -18,6 +18,7 @@ from noisy_joint import (
     worst_error,
 )
 
+from flexid.arrays import FloatArray
 from flexid.estimators.block_prediction_error import block_prediction_error
 from flexid.estimators.extended_kalman import extended_kalman_filter
 from flexid.estimators.memory_regressor import memory_regressor
@@ -27,7 +28,7 @@ from flexid.estimators.recursive_least_squares import (
     least_squares_observer,
     recursive_least_squares,
 )
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
 
 JOINT = flexible_joint()

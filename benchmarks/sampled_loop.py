@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.c_observer import BUILDS, Array
+from benchmarks.c_observer import BUILDS
 from benchmarks.comparison import AtMost, Comparison, Detail, Outcome, Side, duration
 from benchmarks.timing import measure
+from flexid.arrays import FloatArray
 from flexid.control.pd_gravity import pd_gravity
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.sampled import Sampling, simulate_sampled
@@ -70,7 +71,7 @@ def run(quick: bool) -> Outcome:
 
 def compile_run(
     flags: tuple[str, ...], folder: Path, loop: ClosedLoop, sampling: Sampling
-) -> Callable[[], Array]:
+) -> Callable[[], FloatArray]:
     """Compile the C with gcc and bind it to a loop; every call fills a new log.
 
     The noise is drawn by NumPy in each call, as in flexid.
@@ -88,7 +89,7 @@ def compile_run(
     law = np.array([*(p[n] for n in names), AMPLITUDE, FREQUENCY, sampling.input_limit])
     true, start = loop.true_coefficients, loop.start_estimates
 
-    def call() -> Array:
+    def call() -> FloatArray:
         noise = sampling.noise(_TICKS, 4)
         log = np.empty((_TICKS, _COLUMNS))
         function(
@@ -112,7 +113,7 @@ def compile_run(
 
 
 def _check(
-    loop: ClosedLoop, sampling: Sampling, builds: dict[tuple[str, ...], Callable[[], Array]]
+    loop: ClosedLoop, sampling: Sampling, builds: dict[tuple[str, ...], Callable[[], FloatArray]]
 ) -> None:
     """The same algorithm, or the comparison means nothing."""
     run = simulate_sampled(loop, _DURATION, sampling)

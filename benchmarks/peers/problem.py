@@ -4,10 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from flexid.arrays import FloatArray
 
 COEFFICIENTS = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
 """x2' = -theta1 sin x1 - theta2 (x1 - x3); x4' = alpha1 (x1 - x3) - alpha2 x4 + beta1 u."""
@@ -38,10 +35,10 @@ class Log:
     """
 
     path: Path
-    time: Array
-    positions: Array
-    velocities: Array | None
-    torque: Array
+    time: FloatArray
+    positions: FloatArray
+    velocities: FloatArray | None
+    torque: FloatArray
     held: bool
     position_noise: float
     velocity_noise: float
@@ -53,7 +50,7 @@ class Log:
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
-    def mean_torque(self) -> Array:
+    def mean_torque(self) -> FloatArray:
         """Mean over each interval between samples, shape (n - 1,)."""
         return self.torque[:-1] if self.held else 0.5 * (self.torque[:-1] + self.torque[1:])
 

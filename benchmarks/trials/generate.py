@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.trials.drafts import Draft, Size, acting, realised, truth
 from benchmarks.trials.families import FAMILIES
-from benchmarks.trials.integrator import Drive, FloatArray, Law, Smooth, simulate
+from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
 from benchmarks.trials.motions import Motion, draw_reference, draw_torque
 from benchmarks.trials.sensors import (
     Noise,
@@ -20,6 +20,7 @@ from benchmarks.trials.sensors import (
     faint,
     with_losses,
 )
+from flexid.arrays import FloatArray
 
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 

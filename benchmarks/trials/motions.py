@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.trials.integrator import FloatArray
+from flexid.arrays import FloatArray
 
 
 @dataclass(frozen=True)

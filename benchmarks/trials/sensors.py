@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.trials.drafts import Draft
-from benchmarks.trials.integrator import FloatArray
+from flexid.arrays import FloatArray
 
 _RATES = (500, 625, 800, 1000, 1250, 1600, 2000)  # samples per second
 

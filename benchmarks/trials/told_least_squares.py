@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.trials.generate import Trial
-from benchmarks.trials.integrator import FloatArray
+from flexid.arrays import FloatArray
 
 _CUTOFF = 2.0  # times the resonance
 _MOST = 0.3  # of the sampling rate

@@ -11,7 +11,6 @@ constraint, not a function of the velocity. The torque is held over each sample;
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.recording.recording import Recording
 
@@ -33,8 +32,6 @@ COUNTS = 2**14  # per turn, both encoders
 # Slow tones swing the link, those around the resonance at 20.8 rad/s load the spring.
 TONE_FREQUENCIES = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0, 25.0, 31.0])  # rad/s
 TONE_AMPLITUDES = np.array([2.5, 3.0, 4.0, 4.0, 4.0, 4.0, 4.0, 6.0, 8.0])  # N m
-
-FloatArray = NDArray[np.float64]
 
 
 def scene(solref: str = "0.02 1") -> str:

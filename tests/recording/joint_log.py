@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexid.recording.recording import FloatArray
+from flexid.arrays import FloatArray
 
 Columns = Mapping[str, FloatArray]
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from joint_log import joint_columns, write_csv
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
-from flexid.recording.recording import FloatArray
 
 Columns = dict[str, FloatArray]
 

@@ -10,9 +10,9 @@ from joint_log import joint_columns, write_csv
 from numpy.typing import NDArray
 from test_read import assert_equal_logs
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
-from flexid.recording.recording import FloatArray
 
 
 def rows(columns: dict[str, FloatArray], keep: NDArray[np.intp] | slice) -> dict[str, FloatArray]:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
+from flexid.arrays import FloatArray
 from flexid.recording import Recording, position_noise, velocities, with_velocities
-from flexid.recording.recording import FloatArray
 from flexid.recording.velocities import velocity
 
 FREQUENCIES = (2.0, 5.3, 11.0)  # rad/s

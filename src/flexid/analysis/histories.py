@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from flexid.arrays import FloatArray
 from flexid.models.expression import fold
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.run import Run
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +32,16 @@ class RowHistory:
     row: str
     coefficients: tuple[str, ...]
     gain: float
-    regressors: Array
-    errors: Array
+    regressors: FloatArray
+    errors: FloatArray
 
     @property
-    def mismatch(self) -> Array:
+    def mismatch(self) -> FloatArray:
         """rᵀp̃, shape (n,): what the proof of Theorem 1 shows to vanish."""
         return np.einsum("ij,ij->i", self.regressors, self.errors)
 
     @property
-    def error_rates(self) -> Array:
+    def error_rates(self) -> FloatArray:
         """p̃' = -c r rᵀp̃ of Huang (2003), eq. (7), shape (n, m), per second."""
         return -self.gain * self.regressors * self.mismatch[:, None]
 
@@ -75,7 +74,7 @@ def row_histories(run: Run) -> tuple[RowHistory, ...]:
 
 def regressors_along(
     system: ParametricSystem, states: ArrayLike, inputs: ArrayLike
-) -> dict[str, Array]:
+) -> dict[str, FloatArray]:
     """Evaluate the regressors of every row along a motion.
 
     Parameters
@@ -139,17 +138,17 @@ class _Arrays:
     def __init__(self, values: dict[str, ArrayLike]) -> None:
         self._values = values
 
-    def number(self, text: str) -> Array:
+    def number(self, text: str) -> FloatArray:
         return np.asarray(float(text))
 
-    def name(self, name: str) -> Array:
+    def name(self, name: str) -> FloatArray:
         return np.asarray(self._values[name], dtype=float)
 
-    def operate(self, operator: str, left: Array, right: Array) -> Array:
+    def operate(self, operator: str, left: FloatArray, right: FloatArray) -> FloatArray:
         return _UFUNCS[operator](left, right)
 
-    def negate(self, operand: Array) -> Array:
+    def negate(self, operand: FloatArray) -> FloatArray:
         return -operand
 
-    def call(self, function: str, argument: Array) -> Array:
+    def call(self, function: str, argument: FloatArray) -> FloatArray:
         return _UFUNCS[function](argument)

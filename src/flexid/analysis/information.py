@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import (
     Point,
     SegmentedMotion,

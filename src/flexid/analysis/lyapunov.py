@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.analysis.histories import RowHistory, row_histories
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.simulation.run import Run
-
-Array = NDArray[np.float64]
 
 SETTLED = 1e-3
 """Share of an error's first value within which it has to stay to count as settled or vanished."""
@@ -80,10 +79,10 @@ class LyapunovMonitor:
         may cause.
     """
 
-    time: Array
-    value: Array
-    rate: Array
-    mismatches: Array
+    time: FloatArray
+    value: FloatArray
+    rate: FloatArray
+    mismatches: FloatArray
     limits: tuple[Limit, ...]
     largest_rise: float
     rise_in_tolerances: float
@@ -127,7 +126,7 @@ def monitor_run(run: Run, window: float) -> LyapunovMonitor:
 
 
 def monitor(
-    time: Array,
+    time: FloatArray,
     rows: Sequence[RowHistory],
     window: float,
     relative_tolerance: float,
@@ -169,7 +168,7 @@ def monitor(
     )
 
 
-def _place_of_minimum(value: Array) -> NDArray[np.intp]:
+def _place_of_minimum(value: FloatArray) -> NDArray[np.intp]:
     """For every sample, where the smallest value so far was reached."""
     lower = value < np.concatenate(([np.inf], np.minimum.accumulate(value)[:-1]))
     return np.maximum.accumulate(np.where(lower, np.arange(len(value)), 0))

@@ -19,13 +19,12 @@ norm of the operator.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.analysis.histories import RowHistory
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +52,8 @@ class Persistence:
 
     row: str
     window: float
-    start: Array
-    grams: Array
+    start: FloatArray
+    grams: FloatArray
     smallest: float
     worst: Excitation
     overall: Excitation
@@ -74,7 +73,7 @@ class Persistence:
         return gain * self.overall.level
 
 
-def contraction(gram: ArrayLike, gain: float) -> Array:
+def contraction(gram: ArrayLike, gain: float) -> FloatArray:
     """Upper bound of |p̃(t + T)| / |p̃(t)| over a window with Gram matrix G = ∫ r rᵀ dt.
 
     The derivation stands at the head of this module. Takes one matrix or a stack of them.
@@ -129,7 +128,7 @@ def persistence(history: RowHistory, sample_time: float, window: float) -> Persi
     )
 
 
-def decay_rate(time: Array, errors: Array, window: float, floor: float) -> float:
+def decay_rate(time: FloatArray, errors: FloatArray, window: float, floor: float) -> float:
     """Exponential rate at which a row's errors have decayed.
 
     Parameters

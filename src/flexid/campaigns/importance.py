@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import CampaignError
-
-Array = NDArray[np.float64]
 
 FEWEST_RUNS = 10
 """Fewest runs from which a correlation is computed."""
@@ -63,7 +61,7 @@ class SobolIndex:
 
 
 def rank_correlations(
-    inputs: Sequence[str], values: Array, result: Array
+    inputs: Sequence[str], values: FloatArray, result: FloatArray
 ) -> tuple[Correlation, ...]:
     """Rank correlations of one result with all inputs, the strongest first.
 
@@ -94,7 +92,7 @@ def rank_correlations(
     return tuple(sorted(found, key=lambda one: -abs(one.value)))
 
 
-def sobol_indices(inputs: Sequence[str], result: Array) -> tuple[SobolIndex, ...]:
+def sobol_indices(inputs: Sequence[str], result: FloatArray) -> tuple[SobolIndex, ...]:
     """Sobol indices of one result, the largest total first.
 
     Parameters

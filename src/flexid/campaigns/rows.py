@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import FlexidError
 from flexid.experiments import Experiment
 from flexid.models.parametric_system import ParametricSystem
@@ -17,8 +17,6 @@ from flexid.simulation.ensemble import (
     simulate_sampled_ensemble,
 )
 from flexid.simulation.ensemble import STATUS as STATUS_NAMES
-
-Array = NDArray[np.float64]
 
 STATUS, ERROR, REACHED, STEPS = "status", "error", "reached", "steps"
 """Columns that every row has: what became of the run, why, its end in s, steps or samples."""
@@ -174,7 +172,7 @@ def _blocks(system: ParametricSystem, keep: Sequence[str]) -> dict[str, Sequence
     return {prefix: names for block in kept for prefix, names in block.items()}
 
 
-def _results(runs: Sequence[Experiment], ensemble: Ensemble, keep: Sequence[str]) -> Array:
+def _results(runs: Sequence[Experiment], ensemble: Ensemble, keep: Sequence[str]) -> FloatArray:
     """Results of some runs, one row each, in the order of `result_names`."""
     truth = np.abs([run.loop.true_coefficients for run in runs])
     with np.errstate(all="ignore"):  # a coefficient of 0 has no relative error

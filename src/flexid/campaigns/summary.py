@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.campaigns.importance import (
     Correlation,
     SobolIndex,
@@ -18,8 +18,6 @@ from flexid.campaigns.manifest import Manifest
 from flexid.campaigns.rows import ERROR, FINISHED, REACHED, STATUS
 from flexid.campaigns.store import Store, find_store
 from flexid.errors import CampaignError
-
-Array = NDArray[np.float64]
 
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -48,7 +46,7 @@ class Result:
     """
 
     name: str
-    values: Array
+    values: FloatArray
     missing: int
     quantiles: tuple[float, ...]
     correlations: tuple[Correlation, ...]
@@ -82,7 +80,7 @@ class Summary:
     damaged: tuple[str, ...]
     statuses: Mapping[str, int]
     first_error: str
-    inputs: Mapping[str, Array]
+    inputs: Mapping[str, FloatArray]
     results: tuple[Result, ...]
 
     @property

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.estimators.scaled_inverse import NULL, scaled_inverse
 
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.online import History, Status
 from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.models.parametric_system import ParametricSystem
 
 FILLED, STARTED, CHECKED = 0, 1, 2

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.estimators.cluster_covariance import Clusters, cluster_influences
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
 
 

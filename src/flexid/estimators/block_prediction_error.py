@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.beside_least_squares import (
     FILLED,
@@ -30,7 +31,7 @@ from flexid.estimators.recursive_least_squares import (
     N_BLOCKS,
     recursive_least_squares,
 )
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import (
     Equations,
     Point,

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.estimators.cluster_covariance import covariance_root, unbiased, unbiasing
-from flexid.estimators.samples import FloatArray
 
 BLOCK_DURATION = 1.0
 """Length of a block in s, if the record has room for `WANTED_BLOCKS` of them."""

@@ -11,8 +11,8 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import NULL
 from flexid.estimators.unknowns import Unknowns
 

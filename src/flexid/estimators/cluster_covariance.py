@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 
 _WHOLE = 1e-6  # what a block leaves of a direction's residual, below which it leaves nothing
 _ROUNDING = 1e-13  # relative size below which an eigenvalue of a covariance is zero

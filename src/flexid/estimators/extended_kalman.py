@@ -12,6 +12,7 @@ from types import ModuleType
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.beside_least_squares import (
     STARTED,
@@ -24,7 +25,6 @@ from flexid.estimators.recursive_least_squares import (
     least_squares_observer,
     recursive_least_squares,
 )
-from flexid.estimators.samples import FloatArray
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold

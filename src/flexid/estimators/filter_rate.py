@@ -13,7 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.arrays import FloatArray
+from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem

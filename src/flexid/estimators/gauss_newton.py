@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.arrow import Reduced
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Equations, Point, SegmentedMotion
 from flexid.estimators.segments import FEWEST_SAMPLES, first_states
 

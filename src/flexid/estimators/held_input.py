@@ -9,7 +9,7 @@ delay, which can therefore be sought like any coefficient.
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.recording.recording import Hold
 
 _OFFSETS: FloatArray = np.arange(-2.0, 4.0)  # samples that a cubic about an interval touches

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.estimators.row_signals import check_velocities, row_signals, sought_signals
 from flexid.estimators.rowwise import RowwiseFit, fit_rows
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.models.parametric_system import ParametricSystem

@@ -14,8 +14,9 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 

@@ -13,9 +13,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.online import CompiledEstimator, checked_sample_time, packed
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold

@@ -14,6 +14,7 @@ from types import ModuleType
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.block_covariance import Blocks, block_covariance
 from flexid.estimators.online import (
@@ -22,7 +23,6 @@ from flexid.estimators.online import (
     fading_factor,
     row_starts,
 )
-from flexid.estimators.samples import FloatArray
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold

@@ -10,8 +10,9 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
+from flexid.arrays import FloatArray
 from flexid.estimators.block_sandwich import block_influences
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.unknowns import Unknowns
 from flexid.recording.recording import Hold

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.recording.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

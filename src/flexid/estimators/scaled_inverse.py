@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 
 NULL = 1e-12
 """Eigenvalue of a matrix scaled to a unit diagonal that counts as zero."""

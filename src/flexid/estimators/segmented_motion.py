@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.estimators.arrow import Reduced, solve_arrow
 from flexid.estimators.block_sandwich import block_duration
 from flexid.estimators.cluster_covariance import Clusters
 from flexid.estimators.held_input import held_input
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.segments import Segments
 from flexid.estimators.threads import in_threads
 from flexid.estimators.unknowns import Unknowns

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 
 FEWEST_SAMPLES = 20
 """Samples that a segment has at least: enough for an initial state and something beyond it."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_lengths
 from flexid.estimators.row_signals import (
@@ -21,7 +22,7 @@ from flexid.estimators.row_signals import (
     wanted_signals,
 )
 from flexid.estimators.rowwise import RowwiseFit, fit_rows
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold

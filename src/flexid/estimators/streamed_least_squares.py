@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from flexid.arrays import FloatArray
 from flexid.estimators.block_sandwich import divided, summed_influences
 from flexid.estimators.row_signals import fill_row_signals, wanted_signals
 from flexid.estimators.rowwise import RowSums, covariance_of_rows
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.state_variable_filter import memory, project_out_past
 from flexid.estimators.unknowns import FIXED, Unknowns

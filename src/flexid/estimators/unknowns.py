@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.samples import FloatArray
 from flexid.models.parametric_system import ParametricSystem, Row
 
 FIXED = -1
@@ -141,11 +141,6 @@ class Unknowns:
             if columns[a] != FIXED or fixed[a] != 0.0:  # a term that is off stays off
                 pattern[target] = pattern[a] | pattern[b] | pattern[d]
         return pattern
-
-    def untied(self) -> "Unknowns":
-        """The same without ties: each coefficient for itself, where its sources are sought."""
-        off = {c: 0.0 for c, (source, _, _) in self.tied.items() if source not in self.names}
-        return replace(self, tied={}, fixed={**off, **self.fixed})
 
     @cached_property
     def _ties(self) -> tuple[tuple[int, tuple[int, ...]], ...]:

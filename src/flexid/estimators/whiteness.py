@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 
 LAGS = 20
 """Lags in samples over which correlation is looked for."""

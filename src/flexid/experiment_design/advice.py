@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.experiment_design.rehearsal import Rehearsal
 from flexid.identification.estimates import POSITIVE
 from flexid.identification.judgement import THRESHOLDS, verdict

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexid.analysis.excitation import Excitation
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.identification.estimate import Estimate
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.result import CoefficientEstimate, Identification, Verdict

@@ -11,7 +11,7 @@ Both are reported as a relative standard deviation: 1/√(min λ), and det M to 
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.experiment_design.drive import Criterion
 
 _SHARPNESS = 4.0  # of the smooth stand-in for the smallest eigenvalue

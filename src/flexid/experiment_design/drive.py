@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import root
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.samples import FloatArray
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import joint_coefficients

@@ -5,12 +5,12 @@ delays and noise that they show. What comes on top is what confuses the coeffici
 input would tell them apart.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.experiment_design.advice import Advice, advise, beginning, input_spectrum
 from flexid.experiment_design.assessment import Assessment, assess
 from flexid.experiment_design.rehearsal import Rehearsal
@@ -18,16 +18,11 @@ from flexid.identification.full_model import Data, data_of
 from flexid.identification.identify import identify
 from flexid.identification.joint import flexible, rigid
 from flexid.identification.preparation import prepare
+from flexid.identification.progress import Progress, silent
 from flexid.identification.rebuilt import described, given_coefficients, rebuilt
 from flexid.identification.result import Identification
 from flexid.identification.settings import Settings
 from flexid.recording.recording import Log
-
-Progress = Callable[[str], None]
-
-
-def _silent(_: str) -> None:
-    pass
 
 
 @dataclass(frozen=True)
@@ -59,7 +54,7 @@ class ExcitationReport:
 
 
 def examine(
-    logs: Sequence[Log], settings: Settings, progress: Progress = _silent
+    logs: Sequence[Log], settings: Settings, progress: Progress = silent
 ) -> ExcitationReport:
     """Say how well logs tell each coefficient, and what to add where they do not.
 

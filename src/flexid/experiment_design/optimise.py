@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from flexid.analysis.information import information_at
+from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.experiment_design.criterion import smooth_cost

@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide, first_states
 from flexid.identification.following import following_states
 from flexid.identification.full_model import Data

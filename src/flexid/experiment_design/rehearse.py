@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexid.analysis.information import Information, segmented_information
-from flexid.estimators.samples import FloatArray, Samples
+from flexid.arrays import FloatArray
+from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide
 from flexid.experiment_design.drive import Case, Limits
 from flexid.simulation.played_run import Command, play

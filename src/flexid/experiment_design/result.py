@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.experiment_design.assessment import DETERMINED_DEVIATION
 from flexid.experiment_design.drive import Drive
 from flexid.experiment_design.rehearse import Rehearsed

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.identification.full_model import Fitted
 

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.recording.recording import Hold, Recording
 from flexid.recording.shift import later, spoilt
 

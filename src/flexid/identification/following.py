@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexid.estimators.samples import FloatArray
+from flexid.arrays import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, first_states
 

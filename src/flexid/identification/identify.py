@@ -3,7 +3,7 @@
 One path: recordings, full model, structure, estimate, judgement, result.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from flexid.identification.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.model_error import model_error, widened
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import Pieces, prepare
+from flexid.identification.progress import Progress, silent
 from flexid.identification.provenance import provenance
 from flexid.identification.result import (
     Choices,
@@ -54,19 +55,13 @@ from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Log
 from flexid.recording.velocities import with_velocities
 
-Progress = Callable[[str], None]
-
 _FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
-
-
-def _silent(_: str) -> None:
-    pass
 
 
 def identify(
     logs: Sequence[Log],
     settings: Settings | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Identification:
     """Identify a joint from one or several logs.

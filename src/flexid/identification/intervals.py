@@ -13,14 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.estimate import Fit
 from flexid.models.physical import PhysicalParameter
 
-FloatArray = NDArray[np.float64]
 Interval = tuple[float, float]
 
 CONFIDENCE = 0.95

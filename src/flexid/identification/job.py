@@ -1,6 +1,6 @@
 """What the logs and the settings leave to be found, and the structure that predicts best."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from flexid.estimators.segmented_motion import INPUT, Timing
@@ -8,6 +8,7 @@ from flexid.identification.full_model import LINK, Data, Structure
 from flexid.identification.joint import Joint, flexible, rigid
 from flexid.identification.judgement import Thresholds
 from flexid.identification.preparation import Pieces
+from flexid.identification.progress import Progress
 from flexid.identification.result import (
     Validation,
 )
@@ -15,8 +16,6 @@ from flexid.identification.settings import Settings, check_for
 from flexid.identification.structure import Choice, choose_structure
 from flexid.identification.validation import misprediction, validate
 from flexid.recording.recording import Hold
-
-Progress = Callable[[str], None]
 
 _HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 

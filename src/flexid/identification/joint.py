@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.estimators.samples import Samples, rigid_samples, samples_of_recording
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
@@ -29,8 +29,6 @@ from flexid.models.physical import PhysicalParameter, physical_parameters, rigid
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
 from flexid.models.terms import SMOOTHING, with_dry_friction
 from flexid.recording.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 Kind = Literal["flexible", "rigid"]
 
@@ -155,10 +153,6 @@ class Joint:
             if c not in fixed and c not in absent
         ]
         return Unknowns(system, {**off, **given}, tuple(offsets), tuple(groups), ties)
-
-    def terms_with(self, coefficients: Collection[str]) -> tuple[str, ...]:
-        """Terms that some coefficients belong to, in the models' order."""
-        return tuple(t for t, names in self.terms.items() if set(names) & set(coefficients))
 
     def parameters(
         self, coefficients: Collection[str], input_is_torque: bool

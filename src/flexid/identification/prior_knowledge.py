@@ -19,8 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
-from flexid.identification.estimate import Estimate, Fit, FloatArray
+from flexid.identification.estimate import Estimate, Fit
 from flexid.identification.intervals import POSITIVE
 from flexid.identification.judgement import THRESHOLDS
 from flexid.models.physical import PhysicalParameter

@@ -6,8 +6,8 @@ from math import isclose
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import (
     INPUT,
     Point,

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.analysis.excitation import Excitation
+from flexid.arrays import FloatArray
 from flexid.identification.alignment import Alignment
 from flexid.identification.estimate import Estimate
 from flexid.identification.intervals import checked_level, interval, logarithmic_interval
@@ -17,8 +17,6 @@ from flexid.recording.recording import Hold
 Verdict = Literal["determined", "weak", "undetermined"]
 
 Estimator = Literal["prediction-error", "least-squares"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ evenly, are kept out of the fit and predicted in the end.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +14,7 @@ from pathlib import Path
 from flexid.estimators.streamed_least_squares import Products
 from flexid.identification.alignment import aligned
 from flexid.identification.identify import identify
+from flexid.identification.progress import Advance, Progress, silent
 from flexid.identification.result import Identification
 from flexid.identification.settings import Settings
 from flexid.identification.stream_result import stream_result
@@ -30,24 +31,13 @@ _WINDOW = 65_536  # samples that are worked on at once
 _FEWEST_SAMPLES = 75  # of a piece
 _FREE_RUNS = 8  # stretches that are kept out of the fit
 
-Progress = Callable[[str], None]
-Advance = Callable[[int, int], None]
-
-
-def _silent(_: str) -> None:
-    pass
-
-
-def _unseen(_: int, __: int) -> None:
-    pass
-
 
 def identify_stream(
     path: Path,
     columns: Path | None = None,
     settings: Settings | None = None,
-    progress: Progress = _silent,
-    advance: Advance = _unseen,
+    progress: Progress = silent,
+    advance: Advance = silent,
     workers: int = 2,
 ) -> Identification:
     """Identify a joint from a Parquet file in one pass, in bounded memory.

@@ -13,8 +13,8 @@ from math import nan
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.estimators.bounded import bounded_fit
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import LeastSquaresFit

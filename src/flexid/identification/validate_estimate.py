@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import flexid
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
 from flexid.identification.estimate_file import WANTED, EstimateFile, read_estimate

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexid.recording.recording import FloatArray
+    from flexid.arrays import FloatArray
 
 VELOCITIES = ("link_velocity", "motor_velocity")
 INPUTS = ("motor_torque", "motor_current", "motor_voltage")  # in the order of preference

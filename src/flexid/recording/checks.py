@@ -10,8 +10,9 @@ from flexid.errors import RecordingError
 from flexid.recording.velocities import position_noise
 
 if TYPE_CHECKING:
+    from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
-    from flexid.recording.recording import FloatArray, Recording
+    from flexid.recording.recording import Recording
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
 FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm

@@ -15,7 +15,7 @@ from flexid.recording.table import Table, read_table
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexid.recording.recording import FloatArray
+    from flexid.arrays import FloatArray
 
 ENCODERS = ("link_position", "motor_position")
 

@@ -7,12 +7,10 @@ from dataclasses import asdict, dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.channel import Origin
-
-FloatArray: TypeAlias = NDArray[np.float64]
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
 """How an input behaves between samples: constant from each on, on straight lines, or smooth."""

@@ -11,7 +11,7 @@ import numpy as np
 from flexid.errors import RecordingError
 
 if TYPE_CHECKING:
-    from flexid.recording.recording import FloatArray
+    from flexid.arrays import FloatArray
     from flexid.recording.table import Table
 
 FEWEST_SAMPLES = 20  # of a piece

@@ -12,9 +12,8 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from flexid.arrays import FloatArray
 
 ORDER = 3
 SETTLING = 32

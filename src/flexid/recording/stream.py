@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
-    from flexid.recording.recording import FloatArray, Log, Recording
+    from flexid.recording.recording import Log, Recording
 
 CHUNK = 262_144
 """Rows that are read at once."""

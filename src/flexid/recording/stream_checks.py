@@ -10,8 +10,8 @@ import numpy as np
 from flexid.recording import checks
 
 if TYPE_CHECKING:
+    from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
-    from flexid.recording.recording import FloatArray
 
 FROZEN = 5.0
 """Seconds without change after which a position counts as frozen if the other one moves."""

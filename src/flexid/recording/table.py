@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     import polars
 
-    from flexid.recording.recording import FloatArray
+    from flexid.arrays import FloatArray
 
 LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
 LARGE_REMEDY = "identify it as Parquet with --stream, or cut the log into shorter files"

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from flexid.recording.recording import FloatArray, Recording
+    from flexid.arrays import FloatArray
+    from flexid.recording.recording import Recording
 
 DEGREE = 5  # of the local polynomials
 ORDER = 8  # of the differences that tell noise from motion

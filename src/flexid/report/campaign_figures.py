@@ -9,13 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.campaigns.summary import Result, Summary
 from flexid.report.campaign_table import DETAILS
 from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
-
-Array = NDArray[np.float64]
 
 _COLUMNS = 3
 _BINS = 40
@@ -102,11 +100,11 @@ def _strongest(result: Result) -> str | None:
     return told[0] if told else None
 
 
-def _logarithmic(values: Array) -> bool:
+def _logarithmic(values: FloatArray) -> bool:
     return bool(values.min() > 0.0 and values.max() > _LOGARITHMIC_FROM * values.min())
 
 
-def _log_axis(ax: Axes, which: str, values: Array) -> None:
+def _log_axis(ax: Axes, which: str, values: FloatArray) -> None:
     """A logarithmic axis over whole decades, so that there are labels."""
     lowest, highest = np.floor(np.log10(values.min())), np.ceil(np.log10(values.max()))
     axis = ax.xaxis if which == "x" else ax.yaxis

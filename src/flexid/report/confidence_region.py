@@ -15,8 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import fdtri
 
+from flexid.arrays import FloatArray
 from flexid.identification.estimate import Fit
-from flexid.identification.intervals import CONFIDENCE, FloatArray, interval
+from flexid.identification.intervals import CONFIDENCE, interval
 from flexid.report.style import BLUE, GREY, INK, ORANGE, STYLE, new_figure
 
 _COLOURS = (BLUE, ORANGE, GREY)

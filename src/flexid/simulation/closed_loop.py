@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexid
+from flexid.arrays import FloatArray
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
@@ -15,8 +16,6 @@ from flexid.kernels.templates.bound import BOUND
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run, split_columns
 from flexid.simulation.sample_grid import SampleGrid, check_positive
-
-Array = NDArray[np.float64]
 
 _FIRST_STEP = 1e-6
 _LONGEST_STEP = 1.0
@@ -110,8 +109,8 @@ class Ends:
     """How n runs ended: status, time, variables, and steps: accepted, rejected, sampled."""
 
     status: NDArray[np.int64]
-    reached: Array
-    variables: Array
+    reached: FloatArray
+    variables: FloatArray
     counts: NDArray[np.int64]
 
 
@@ -120,8 +119,8 @@ def integrate_loops(
     loops: Sequence[ClosedLoop],
     grid: SampleGrid,
     tolerance: Tolerance,
-    samples: Array,
-    totals: Array,
+    samples: FloatArray,
+    totals: FloatArray,
 ) -> Ends:
     """Integrate n loops of one declaration; other threads can run meanwhile.
 
@@ -198,7 +197,7 @@ def _run(
     loop: ClosedLoop,
     kernel: ModuleType,
     grid: SampleGrid,
-    samples: Array,
+    samples: FloatArray,
     settings: dict[str, str | int | float],
     ends: Ends,
 ) -> Run:

@@ -12,6 +12,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.models.parametric_system import ParametricSystem
@@ -25,8 +26,6 @@ from flexid.simulation.run import split_columns
 from flexid.simulation.sample_grid import SampleGrid
 from flexid.simulation.sampled import Sampling, run_sampled, sampled_kernel
 from flexid.simulation.threads import share_out
-
-Array = NDArray[np.float64]
 
 STATUS = ("finished", "too many steps", "step too small", "not finite", "diverged")
 """What became of a run, by its status number.
@@ -73,14 +72,14 @@ class Ensemble:
 
     system: ParametricSystem
     status: NDArray[np.int64]
-    reached: Array
-    final_states: Array
-    final_errors: Array
-    settling_time: Array
-    tracking_rms: Array
-    tracking_peak: Array
-    peak_input: Array
-    excitation: Array
+    reached: FloatArray
+    final_states: FloatArray
+    final_errors: FloatArray
+    settling_time: FloatArray
+    tracking_rms: FloatArray
+    tracking_peak: FloatArray
+    peak_input: FloatArray
+    excitation: FloatArray
     steps: NDArray[np.int64]
 
 
@@ -89,9 +88,9 @@ class _Table:
     """What the runs fill, one row per run."""
 
     status: NDArray[np.int64]
-    reached: Array
+    reached: FloatArray
     steps: NDArray[np.int64]
-    totals: Array
+    totals: FloatArray
 
     @staticmethod
     def of(runs: int, width: int) -> "_Table":
@@ -246,9 +245,9 @@ def _ensemble(
     kernel: ModuleType,
     system: ParametricSystem,
     table: _Table,
-    weights: Array | NDArray[np.int64],
-    states: Array,
-    errors: Array,
+    weights: FloatArray | NDArray[np.int64],
+    states: FloatArray,
+    errors: FloatArray,
 ) -> Ensemble:
     """Turn totals into measures; weights are what the sums over time are divided by."""
     totals, n = table.totals, kernel.N_COEFFICIENTS
@@ -272,7 +271,7 @@ def _ensemble(
     )
 
 
-def _conditions(gram: Array) -> Array:
+def _conditions(gram: FloatArray) -> FloatArray:
     """Condition number of each normalised Gram matrix, of which the lower triangle is given."""
     scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.where(scale == 0.0, 1.0, scale)

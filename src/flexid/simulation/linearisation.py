@@ -3,14 +3,15 @@
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexid.arrays import FloatArray
 
 _NUDGE = 1e-6  # rad or rad/s
 
 
-def jacobian(kernel: ModuleType, x: Array, u: Array, p: Array, c: Array) -> Array:
+def jacobian(
+    kernel: ModuleType, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
+) -> FloatArray:
     """Derivative of x' with respect to x.
 
     Parameters

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.substeps import HELD_INPUT, runge_kutta_substeps
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

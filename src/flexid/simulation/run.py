@@ -5,11 +5,9 @@ from functools import cached_property
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.simulation.loop import ClosedLoop
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,18 +40,18 @@ class Run:
     """
 
     loop: ClosedLoop
-    time: Array
-    states: Array
-    inputs: Array
-    estimates: Array
-    parameter_errors: Array
-    tracking_error: Array
+    time: FloatArray
+    states: FloatArray
+    inputs: FloatArray
+    estimates: FloatArray
+    parameter_errors: FloatArray
+    tracking_error: FloatArray
     settings: dict[str, str | int | float]
     statistics: dict[str, int]
-    measured: Array | None = None
+    measured: FloatArray | None = None
 
     @cached_property
-    def reference(self) -> Array:
+    def reference(self) -> FloatArray:
         """q_d and its first four derivatives, (n, 5)."""
         return np.stack([self.loop.reference.evaluate(self.time, d) for d in range(5)], axis=1)
 
@@ -71,7 +69,7 @@ class Run:
         """Largest magnitude of the tracking error in a time window."""
         return float(np.max(np.abs(self.tracking_error[self.between(start, stop)])))
 
-    def log(self) -> dict[str, Array]:
+    def log(self) -> dict[str, FloatArray]:
         """Columns of a log: time, position and velocity of every row, inputs.
 
         Measured values where there are any. A single input is called ``motor_torque``, several
@@ -87,7 +85,7 @@ class Run:
         return columns | ({"motor_torque": inputs[names[0]]} if len(names) == 1 else inputs)
 
 
-def split_columns(kernel: ModuleType, table: Array) -> list[Array]:
+def split_columns(kernel: ModuleType, table: FloatArray) -> list[FloatArray]:
     """States, inputs, estimates, their errors, tracking error and what follows, columns each.
 
     Parameters

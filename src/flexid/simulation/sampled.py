@@ -9,9 +9,10 @@ from dataclasses import asdict, dataclass
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import flexid
+from flexid.arrays import FloatArray
 from flexid.control.loop import LoopDeclaration
 from flexid.errors import SettingError, SimulationError
 from flexid.kernels.store import load_kernel
@@ -20,9 +21,7 @@ from flexid.simulation.run import Run, split_columns
 from flexid.simulation.sample_grid import SampleGrid
 from flexid.simulation.substeps import runge_kutta_substeps
 
-Array = NDArray[np.float64]
-
-Law = Callable[[float, Array, Array], ArrayLike]
+Law = Callable[[float, FloatArray, FloatArray], ArrayLike]
 """A control law in Python: time, measured states, q_d and its four derivatives to inputs."""
 
 
@@ -71,7 +70,7 @@ class Sampling:
         noise = float(self.position_noise), float(self.velocity_noise)
         return *noise, float(self.position_resolution)
 
-    def noise(self, count: int, states: int) -> Array:
+    def noise(self, count: int, states: int) -> FloatArray:
         """Standard normal numbers behind the noise, (count, states), or no rows if there is none.
 
         Drawing them takes about a third of the time of a run.
@@ -153,8 +152,8 @@ def run_sampled(
     loop: ClosedLoop,
     sampling: Sampling,
     grid: SampleGrid,
-    record: Array,
-    totals: Array,
+    record: FloatArray,
+    totals: FloatArray,
 ) -> SampledEnd:
     """Run a sampled loop in compiled code; other threads can run meanwhile.
 
@@ -205,13 +204,13 @@ def sampled_kernel(declaration: LoopDeclaration) -> ModuleType:
     )
 
 
-def _observer_settings(loop: ClosedLoop, sample_time: float) -> Array:
+def _observer_settings(loop: ClosedLoop, sample_time: float) -> FloatArray:
     """Sample time, held input, gains, constants: what the sampled observer is set to."""
     gains = [loop.observer_gains[row.name] for row in loop.system.rows for _ in row.coefficients]
     return np.array([sample_time, 1.0, *gains, *loop.system.constants.values()])
 
 
-def _constants(loop: ClosedLoop) -> Array:
+def _constants(loop: ClosedLoop) -> FloatArray:
     return np.array(list(loop.system.constants.values()), dtype=np.float64)
 
 
@@ -227,7 +226,7 @@ def _run_called(
     loop: ClosedLoop,
     sampling: Sampling,
     grid: SampleGrid,
-    record: Array,
+    record: FloatArray,
     law: Law,
 ) -> SampledEnd:
     """The compiled run step by step, with a Python call where the compiled law would be."""

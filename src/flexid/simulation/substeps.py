@@ -3,12 +3,10 @@
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.simulation.linearisation import jacobian
-
-Array = NDArray[np.float64]
 
 HELD_INPUT = ("bound", "held_rates", "runge_kutta")
 """Templates by which a model alone moves under an input."""
@@ -18,7 +16,12 @@ _MOST_SUBSTEPS = 1000  # per sample
 
 
 def runge_kutta_substeps(
-    kernel: ModuleType, x: Array, u: Array, p: Array, c: Array, sample_time: float
+    kernel: ModuleType,
+    x: FloatArray,
+    u: FloatArray,
+    p: FloatArray,
+    c: FloatArray,
+    sample_time: float,
 ) -> int:
     """Steps per sample that resolve a model's fastest pole.
 
@@ -54,7 +57,9 @@ def runge_kutta_substeps(
     return int(substeps)
 
 
-def _fastest_rate(kernel: ModuleType, x: Array, u: Array, p: Array, c: Array) -> float:
+def _fastest_rate(
+    kernel: ModuleType, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
+) -> float:
     """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
     matrix = jacobian(kernel, x, u, p, c)
     if not np.all(np.isfinite(matrix)):  # the model has no linearisation here
