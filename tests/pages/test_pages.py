@@ -20,8 +20,9 @@ NOT_RUN = {
     "docs/estimators.md": 2,
     "docs/online.md": 1,
     "docs/performance.md": 1,
-    "docs/real-logs/dfki-pendulum.md": 2,
-    "docs/real-logs/ist-arm.md": 2,
+    "docs/real-logs/dfki-pendulum.md": 3,
+    "docs/real-logs/ist-arm.md": 3,
+    "docs/real-logs/kuka.md": 1,
     "docs/reproduction.md": 1,
     "docs/trials.md": 1,
 }

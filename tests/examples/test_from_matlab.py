@@ -1,0 +1,124 @@
+"""Logs as their publishers ship them become the logs that the pages are about."""
+
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.io import savemat
+
+from flexid.recording import read_log
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / "examples" / "real_logs" / "from_matlab.py"
+PAGES = ROOT / "docs" / "real-logs"
+FIELDS = (
+    "act_pos_se_deg",
+    "act_vel_se_deg_per_s",
+    "act_pos_mot_deg",
+    "act_vel_mot_deg_per_s",
+    "act_torque_abs_nm",
+)
+
+
+def convert(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> None:
+    """Run the script as a shell would."""
+    monkeypatch.setattr(sys, "argv", [str(SCRIPT), *map(str, arguments)])
+    runpy.run_path(str(SCRIPT), run_name="__main__")
+
+
+def write_arm(path: Path, columns: pl.DataFrame) -> None:
+    """Write a scope of Simulink as MATLAB saves it."""
+    values = columns.select("u_V", "pot_V", "strain_V").to_numpy()
+    signals = {"values": values, "dimensions": 3.0, "label": "scope"}
+    scope = {"time": columns["t_s"].to_numpy()[:, None], "signals": signals, "blockName": "x"}
+    savemat(path, {"Input": scope})
+
+
+def write_kuka(path: Path, columns: pl.DataFrame) -> None:
+    """Write a structure of six axes, of which three have an encoder on the link."""
+    rows = columns.drop("t_s").to_numpy().T.reshape(3, 5, -1)
+    axes = np.concatenate([rows, np.zeros_like(rows)])
+    savemat(path, {"rec": {field: axes[:, k] for k, field in enumerate(FIELDS)}})
+
+
+@pytest.mark.parametrize(
+    ("kind", "log", "page"),
+    [
+        ("ist-arm", "ist-flexible-arm/ist_square_1p5V.csv", "ist-arm.md"),
+        ("kuka", "kr300/kr300_A.csv", "kuka.md"),
+        ("kuka", "kr300/kr300_B.csv", "kuka.md"),
+    ],
+)
+def test_real_logs(
+    kind: str,
+    log: str,
+    page: str,
+    shared_data: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Assert that the publisher's structure gives the log, with the digest that the page names."""
+    columns = pl.read_csv(shared_data / log, infer_schema_length=None)
+    write = write_arm if kind == "ist-arm" else write_kuka
+    write(tmp_path / "log.mat", columns.cast(pl.Float64))
+    convert(monkeypatch, kind, tmp_path / "log.mat", tmp_path / "log.csv")
+    assert (tmp_path / "log.csv").read_bytes() == (shared_data / log).read_bytes()
+    printed = capsys.readouterr().out
+    shown = re.search(r"\d+ samples, every .* ms, SHA-256 \w{16}", printed)
+    assert shown is not None
+    assert shown[0] in (PAGES / page).read_text(encoding="utf-8")
+
+
+def test_axes_of_the_kuka(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that each axis is read with its map, and that nothing is mixed up."""
+    t = 0.004 * np.arange(400)
+    swing = np.sin(np.outer([2.0, 3.0, 4.0], t))
+    slope = np.cos(np.outer([2.0, 3.0, 4.0], t)) * np.array([[2.0], [3.0], [4.0]])
+    other = np.cos(7.0 * t)
+    rec = dict(zip(FIELDS, (swing + 0.01 * other, slope, swing, slope, 9.0 * swing), strict=True))
+    savemat(tmp_path / "rec.mat", {"rec": rec})
+    convert(monkeypatch, "kuka", tmp_path / "rec.mat", tmp_path / "log.csv")
+    (piece,) = read_log(tmp_path / "log.csv", ROOT / "examples/columns_kuka_axis_1.toml").pieces
+    assert piece.sample_time == pytest.approx(0.004)
+    np.testing.assert_allclose(piece.motor_position, np.radians(swing[0]), atol=1e-8)
+    np.testing.assert_allclose(piece.deflection, np.radians(0.01 * other), atol=1e-8)
+    np.testing.assert_allclose(piece.input, 256.9 * 9.0 * swing[0], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "content", "words"),
+    [
+        ("ist-arm", {"Output": 1.0}, "no 'Input' in this file; found Output"),
+        ("ist-arm", {"Input": {"time": 1.0}}, "no 'signals' in this file; found time"),
+        ("ist-arm", {"Input": {"time": [0.0, 1.0], "signals": {"values": np.eye(2)}}}, "2 columns"),
+        ("kuka", {"rec": {"act_pos_se_deg": np.eye(3)}}, "no 'act_vel_se_deg_per_s'"),
+        ("kuka", {"rec": {"act_pos_se_deg": "text"}}, "something else than numbers"),
+    ],
+)
+def test_other_files(
+    kind: str,
+    content: dict[str, object],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Assert that a file with other names is refused, with those that it has."""
+    savemat(tmp_path / "a.mat", content)
+    with pytest.raises(SystemExit, match=words):
+        convert(monkeypatch, kind, tmp_path / "a.mat", tmp_path / "a.csv")
+    assert not (tmp_path / "a.csv").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"no MATLAB file at all" * 20])
+def test_what_is_no_matlab_file(
+    content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Assert that other files are refused in a line."""
+    (tmp_path / "a.mat").write_bytes(content)
+    with pytest.raises(SystemExit, match="cannot be read as a MATLAB file"):
+        convert(monkeypatch, "kuka", tmp_path / "a.mat", tmp_path / "a.csv")
