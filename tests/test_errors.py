@@ -11,6 +11,7 @@ RAISED = [
     errors.RecordingError("log.csv", "line 3", "is no number: correct it"),
     errors.SimulationError("the loop diverges", 1.5),
     errors.ExperimentError("a.toml", "controller.k", "is missing: add it"),
+    errors.ArgumentError("identify", "knwon", "is no option: did you mean known?"),
 ]
 
 

@@ -189,3 +189,23 @@ class ConvergenceError(FlexidError):
         self.estimator = estimator
         self.reason = reason
         super().__init__(f"{estimator}: {reason}")
+
+
+class ArgumentError(FlexidError, TypeError):
+    """A function was called with an argument that it does not take, or with one of a wrong type.
+
+    Parameters
+    ----------
+    function : str
+        Which function.
+    argument : str
+        Which argument.
+    reason : str
+        What is wrong with it, a predicate, and what would be right.
+    """
+
+    def __init__(self, function: str, argument: str, reason: str) -> None:
+        self.function = function
+        self.argument = argument
+        self.reason = reason
+        super().__init__(f"{function}: {argument} {reason}")

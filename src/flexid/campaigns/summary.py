@@ -123,6 +123,22 @@ def summarise(out: str | Path) -> Summary:
     )
 
 
+def campaign_rows(out: str | Path) -> pl.DataFrame:
+    """The rows of a campaign that are there, in the order of the runs.
+
+    Parameters
+    ----------
+    out : str or Path
+        The campaign's directory.
+
+    Raises
+    ------
+    CampaignError
+        If there is no campaign, or none of its rows yet.
+    """
+    return _all_rows(find_store(Path(out)))[0]
+
+
 def _finished() -> pl.Expr:
     return pl.col(STATUS) == FINISHED
 

@@ -1,6 +1,5 @@
 """All commands: registers each, and turns errors into one sentence and an exit status."""
 
-import os
 import sys
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -21,6 +20,7 @@ from flexid.cli import (
 from flexid.cli.encoding import spell_what_cannot_be_encoded
 from flexid.cli.exit_status import ExitStatus
 from flexid.errors import ConvergenceError, FlexidError, SimulationError
+from flexid.library.threads import in_one_thread
 
 _TYPERS_INTERRUPTION = 130
 
@@ -55,14 +55,14 @@ def _register(command: Callable[..., None], examples: tuple[str, ...]) -> None:
 
 
 # One line per command. Their modules import nothing heavy before they are called.
-_register(identify.identify, identify.EXAMPLES)
-_register(validate.validate, validate.EXAMPLES)
-_register(excitation.excitation, excitation.EXAMPLES)
-_register(design.design, design.EXAMPLES)
+_register(in_one_thread(identify.identify), identify.EXAMPLES)
+_register(in_one_thread(validate.validate), validate.EXAMPLES)
+_register(in_one_thread(excitation.excitation), excitation.EXAMPLES)
+_register(in_one_thread(design.design), design.EXAMPLES)
 _register(derive.derive, derive.EXAMPLES)
 _register(simulate.simulate, simulate.EXAMPLES)
 _register(campaign.campaign, campaign.EXAMPLES)
-_register(reproduce.reproduce, reproduce.EXAMPLES)
+_register(in_one_thread(reproduce.reproduce), reproduce.EXAMPLES)
 
 
 def _show_version(wanted: bool) -> None:
@@ -107,9 +107,6 @@ def _ended(code: int) -> ExitStatus:
 
 def run() -> ExitStatus:
     """Run the command line as far as its exit status."""
-    # Before NumPy is loaded: our matrices are small, and where other work has a core, threads of
-    # the linear algebra that share them wait for each other longer than they compute.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
     spell_what_cannot_be_encoded()
     _Wanted.debug = False
     try:

@@ -66,23 +66,57 @@ class OnlineEstimator(Protocol):
         ...
 
     def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """State before the first sample."""
+        """State before the first sample.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Initial estimates by coefficient.
+        """
         ...
 
     def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """New state and info (innovations, status) after one sample."""
+        """New state and info (innovations, `Status`) after one sample.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or a replay; not changed.
+        sample : array
+            One row of what `pack` makes.
+        """
         ...
 
     def replay(self, state: FloatArray, samples: FloatArray) -> History:
-        """Take in many samples, exactly as `step` would one by one."""
+        """Take in many samples, exactly as `step` would one by one.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or an earlier replay; not changed.
+        samples : array, shape (n, sample size)
+            What `pack` makes.
+        """
         ...
 
     def coefficients(self, state: FloatArray) -> FloatArray:
-        """Estimates in a state."""
+        """Estimates in a state, in the order of the model's coefficients.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or a replay.
+        """
         ...
 
     def pack(self, samples: Samples) -> FloatArray:
-        """Samples as this estimator takes them, one per row."""
+        """Samples as this estimator takes them, one per row.
+
+        Parameters
+        ----------
+        samples : Samples
+            Of a log, as `flexid.samples` gives them.
+        """
         ...
 
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from math import inf, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from flexid.errors import SettingError
-from flexid.toml_file import Refuse, read_bytes, validated
+from flexid.files import read_bytes
+from flexid.toml_file import Refuse, validated
 
 if TYPE_CHECKING:
     from flexid.identification.identification_schema import (
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 1
 """Of the files that this version writes, and the newest that it reads."""
+
+LARGEST_FILE = 20_000_000  # bytes; an estimate of many logs has some values for each
 
 WANTED = "an estimate.json of flexid identify"
 
@@ -69,7 +73,7 @@ def read_estimate(estimate: Path | str | Mapping[str, Any]) -> EstimateFile:
         raw = json.dumps(estimate, default=str).encode()
         return _checked(EstimateFile("estimate", raw, dict(estimate)))
     file = EstimateFile(str(estimate), b"", {})
-    raw = read_bytes(Path(estimate), WANTED, file.refuse)
+    raw = read_bytes(Path(estimate), LARGEST_FILE, WANTED, partial(file.refuse, ""))
     try:
         content = json.loads(raw.decode("utf-8"))
     except (ValueError, RecursionError):

@@ -174,6 +174,11 @@ class ParametricSystem:
 
         Nothing is checked anew, since the names stay: thousands of runs differ in values alone.
 
+        Parameters
+        ----------
+        values : mapping of str to float
+            By the constant's name.
+
         Raises
         ------
         ModelError

@@ -16,10 +16,11 @@ _SHOWN = 4  # inputs named for a result
 
 def print_campaign(summary: Summary) -> None:
     """Print statuses, quantiles and what matters on standard output."""
-    print_parts(_parts(summary))
+    print_parts(campaign_parts(summary))
 
 
-def _parts(summary: Summary) -> Iterator[Part]:
+def campaign_parts(summary: Summary) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
     yield from (Text(line) for line in status_lines(summary))
     yield Text()
     yield _quantiles(summary)

@@ -42,6 +42,8 @@ class Region:
         The interval of each by itself.
     correlation : float
         Between the two estimates.
+    level : float
+        The nominal confidence.
     """
 
     pair: tuple[str, str]
@@ -49,9 +51,10 @@ class Region:
     boundary: FloatArray
     intervals: tuple[tuple[float, float], tuple[float, float]]
     correlation: float
+    level: float
 
 
-def confidence_region(fit: Fit, pair: tuple[str, str]) -> Region | None:
+def confidence_region(fit: Fit, pair: tuple[str, str], level: float = CONFIDENCE) -> Region | None:
     """Joint region of two coefficients, (p - p̂)ᵀ C⁻¹ (p - p̂) = 2 F(2, ν).
 
     F is Fisher's quantile, which takes the place of χ² for a covariance that is itself estimated;
@@ -72,15 +75,15 @@ def confidence_region(fit: Fit, pair: tuple[str, str]) -> Region | None:
     deviations = np.sqrt(np.diag(covariance))
     correlation = float(np.clip(covariance[0, 1] / np.prod(deviations), -1.0, 1.0))
     first, second = (
-        interval(float(centre[j]), float(deviations[j]), fit.degrees_of_freedom[i])
+        interval(float(centre[j]), float(deviations[j]), fit.degrees_of_freedom[i], level)
         for j, i in enumerate(places)
     )
     # Cholesky's factor of the correlation, written out: it serves at a correlation of 1 too.
     circle = np.array([np.cos(_ANGLES), np.sin(_ANGLES)])
     across = np.sqrt(1.0 - correlation**2)
     unit = np.array([circle[0], correlation * circle[0] + across * circle[1]])
-    boundary = centre[:, None] + _radius(freedom) * deviations[:, None] * unit
-    return Region(pair, centre, boundary, (first, second), correlation)
+    boundary = centre[:, None] + _radius(freedom, level) * deviations[:, None] * unit
+    return Region(pair, centre, boundary, (first, second), correlation, level)
 
 
 def most_correlated(fit: Fit, among: Sequence[str]) -> tuple[str, str] | None:
@@ -100,7 +103,10 @@ def most_correlated(fit: Fit, among: Sequence[str]) -> tuple[str, str] | None:
 
 
 def confidence_region_figure(
-    fits: Mapping[str, Fit], pairs: Mapping[str, tuple[str, str]], units: Mapping[str, str]
+    fits: Mapping[str, Fit],
+    pairs: Mapping[str, tuple[str, str]],
+    units: Mapping[str, str],
+    level: float = CONFIDENCE,
 ) -> Figure:
     """Draw the joint region of a pair of each row, of one fit or of several beside each other.
 
@@ -112,12 +118,14 @@ def confidence_region_figure(
         By row, the two coefficients.
     units : mapping of str to str
         Units of the coefficients.
+    level : float, optional
+        Nominal confidence.
     """
     with mpl.rc_context(STYLE):
         figure = new_figure(height=4.0)
         axes = figure.subplots(1, max(1, len(pairs)), squeeze=False)[0]
         for ax, (row, pair) in zip(axes, pairs.items(), strict=False):
-            _draw(ax, row, pair, fits, units)
+            _draw(ax, row, pair, fits, units, level)
         if not pairs:
             axes[0].set_axis_off()
         entries: dict[str, Artist] = {}
@@ -136,11 +144,13 @@ def _draw(
     pair: tuple[str, str],
     fits: Mapping[str, Fit],
     units: Mapping[str, str],
+    level: float,
 ) -> None:
     regions = {
         label: region
         for label, fit in fits.items()
-        if set(pair) <= set(fit.names) and (region := confidence_region(fit, pair)) is not None
+        if set(pair) <= set(fit.names)
+        and (region := confidence_region(fit, pair, level)) is not None
     }
     for colour, label in zip(_COLOURS, fits, strict=False):
         if label in regions:
@@ -164,7 +174,7 @@ def _entries(ax: Axes) -> list[tuple[Artist, str]]:
 def _draw_region(ax: Axes, region: Region, label: str, colour: str) -> None:
     (left, right), (low, high) = region.intervals
     ax.fill(*region.boundary, color=colour, alpha=0.18, linewidth=0)
-    ax.plot(*region.boundary, color=colour, label=f"{label}: joint {100 * CONFIDENCE:.0f} %")
+    ax.plot(*region.boundary, color=colour, label=f"{label}: joint {100 * region.level:g} %")
     ax.plot(*region.centre, "o", color=colour, markersize=4, markeredgecolor=INK)
     ax.plot(
         [left, right, right, left, left],
@@ -187,10 +197,10 @@ def _frame(ax: Axes, first: Region, regions: Sequence[Region]) -> None:
         limit(low, high)
 
 
-def _radius(degrees_of_freedom: float) -> float:
+def _radius(degrees_of_freedom: float, level: float) -> float:
     """Radius of the region of two values in standard deviations."""
     if np.isinf(degrees_of_freedom):
-        return float(np.sqrt(-2.0 * np.log(1.0 - CONFIDENCE)))
+        return float(np.sqrt(-2.0 * np.log(1.0 - level)))
     left = degrees_of_freedom - 1.0
-    fisher = float(fdtri(2.0, left, CONFIDENCE))
+    fisher = float(fdtri(2.0, left, level))
     return float(np.sqrt(2.0 * degrees_of_freedom / left * fisher))

@@ -13,10 +13,11 @@ _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection":
 
 def print_design(result: Design) -> None:
     """Print predictions, limits and the tones on standard output."""
-    print_parts(_parts(result))
+    print_parts(design_parts(result))
 
 
-def _parts(result: Design) -> Iterator[Part]:
+def design_parts(result: Design) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
     yield _predictions(result)
     yield _limits(result)
     drive, broken = result.drive, [p.name for p in result.references if not p.within_limits]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.analysis.excitation import Excitation
+from flexid.campaigns.atomic import write_atomically
 from flexid.errors import SettingError
 from flexid.identification.estimate_file import FORMAT_VERSION
 
@@ -135,6 +136,30 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_document(path: Path, text: str) -> None:
+    """Write a file that appears whole or not at all.
+
+    Raises
+    ------
+    SettingError
+        If it cannot be written.
+    """
+    temporary = None
+
+    def write(place: Path) -> None:
+        nonlocal temporary
+        temporary = place
+        place.write_text(text, encoding="utf-8")
+
+    try:
+        write_atomically(path, write)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+        reason = getattr(error, "strerror", None) or "its name cannot be used"
+        raise SettingError("path", f"{path} cannot be written ({reason})") from None
 
 
 @contextmanager

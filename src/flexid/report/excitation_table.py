@@ -19,10 +19,11 @@ _LITTLE = 1e-4  # share below which one is no more than small
 
 def print_excitation(report: ExcitationReport) -> None:
     """Print coefficients, rows and advice on standard output."""
-    print_parts(_parts(report))
+    print_parts(excitation_parts(report))
 
 
-def _parts(report: ExcitationReport) -> Iterator[Part]:
+def excitation_parts(report: ExcitationReport) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
     yield _table(report.assessment)
     for name, c in report.assessment.coefficients.items():
         if c.verdict != "determined":

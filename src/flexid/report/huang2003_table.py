@@ -24,10 +24,11 @@ _SHORT: dict[Verdict, str] = {
 
 def print_reproduction(result: Reproduction) -> None:
     """Print readings, parameter errors, the cases of Theorem 1 and the claims."""
-    print_parts(_parts(result))
+    print_parts(reproduction_parts(result))
 
 
-def _parts(result: Reproduction) -> Iterator[Part]:
+def reproduction_parts(result: Reproduction) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
     yield _readings(result)
     yield _parameter_errors(result)
     yield _cases(result.cases)

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
+from flexid.identification.intervals import CONFIDENCE
 from flexid.identification.result import CoefficientEstimate, Identification
 from flexid.report.confidence_region import confidence_region_figure, most_correlated
 from flexid.report.identification_table import format_fit
@@ -24,11 +25,19 @@ def save_identification_figures(result: Identification, directory: Path) -> None
         save(fit_figure(result), directory, "fit")
         save(estimates_figure(result), directory, "estimates")
         save(excitation_figure(result), directory, "excitation")
-        pairs = correlated_pairs(result)
-        if pairs:
-            units = {name: c.unit for name, c in result.coefficients.items()}
-            fits = {result.choices.estimator.replace("-", " "): result.fit}
-            save(confidence_region_figure(fits, pairs, units), directory, "regions")
+        regions = regions_figure(result)
+        if regions is not None:
+            save(regions, directory, "regions")
+
+
+def regions_figure(result: Identification, level: float = CONFIDENCE) -> Figure | None:
+    """Joint confidence regions at some level; None where no two coefficients were estimated."""
+    pairs = correlated_pairs(result)
+    if not pairs:
+        return None
+    units = {name: c.unit for name, c in result.coefficients.items()}
+    fits = {result.choices.estimator.replace("-", " "): result.fit}
+    return confidence_region_figure(fits, pairs, units, level)
 
 
 def correlated_pairs(result: Identification) -> dict[str, tuple[str, str]]:

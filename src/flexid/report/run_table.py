@@ -14,10 +14,11 @@ from flexid.simulation.run import Run
 
 def print_run(experiment: Experiment, run: Run, measures: Measures) -> None:
     """Print estimates, tracking, inputs and excitation on standard output."""
-    print_parts(_parts(experiment, run, measures))
+    print_parts(run_parts(experiment, run, measures))
 
 
-def _parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:
+def run_parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
     length = f"{run.time[-1]:g} s {experiment.mode}"
     yield Text(f"{experiment.name}: {length}, {_statistics(run)}")
     yield _estimates(experiment, run, measures)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
+
+P = ParamSpec("P")
 
 INK, BLUE, ORANGE, GREEN, RED, GREY = (
     "#1b1f24",
@@ -46,10 +50,30 @@ STYLE: dict[RcKeyType, Any] = {
 }
 
 
+class NotebookFigure(Figure):
+    """A figure that a notebook shows although pyplot does not know it."""
+
+    def _repr_png_(self) -> bytes:
+        with io.BytesIO() as file:
+            self.savefig(file, format="png", dpi=self.dpi)
+            return file.getvalue()
+
+
 def new_figure(width: float = 7.2, height: float = 4.5) -> Figure:
     """Figure in inches with the common look; needs no display."""
     with mpl.rc_context(STYLE):
-        return Figure(figsize=(width, height))
+        return NotebookFigure(figsize=(width, height))
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """A function that draws a figure, with the common look."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with mpl.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
 
 
 def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("png",)) -> None:

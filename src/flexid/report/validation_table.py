@@ -11,10 +11,11 @@ from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, p
 
 def print_validation(result: EstimateValidation) -> None:
     """Print fits and residuals by horizon on standard output."""
-    print_parts(_parts(result))
+    print_parts(validation_parts(result))
 
 
-def _parts(result: EstimateValidation) -> Iterator[Part]:
+def validation_parts(result: EstimateValidation) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
     fits = {**result.horizons, inf: result.fit_percent}
     columns = (Column("channel"), *numbers(*map(_horizon, fits)))
     table = Table("Fit of predictions over so long a time (%)", columns)

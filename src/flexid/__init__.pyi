@@ -1,0 +1,59 @@
+"""What `import flexid` offers, for whatever checks types; `_HOMES` says the same at run time."""
+
+from flexid.errors import AccelerationError as AccelerationError
+from flexid.errors import ArgumentError as ArgumentError
+from flexid.errors import CampaignError as CampaignError
+from flexid.errors import ConvergenceError as ConvergenceError
+from flexid.errors import ExperimentError as ExperimentError
+from flexid.errors import FlexidError as FlexidError
+from flexid.errors import ModelError as ModelError
+from flexid.errors import RecordingError as RecordingError
+from flexid.errors import SettingError as SettingError
+from flexid.errors import SimulationError as SimulationError
+from flexid.estimators.block_prediction_error import (
+    block_prediction_error as block_prediction_error,
+)
+from flexid.estimators.extended_kalman import extended_kalman_filter as extended_kalman_filter
+from flexid.estimators.memory_regressor import memory_regressor as memory_regressor
+from flexid.estimators.online import History as History
+from flexid.estimators.online import OnlineEstimator as OnlineEstimator
+from flexid.estimators.online import Status as Status
+from flexid.estimators.parametric_observer import parametric_observer as parametric_observer
+from flexid.estimators.recursive_least_squares import (
+    least_squares_observer as least_squares_observer,
+)
+from flexid.estimators.recursive_least_squares import (
+    recursive_least_squares as recursive_least_squares,
+)
+from flexid.estimators.samples import Samples as Samples
+from flexid.identification.judgement import Thresholds as Thresholds
+from flexid.library.campaign import CampaignResult as CampaignResult
+from flexid.library.campaign import campaign as campaign
+from flexid.library.derive import derive as derive
+from flexid.library.design import ExperimentDesign as ExperimentDesign
+from flexid.library.design import design as design
+from flexid.library.excitation import LogExcitation as LogExcitation
+from flexid.library.excitation import excitation as excitation
+from flexid.library.identify import identify as identify
+from flexid.library.identify import load as load
+from flexid.library.joint_estimate import JointEstimate as JointEstimate
+from flexid.library.logs import read_log as read_log
+from flexid.library.logs import samples as samples
+from flexid.library.prediction import Prediction as Prediction
+from flexid.library.reproduce import PaperReproduction as PaperReproduction
+from flexid.library.reproduce import reproduce as reproduce
+from flexid.library.simulate import SimulatedRun as SimulatedRun
+from flexid.library.simulate import simulate as simulate
+from flexid.library.validation import EstimateValidation as EstimateValidation
+from flexid.library.validation import validate as validate
+from flexid.models.flexible_joint import SHAPE_TERMS as SHAPE_TERMS
+from flexid.models.flexible_joint import TERMS as TERMS
+from flexid.models.flexible_joint import flexible_joint as flexible_joint
+from flexid.models.model_file import read_model as read_model
+from flexid.models.parametric_system import ParametricSystem as ParametricSystem
+from flexid.models.parametric_system import Row as Row
+from flexid.models.rigid_joint import rigid_joint as rigid_joint
+from flexid.recording.recording import Log as Log
+from flexid.recording.recording import Recording as Recording
+
+__version__: str

@@ -1,0 +1,111 @@
+"""What all answers have in common: text, a page of a notebook, a document."""
+
+import base64
+import html
+import io
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from flexid.library.logs import as_path
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from flexid.report.terminal import Part
+
+_WIDTH = 100  # columns of a text
+
+
+class Answer(ABC):
+    """What a function of flexid returns.
+
+    In a notebook it shows itself as tables and a figure; `print` of its `summary` is what the
+    command of the same name prints.
+    """
+
+    @abstractmethod
+    def _parts(self) -> "Iterable[Part]":
+        """Tables and sentences of the answer."""
+
+    @property
+    @abstractmethod
+    def document(self) -> Mapping[str, Any]:
+        """Everything but the time series, as the command's ``--json`` has it."""
+
+    def summary(self) -> str:
+        """The answer as text: what the command of the same name prints."""
+        return as_text(self._parts())
+
+    def save(self, path: "str | PathLike[str]") -> None:
+        """Write the document as JSON.
+
+        Parameters
+        ----------
+        path : path
+            The file; one that is there is replaced.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written.
+        """
+        from flexid.report.documents import to_json, write_document
+
+        write_document(as_path("save", "path", path), to_json(self.document))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.summary())}</pre>"
+
+
+def as_text(parts: "Iterable[Part]") -> str:
+    """Tables and sentences as lines of text, without colour."""
+    from flexid.report.terminal import laid_out
+
+    return "\n".join(line.plain for line in laid_out(parts, _WIDTH))
+
+
+def html_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table for a notebook; a cell may be HTML already if it begins with ``<``."""
+
+    def cell(text: str) -> str:
+        return f"<td>{text if text.startswith('<span') else html.escape(text)}</td>"
+
+    head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
+    body = "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def html_paragraph(text: str) -> str:
+    """A sentence of a page."""
+    return f"<p>{html.escape(text)}</p>"
+
+
+def html_figure(figure: "Figure") -> str:
+    """A figure within a page."""
+    with io.BytesIO() as file:
+        figure.savefig(file, format="png", dpi=figure.dpi)
+        encoded = base64.b64encode(file.getvalue()).decode()
+    return f'<img src="data:image/png;base64,{encoded}"/>'
+
+
+def data_frame(columns: Mapping[str, Any], backend: str) -> Any:
+    """A data frame of a library.
+
+    Raises
+    ------
+    SettingError
+        If there is no such library here.
+    """
+    import narwhals as nw
+
+    from flexid.errors import SettingError
+
+    known = ("polars", "pandas", "pyarrow")
+    if backend not in known:
+        raise SettingError("backend", f"{backend!r} is none: give one of {', '.join(known)}")
+    try:
+        return nw.from_dict(columns, backend=backend).to_native()  # type: ignore[arg-type]
+    except ImportError:
+        raise SettingError("backend", f"{backend} is not installed: install it") from None

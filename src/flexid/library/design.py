@@ -1,0 +1,156 @@
+"""An input that determines the coefficients: `flexid.design`."""
+
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal
+
+from flexid.errors import ArgumentError, SettingError
+from flexid.library.answer import Answer, data_frame, html_figure
+from flexid.library.entrance import entrance
+from flexid.library.logs import as_path, kind_of
+from flexid.library.options import as_number
+from flexid.library.threads import in_one_thread
+from flexid.library.validation import stored_estimate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from matplotlib.figure import Figure
+
+    from flexid.experiment_design.result import Design
+    from flexid.library.joint_estimate import JointEstimate
+    from flexid.report.terminal import Part
+
+
+class ExperimentDesign(Answer):
+    """An experiment that determines the coefficients within limits, with its predictions.
+
+    Parameters
+    ----------
+    result : Design
+        What was found.
+    warnings : tuple of str, optional
+        What of an estimate the design does not heed, or rests on at its peril.
+    """
+
+    def __init__(self, result: "Design", warnings: tuple[str, ...] = ()) -> None:
+        self.result = result
+        self.warnings = warnings
+
+    @property
+    def deviations(self) -> Mapping[str, float]:
+        """Predicted standard deviation of each coefficient over its value."""
+        return self.result.prediction.deviations
+
+    @property
+    def supported(self) -> bool:
+        """Whether every coefficient would be determined to 10 % or better."""
+        return self.result.supported
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """Everything but the time series, as a ``design.json`` has it."""
+        from flexid.report.design_files import design_document
+
+        return design_document(self.result)
+
+    def to_dataframe(self, backend: str = "polars") -> Any:
+        """What a drive can play, as a data frame: the columns of ``command.csv``.
+
+        Parameters
+        ----------
+        backend : {"polars", "pandas", "pyarrow"}, optional
+            Whose data frame; the library has to be installed.
+        """
+        from flexid.report.design_files import command_columns
+
+        return data_frame(command_columns(self.result), backend)
+
+    def plot(self) -> "Figure":
+        """The torque, the motion that it makes, its tones, and what they would determine."""
+        from flexid.report.design_figures import design_figure
+        from flexid.report.style import styled
+
+        return styled(design_figure)(self.result)
+
+    def _parts(self) -> "Iterable[Part]":
+        from flexid.report.design_table import design_parts
+
+        return design_parts(self.result)
+
+    def __repr__(self) -> str:
+        drive = self.result.drive
+        worst = 100 * self.result.prediction.worst
+        return (
+            f"<ExperimentDesign: {drive.kind} of {drive.duration:g} s, "
+            f"worst coefficient within {worst:.2g} %>"
+        )
+
+    def _repr_html_(self) -> str:
+        return super()._repr_html_() + html_figure(self.plot())
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+@entrance
+@in_one_thread
+def design(
+    drive: "str | PathLike[str]",
+    *,
+    kind: Literal["multisine", "trajectory"] | None = None,
+    criterion: Literal["E", "D"] | None = None,
+    duration: float | None = None,
+    estimate: "JointEstimate | str | PathLike[str] | None" = None,
+    seed: int = 0,
+    progress: Callable[[str], None] = _silent,
+) -> ExperimentDesign:
+    """Design an experiment that determines every coefficient, within limits, and check it.
+
+    Parameters
+    ----------
+    drive : path
+        A TOML file with parameters, limits and sensors of the drive.
+    kind : {"multisine", "trajectory"}, optional
+        A torque to play, or a motor position to follow; as the file says if not given.
+    criterion : {"E", "D"}, optional
+        Make the worst direction small, or the volume; as the file says if not given.
+    duration : float, optional
+        Length of the experiment in s; as the file says if not given.
+    estimate : JointEstimate or path, optional
+        An earlier estimate, whose values replace the file's parameters.
+    seed : int, optional
+        Of the search's random starts.
+    progress : callable, optional
+        Called with the name of each step that is done.
+
+    Returns
+    -------
+    ExperimentDesign
+        The experiment, what it would determine, and how close it comes to the limits.
+
+    Raises
+    ------
+    SettingError
+        If a file cannot be used, or the limits leave no motion.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.experiment_design.design import design as run
+    from flexid.experiment_design.drive_file import read_drive
+
+    if isinstance(seed, bool) or not isinstance(seed, int):
+        raise ArgumentError("design", "seed", f"is {kind_of(seed)}: give a whole number")
+    if seed < 0:
+        raise SettingError("seed", "give a whole number, 0 or more")
+    given = {"kind": kind, "criterion": criterion}
+    for name, value in given.items():
+        if value is not None and not isinstance(value, str):
+            raise ArgumentError("design", name, f"is {kind_of(value)}: give a name")
+    choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    if duration is not None:
+        choices["duration"] = as_number("design", "duration", duration)
+    earlier = None if estimate is None else stored_estimate("design", estimate)
+    file = read_drive(as_path("design", "drive", drive), earlier, choices)
+    return ExperimentDesign(run(file, seed, progress), file.warnings)

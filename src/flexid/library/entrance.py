@@ -1,0 +1,64 @@
+"""What all functions of the front door have in common."""
+
+import inspect
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from flexid.errors import ArgumentError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def entrance(function: Callable[P, R]) -> Callable[P, R]:
+    """Make a function answer arguments that it does not have in a sentence.
+
+    Raises
+    ------
+    ArgumentError
+        Of the function made: if a keyword is unknown, or an argument is missing or one too many.
+    """
+    signature = inspect.signature(function)
+    name = function.__name__
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        for keyword in kwargs:
+            if keyword not in signature.parameters:
+                raise ArgumentError(
+                    name, keyword, f"is no option{did_you_mean(keyword, signature.parameters)}"
+                )
+        try:
+            signature.bind(*args, **kwargs)
+        except TypeError as error:
+            raise _refused(name, signature, len(args), str(error)) from None
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """What to write instead of a word: the nearest there is, or all there are."""
+    names = [*known]
+    close = get_close_matches(word, names, n=1, cutoff=0.6)
+    return f": did you mean {close[0]}?" if close else f": there are {', '.join(names)}"
+
+
+def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -> ArgumentError:
+    """What was wrong with a call whose keywords are all known."""
+    parameters = signature.parameters.values()
+    positional = [p.name for p in parameters if p.kind is not inspect.Parameter.KEYWORD_ONLY]
+    if given > len(positional):
+        options = [p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY]
+        taken = " and ".join(positional) or "nothing"
+        return ArgumentError(
+            name,
+            "arguments",
+            f"there are {given} without a name, and it takes {taken}; write options by name, "
+            f"such as {options[0]}=..."
+            if options
+            else f"there are {given}, and it takes {taken}",
+        )
+    return ArgumentError(name, "arguments", reason)

@@ -1,0 +1,178 @@
+"""The main job: `flexid.identify`, and `flexid.load` for what it found earlier."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexid.errors import ArgumentError, SettingError
+from flexid.library.entrance import entrance
+from flexid.library.joint_estimate import JointEstimate
+from flexid.library.logs import all_logs, as_path
+from flexid.library.options import joint_settings
+from flexid.library.threads import in_one_thread
+
+if TYPE_CHECKING:
+    from flexid.identification.judgement import Thresholds
+    from flexid.identification.settings import Settings
+    from flexid.library.logs import Columns, Logs
+    from flexid.library.options import AutoHold, AutoNumber, Bounds, Known, Terms
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+@entrance
+@in_one_thread
+def identify(
+    logs: "Logs",
+    *,
+    columns: "Columns | None" = None,
+    known: "Known | None" = None,
+    bounds: "Bounds | None" = None,
+    terms: "Terms" = "auto",
+    hold: "AutoHold" = "auto",
+    input_delay: "AutoNumber" = "auto",
+    link_delay: "AutoNumber" = "auto",
+    coulomb_velocity: "AutoNumber" = "auto",
+    filter_rate: "AutoNumber" = "auto",
+    segment_duration: "AutoNumber" = "auto",
+    validation_share: float = 1 / 3,
+    stream: bool = False,
+    thresholds: "Thresholds | None" = None,
+    progress: Callable[[str], None] = _silent,
+) -> JointEstimate:
+    """Identify a flexible joint: physical parameters with intervals and a verdict.
+
+    What is ``"auto"`` is chosen from the log, in one fit with the parameters. With one encoder the
+    joint is taken as rigid.
+
+    Parameters
+    ----------
+    logs : log or list of logs
+        Of one drive: paths of CSV or Parquet files, data frames of pandas, Polars, PyArrow or
+        another library that narwhals knows, mappings of arrays, or what `flexid.read_log` read.
+        Columns are found by name, with their unit in brackets: ``"time [s]"``,
+        ``"link_position [deg]"``, ``"motor_position [deg]"``, ``"motor_torque [N m]"``.
+    columns : path, optional
+        A TOML column map that renames, scales and combines raw columns.
+    known : mapping of str to float or (float, float), optional
+        Physical parameters or coefficients that are known, with their standard deviation if they
+        have one: ``{"motor_inertia": (0.3, 0.01)}``. Values of the package ``uncertainties`` serve
+        too.
+    bounds : mapping of str to (float, float), optional
+        Lower and upper end of physical parameters or coefficients, None where there is none:
+        ``{"joint_stiffness": (50, None)}``.
+    terms : iterable of str, optional
+        Terms of the model beside the joint spring: see `flexid.TERMS`.
+    hold : {"auto", "zero", "linear", "cubic"}, optional
+        The input between samples: held, on straight lines, or smooth.
+    input_delay : float, optional
+        Seconds by which the input acts later than recorded.
+    link_delay : float, optional
+        Seconds by which the link's encoder lags behind the motor's.
+    coulomb_velocity : float, optional
+        Velocity in rad/s over which Coulomb friction changes sign; ``"auto"``: at once.
+    filter_rate : float, optional
+        Rate in 1/s of the filter of least squares.
+    segment_duration : float, optional
+        Length in s of the segments of the prediction error.
+    validation_share : float, optional
+        Share of each log, at its end, that is kept out of the fit and predicted.
+    stream : bool, optional
+        Take one Parquet file of any length in one pass, in bounded memory, by least squares with
+        choices made on its beginning.
+    thresholds : Thresholds, optional
+        What is decided by, if not by `flexid.Thresholds()`.
+    progress : callable, optional
+        Called with each step in words, for example ``print``.
+
+    Returns
+    -------
+    JointEstimate
+        Parameters and coefficients with intervals and verdicts, figures, predictions.
+
+    Raises
+    ------
+    RecordingError
+        If a log cannot be used, or the logs do not go together.
+    SettingError
+        If a value of an option cannot be used.
+    ConvergenceError
+        If the model cannot be fitted from any start.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+
+    Examples
+    --------
+    >>> estimate = flexid.identify("examples/flexible_joint.csv")  # doctest: +SKIP
+    >>> estimate.parameters["joint_stiffness"].interval  # doctest: +SKIP
+    """
+    from flexid.identification.identify import identify as run
+    from flexid.identification.judgement import THRESHOLDS
+
+    settings = joint_settings(
+        "identify",
+        known=known,
+        bounds=bounds,
+        terms=terms,
+        hold=hold,
+        input_delay=input_delay,
+        link_delay=link_delay,
+        coulomb_velocity=coulomb_velocity,
+        filter_rate=filter_rate,
+        segment_duration=segment_duration,
+        validation_share=validation_share,
+    )
+    if stream:
+        if thresholds is not None:
+            raise SettingError("thresholds", "are not for a stream: leave them out")
+        return JointEstimate(_streamed(logs, columns, settings, progress))
+    read = all_logs("identify", logs, columns)
+    return JointEstimate(run(read, settings, progress, thresholds or THRESHOLDS))
+
+
+def _streamed(
+    logs: Any, columns: Any, settings: "Settings", progress: Callable[[str], None]
+) -> Any:
+    from flexid.identification.stream import identify_stream
+
+    if isinstance(logs, list | tuple) and len(logs) == 1:
+        (logs,) = logs
+    if not isinstance(logs, str | os.PathLike):
+        raise ArgumentError("identify", "logs", "is to be the path of one Parquet file to stream")
+    column_map = None if columns is None else as_path("identify", "columns", columns)
+    return identify_stream(
+        as_path("identify", "logs", logs),
+        column_map,
+        settings,
+        progress,
+        lambda _done, _total: None,
+    )
+
+
+@entrance
+def load(path: "str | os.PathLike[str]") -> JointEstimate:
+    """Read an estimate that was saved, by `JointEstimate.save` or by ``flexid identify --out``.
+
+    Parameters
+    ----------
+    path : path
+        An ``estimate.json``.
+
+    Returns
+    -------
+    JointEstimate
+        As it was saved; it predicts and validates logs. The time series of the log that it was
+        made from are not stored.
+
+    Raises
+    ------
+    SettingError
+        If the file cannot be read, is no estimate, or was written by a newer version.
+    """
+    from flexid.identification.estimate_file import read_estimate, stored_identification
+
+    file = read_estimate(Path(as_path("load", "path", path)))
+    return JointEstimate(stored_identification(file), file.content)

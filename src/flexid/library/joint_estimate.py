@@ -1,0 +1,333 @@
+"""What `flexid.identify` returns: an estimate to look at, to compute with, to keep, to test."""
+
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.errors import SettingError
+from flexid.identification.intervals import CONFIDENCE, checked_level
+from flexid.identification.result import (
+    CoefficientEstimate,
+    Identification,
+    ParameterEstimate,
+    ValueEstimate,
+    Verdict,
+)
+from flexid.library.answer import (
+    Answer,
+    as_text,
+    data_frame,
+    html_figure,
+    html_paragraph,
+    html_table,
+)
+from flexid.library.estimate_plots import EstimatePlots
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from flexid.library.logs import Columns, Logs, OneLog
+    from flexid.library.prediction import Prediction
+    from flexid.library.validation import EstimateValidation
+    from flexid.report.terminal import Part
+
+
+class JointEstimate(Answer):
+    """Parameters of a joint, with intervals and verdicts, and the model that they make.
+
+    `flexid.identify` returns one, `flexid.load` reads one that was saved.
+
+    Parameters
+    ----------
+    result : Identification
+        What was found.
+    document : mapping, optional
+        The same as a document, if it was read from one.
+    """
+
+    def __init__(self, result: Identification, document: Mapping[str, Any] | None = None) -> None:
+        self.result = result
+        self._document: Mapping[str, Any] | None = document
+
+    @property
+    def model(self) -> str:
+        """``"flexible"``, or ``"rigid"`` where the log has one encoder."""
+        return self.result.model
+
+    @property
+    def parameters(self) -> Mapping[str, ParameterEstimate]:
+        """Physical parameters by name: value, unit, interval, verdict and reason of each."""
+        return self.result.parameters
+
+    @property
+    def coefficients(self) -> Mapping[str, CoefficientEstimate]:
+        """Lumped coefficients of the model by name, likewise."""
+        return self.result.coefficients
+
+    @property
+    def removed(self) -> Mapping[str, ParameterEstimate]:
+        """Parameters that the model does without: how large they could be."""
+        return self.result.removed
+
+    @property
+    def fit_percent(self) -> Mapping[str, float]:
+        """By channel, how much of the held-out data a free run repeats, in per cent."""
+        return self.result.validation.fit_percent
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all verdicts."""
+        return self.result.verdict
+
+    def supports(self, *, strict: bool = False) -> bool:
+        """Whether the data determine every parameter, be it weakly.
+
+        Parameters
+        ----------
+        strict : bool, optional
+            Count what is weak as not determined.
+        """
+        return self.result.supports(strict=strict)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What one should know before trusting the numbers."""
+        return self.result.warnings
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """Version, settings, and the logs with their hashes."""
+        return self.result.provenance
+
+    @cached_property
+    def _every(self) -> dict[str, ValueEstimate]:
+        return {**self.parameters, **self.coefficients}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, then of the coefficients: the order of `covariance`."""
+        return tuple(self._every)
+
+    @cached_property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of all parameters and coefficients, in the order of `names`.
+
+        Shape (k, k), in SI units, by the delta method. The variance of what the log leaves free is
+        infinite; of what was given it is zero.
+        """
+        fit = self.result.fit
+        slopes = np.zeros((len(self._every), len(fit.names)))
+        for line, value in zip(slopes, self._every.values(), strict=True):
+            for name, slope in value.slopes.items():
+                line[fit.names.index(name)] = slope
+        free = ~np.isfinite(np.diag(fit.covariance))
+        known = np.where(free[:, None] | free, 0.0, fit.covariance)
+        covariance = slopes @ known @ slopes.T
+        lost = (slopes[:, free] != 0.0).any(axis=1)
+        covariance[lost, :] = covariance[:, lost] = 0.0
+        covariance[lost, lost] = np.inf
+        return covariance
+
+    def intervals(self, level: float = CONFIDENCE) -> dict[str, tuple[float, float]]:
+        """Intervals of all parameters and coefficients by name.
+
+        Parameters
+        ----------
+        level : float, optional
+            Nominal coverage, a probability between 0 and 1.
+        """
+        checked_level(level)
+        return {name: value.interval_at(level) for name, value in self._every.items()}
+
+    def correlated(self) -> dict[str, Any]:
+        """Values that go on to be computed with, correlated as the log leaves them.
+
+        Returns
+        -------
+        dict of str to uncertainties.UFloat
+            All parameters and coefficients that the log does not leave free.
+
+        Raises
+        ------
+        SettingError
+            If the package ``uncertainties`` is not installed.
+        """
+        try:
+            from uncertainties import correlated_values
+        except ImportError:
+            raise SettingError(
+                "correlated", "needs uncertainties: pip install 'flexid[uncertainties]'"
+            ) from None
+        known = np.isfinite(np.diag(self.covariance))
+        names = [name for name, usable in zip(self.names, known, strict=True) if usable]
+        if not names:
+            return {}
+        values = [self._every[name].value for name in names]
+        made = correlated_values(values, self.covariance[np.ix_(known, known)])
+        return dict(zip(names, made, strict=True))
+
+    def to_dataframe(self, backend: str = "polars", *, level: float = CONFIDENCE) -> Any:
+        """Parameters and coefficients as a data frame.
+
+        Parameters
+        ----------
+        backend : {"polars", "pandas", "pyarrow"}, optional
+            Whose data frame; the library has to be installed.
+        level : float, optional
+            Nominal coverage of the intervals.
+
+        Returns
+        -------
+        data frame
+            A row each, with the columns name, kind, value, unit, std, lower, upper, verdict and
+            reason.
+        """
+        every = self._every
+        ends = self.intervals(level)
+        columns = {
+            "name": list(every),
+            "kind": ["parameter"] * len(self.parameters) + ["coefficient"] * len(self.coefficients),
+            "value": [e.value for e in every.values()],
+            "unit": [e.unit for e in every.values()],
+            "std": [e.std for e in every.values()],
+            "lower": [ends[name][0] for name in every],
+            "upper": [ends[name][1] for name in every],
+            "verdict": [e.verdict for e in every.values()],
+            "reason": [e.reason for e in every.values()],
+        }
+        return data_frame(columns, backend)
+
+    def summary(self, *, explain: bool = False) -> str:
+        """The answer as text: what ``flexid identify`` prints.
+
+        Parameters
+        ----------
+        explain : bool, optional
+            Add the evidence for every choice.
+        """
+        from flexid.report.explanation_table import explanation
+
+        return as_text([*self._parts(), *(explanation(self.result) if explain else ())])
+
+    def _parts(self) -> "Iterable[Part]":
+        from flexid.report.identification_table import identification_parts
+
+        return identification_parts(self.result)
+
+    @property
+    def plot(self) -> EstimatePlots:
+        """Figures: ``plot.fit()``, ``plot.residuals()``, ``plot.regions()`` and others."""
+        return EstimatePlots(self.result)
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """Everything but the time series, as an ``estimate.json`` has it."""
+        document = self._document
+        if document is None:
+            from flexid.report.documents import identification_document, to_json
+
+            document = json.loads(to_json(identification_document(self.result)))
+            self._document = document
+        return document
+
+    def predict(self, log: "OneLog", *, columns: "Columns | None" = None) -> "Prediction":
+        """Predict a log from its input, with the first state from its first half second.
+
+        Parameters
+        ----------
+        log : path, data frame, mapping of arrays, Log or Recording
+            As `flexid.read_log` takes it, with the same kind of input.
+        columns : path, optional
+            A TOML column map for raw sensor columns.
+
+        Returns
+        -------
+        Prediction
+            Time, measured and predicted positions, without the first half second.
+
+        Raises
+        ------
+        RecordingError
+            If the log cannot be used, or has another kind of input.
+        """
+        from flexid.library.prediction import Prediction
+
+        found = self.validate(log, columns=columns)
+        return Prediction.of(found.result)
+
+    def validate(self, logs: "Logs", *, columns: "Columns | None" = None) -> "EstimateValidation":
+        """Hold the estimate against other logs, as `flexid.validate` does.
+
+        Parameters
+        ----------
+        logs : log or list of logs
+            As `flexid.read_log` takes them, with the same kind of input.
+        columns : path, optional
+            A TOML column map for raw sensor columns.
+
+        Returns
+        -------
+        EstimateValidation
+            Fits and residuals by horizon, from 0.05 s to the free run.
+
+        Raises
+        ------
+        RecordingError
+            If the logs cannot be used, or have another kind of input.
+        """
+        from flexid.library.validation import validate
+
+        return validate(self, logs, columns=columns)
+
+    def save(self, path: "str | PathLike[str]") -> None:
+        """Write an ``estimate.json``, which `flexid.load` and the commands read.
+
+        Parameters
+        ----------
+        path : path
+            The file; one that is there is replaced.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written.
+        """
+        super().save(path)
+
+    def __repr__(self) -> str:
+        verdicts = [p.verdict for p in self.parameters.values()]
+        determined = f"{verdicts.count('determined')} of {len(verdicts)} parameters determined"
+        fits = [fit for fit in self.fit_percent.values() if not np.isnan(fit)]
+        worst = f", free run {min(fits):.1f} %" if fits else ""
+        return f"<JointEstimate: {self.model} joint, {determined}{worst}>"
+
+    def _repr_html_(self) -> str:
+        from flexid.report.digits import format_with_interval
+        from flexid.report.style import STATUS_COLOURS
+
+        def rows(values: Mapping[str, ValueEstimate]) -> list[list[str]]:
+            lines = []
+            for name, e in values.items():
+                value, lower, upper = format_with_interval(e.value, *e.interval)
+                ends = f"[{lower}, {upper}]" if e.interval[0] != e.interval[1] else e.reason
+                verdict = f'<span style="color:{STATUS_COLOURS[e.verdict]}">{e.verdict}</span>'
+                why = "" if e.interval[0] == e.interval[1] else e.reason
+                lines.append([name, value, ends, e.unit, verdict, why])
+            return lines
+
+        headings = ("", "value", "95 % interval", "unit", "verdict", "reason")
+        parts = [html_table(headings, rows(self.parameters))]
+        parts.append(
+            "<details><summary>Coefficients of the model</summary>"
+            f"{html_table(headings, rows(self.coefficients))}</details>"
+        )
+        sentences = [*self.result.summary, *(f"Warning: {text}" for text in self.warnings)]
+        parts += [html_paragraph(text) for text in sentences]
+        if self.result.validation.runs:
+            parts.append(html_figure(self.plot.fit()))
+        return "".join(parts)

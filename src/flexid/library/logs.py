@@ -1,0 +1,167 @@
+"""Whatever holds a log, as logs: files, data frames, arrays by name, recordings, lists of these."""
+
+import hashlib
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from flexid.errors import ArgumentError
+from flexid.library.entrance import entrance
+from flexid.recording.recording import CHANNELS, Log, Recording
+
+if TYPE_CHECKING:
+    from narwhals.typing import IntoDataFrame
+    from numpy.typing import ArrayLike
+
+    from flexid.estimators.samples import Samples
+
+    OneLog: TypeAlias = (
+        str | os.PathLike[str] | IntoDataFrame | Mapping[str, ArrayLike] | Log | Recording
+    )
+    """A file, a data frame, arrays by name, or a log that was read."""
+
+    Logs: TypeAlias = OneLog | Sequence[OneLog]
+    """One log, or several of the same drive."""
+
+    Columns: TypeAlias = str | os.PathLike[str]
+    """A column map."""
+
+_WANTED = "a path, a data frame, a mapping of arrays, a Log, or a list of these"
+
+
+@entrance
+def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
+    """Read a log and check it, as every function here does with what it is given.
+
+    Parameters
+    ----------
+    log : path, data frame, mapping of arrays, Log or Recording
+        A CSV or Parquet file; a data frame of pandas, Polars, PyArrow or another library that
+        narwhals knows; arrays by name. Columns are found by name, with their unit in brackets:
+        ``"time [s]"``, ``"link_position [deg]"``, ``"motor_position [deg]"``,
+        ``"motor_torque [N m]"``; without a unit they are in SI.
+    columns : path, optional
+        A TOML column map for raw sensor columns.
+
+    Returns
+    -------
+    Log
+        Recordings in SI units on an even time grid, one where the log has no gap; its ``warnings``
+        say what was mended or looks odd.
+
+    Raises
+    ------
+    RecordingError
+        If the log cannot be used; the text names place and remedy.
+    ArgumentError
+        If `log` is nothing that holds a log.
+    """
+    return one_log("read_log", log, columns)
+
+
+@entrance
+def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Samples, ...]":
+    """Samples of a log as estimators take them, one for each piece without a gap.
+
+    Parameters
+    ----------
+    log : path, data frame, mapping of arrays, Log or Recording
+        As `read_log` takes it. With one encoder the samples are those of a rigid joint.
+    columns : path, optional
+        A TOML column map for raw sensor columns.
+
+    Returns
+    -------
+    tuple of Samples
+        Positions, velocities where they were measured, and inputs, with the sample time.
+
+    Raises
+    ------
+    RecordingError
+        If the log cannot be used.
+    """
+    from flexid.estimators.samples import rigid_samples, samples_of_recording
+
+    pieces = one_log("samples", log, columns).pieces
+    return tuple(
+        rigid_samples(piece) if piece.link_position is None else samples_of_recording(piece)
+        for piece in pieces
+    )
+
+
+def all_logs(function: str, logs: Any, columns: Any) -> list[Log]:
+    """Logs from what a user gives.
+
+    Parameters
+    ----------
+    function : str
+        Who asks, for the message.
+    logs : Logs
+        One, or a list.
+    columns : path or None
+        A column map.
+
+    Raises
+    ------
+    ArgumentError
+        If something holds no log.
+    RecordingError
+        If a log cannot be used.
+    """
+    if isinstance(logs, list | tuple):
+        if not logs:
+            raise ArgumentError(function, "logs", f"is an empty list: give {_WANTED}")
+        return [one_log(function, log, columns) for log in logs]
+    return [one_log(function, logs, columns)]
+
+
+def one_log(function: str, log: Any, columns: Any) -> Log:
+    """A log from what a user gives; see `all_logs`."""
+    from flexid.recording.frame import is_frame, table_of_arrays, table_of_frame
+    from flexid.recording.read import log_of_table
+    from flexid.recording.read import read_log as read
+
+    if isinstance(log, Log | Recording):
+        if columns is not None:
+            raise ArgumentError(
+                function, "columns", "is for logs that are yet to be read: leave it out"
+            )
+        return log if isinstance(log, Log) else _log_of(log)
+    column_map = None if columns is None else as_path(function, "columns", columns)
+    if isinstance(log, str | os.PathLike):
+        return read(as_path(function, "log", log), column_map)
+    if is_frame(log):
+        return log_of_table(table_of_frame(log), column_map)
+    if isinstance(log, Mapping):
+        return log_of_table(table_of_arrays(log), column_map)
+    raise ArgumentError(function, "log", f"is {kind_of(log)}: give {_WANTED}")
+
+
+def as_path(function: str, argument: str, value: Any) -> Path:
+    """A path, if it is one; else an `ArgumentError`."""
+    if isinstance(value, str | os.PathLike):
+        text = os.fspath(value)
+        if isinstance(text, str):
+            return Path(text)
+    raise ArgumentError(function, argument, f"is {kind_of(value)}: give a path")
+
+
+def kind_of(value: object) -> str:
+    """What a value is, with its article."""
+    if value is None:
+        return "None"
+    name = type(value).__name__
+    return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"
+
+
+def _log_of(recording: Recording) -> Log:
+    """A recording as a log of its own."""
+    digest = hashlib.sha256(f"{recording.sample_time} {recording.start_time}".encode())
+    for channel in CHANNELS:
+        values = getattr(recording, channel)
+        if values is not None:
+            digest.update(np.ascontiguousarray(values).tobytes())
+    return Log((recording,), (), recording.source or "recording", digest.hexdigest())

@@ -1,0 +1,99 @@
+"""The paper, run and checked: `flexid.reproduce`."""
+
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from flexid.library.answer import Answer
+from flexid.library.entrance import entrance
+from flexid.library.logs import as_path
+from flexid.library.threads import in_one_thread
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from flexid.report.terminal import Part
+    from flexid.studies.huang2003.evidence import Claim
+    from flexid.studies.huang2003.reproduction import Reproduction
+
+
+class PaperReproduction(Answer):
+    """Huang (2003) reproduced: Table I, Figures 1 to 5, the readings, every claim.
+
+    Parameters
+    ----------
+    result : Reproduction
+        All runs, and what they amount to.
+    """
+
+    def __init__(self, result: "Reproduction") -> None:
+        self.result = result
+
+    @property
+    def claims(self) -> "tuple[Claim, ...]":
+        """The paper's claims, decided."""
+        return self.result.claims
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """Everything but the time series, as a ``result.json`` has it."""
+        from flexid.report.huang2003_document import reproduction_document
+
+        return reproduction_document(self.result)
+
+    def save_figures(self, directory: "str | PathLike[str]") -> None:
+        """Write the figures that ``flexid reproduce --out`` writes.
+
+        Parameters
+        ----------
+        directory : path
+            Where they go; made if it is not there.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written.
+        """
+        from flexid.report.documents import output_directory
+        from flexid.report.huang2003_figures import save_reproduction_figures
+
+        with output_directory(as_path("save_figures", "directory", directory)) as files:
+            save_reproduction_figures(self.result, files)
+
+    def _parts(self) -> "Iterable[Part]":
+        from flexid.report.huang2003_table import reproduction_parts
+
+        return reproduction_parts(self.result)
+
+    def __repr__(self) -> str:
+        verdicts = [claim.verdict for claim in self.claims]
+        return f"<PaperReproduction: {verdicts.count('holds')} of {len(verdicts)} claims hold>"
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+@entrance
+@in_one_thread
+def reproduce(*, progress: Callable[[str], None] = _silent) -> PaperReproduction:
+    """Reproduce Huang (2003): Table I, Figures 1 to 5, the readings, every claim.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called with the name of each part that is done.
+
+    Returns
+    -------
+    PaperReproduction
+        All runs, and every claim decided.
+
+    Raises
+    ------
+    ArgumentError
+        If an option is unknown.
+    """
+    from flexid.studies.huang2003.reproduction import reproduce as run
+
+    return PaperReproduction(run(progress))

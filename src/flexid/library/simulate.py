@@ -1,0 +1,139 @@
+"""One run of an experiment file: `flexid.simulate`."""
+
+from collections.abc import Mapping
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from flexid.library.answer import Answer, data_frame, html_figure
+from flexid.library.entrance import entrance
+from flexid.library.logs import all_logs, as_path
+from flexid.library.options import as_mapping, as_number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from matplotlib.figure import Figure
+
+    from flexid.experiments.experiment import Experiment
+    from flexid.experiments.measures import Measures
+    from flexid.recording.recording import Log
+    from flexid.report.terminal import Part
+    from flexid.simulation.run import Run
+
+
+class SimulatedRun(Answer):
+    """A closed loop over time: plant, controller and observer.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was simulated.
+    result : Run
+        What it did, with all states, inputs and estimates as arrays.
+    """
+
+    def __init__(self, experiment: "Experiment", result: "Run") -> None:
+        self.experiment = experiment
+        self.result = result
+
+    @cached_property
+    def measures(self) -> "Measures":
+        """The run in numbers: final errors, settling times, tracking, excitation."""
+        from flexid.experiments.measures import measure
+
+        return measure(self.result)
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """Everything but the time series, as a ``run.json`` has it."""
+        from flexid.report.run_document import run_document
+
+        return run_document(self.experiment, self.result, self.measures)
+
+    def to_dataframe(self, backend: str = "polars") -> Any:
+        """All time series as a data frame: the columns of ``run.parquet``.
+
+        Parameters
+        ----------
+        backend : {"polars", "pandas", "pyarrow"}, optional
+            Whose data frame; the library has to be installed.
+        """
+        from flexid.experiments.run_columns import run_columns
+
+        return data_frame(run_columns(self.result), backend)
+
+    def log(self) -> "Log":
+        """What a drive would have logged, for `flexid.identify`.
+
+        Raises
+        ------
+        RecordingError
+            If the model is none of a joint.
+        """
+        from flexid.experiments.run_columns import log_columns
+
+        return all_logs("log", log_columns(self.result), None)[0]
+
+    def plot_motion(self) -> "Figure":
+        """Reference and tracked state, the error between them, and the inputs."""
+        from flexid.report.run_figures import motion_figure
+        from flexid.report.style import styled
+
+        return styled(motion_figure)(self.experiment.name, self.result)
+
+    def plot_estimates(self) -> "Figure":
+        """Every estimate over time, with the true value and the band in which it is settled."""
+        from flexid.report.run_figures import observer_figure
+        from flexid.report.style import styled
+
+        return styled(observer_figure)(self.experiment.name, self.result)
+
+    def _parts(self) -> "Iterable[Part]":
+        from flexid.report.run_table import run_parts
+
+        return run_parts(self.experiment, self.result, self.measures)
+
+    def __repr__(self) -> str:
+        return f"<SimulatedRun: {self.experiment.name}, {self.result.time[-1]:g} s>"
+
+    def _repr_html_(self) -> str:
+        return super()._repr_html_() + html_figure(self.plot_motion())
+
+
+@entrance
+def simulate(
+    experiment: "str | PathLike[str]",
+    *,
+    set: Mapping[str, float] | None = None,  # noqa: A002 - as the command calls it
+) -> SimulatedRun:
+    """Simulate an experiment: plant, controller and observer, with all values from a file.
+
+    Parameters
+    ----------
+    experiment : path
+        A TOML file.
+    set : mapping of str to float, optional
+        Numbers in the file that are to be others, by dotted path: ``{"controller.k": 30.0}``.
+
+    Returns
+    -------
+    SimulatedRun
+        Time series, measures and figures.
+
+    Raises
+    ------
+    ExperimentError
+        If the file cannot be used, or has no such number.
+    SimulationError
+        If the loop diverges or cannot meet its tolerance.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.experiments import read_experiment
+
+    values = as_mapping("simulate", "set", set, "{'controller.k': 30.0}")
+    for path, value in values.items():
+        as_number("simulate", f"set[{path!r}]", value)
+    chosen = read_experiment(as_path("simulate", "experiment", experiment)).with_values(values)
+    return SimulatedRun(chosen, chosen.run())

@@ -1,0 +1,176 @@
+"""A stored estimate, or one at hand, on other logs."""
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from flexid.errors import ArgumentError
+from flexid.identification import validate_estimate as worker
+from flexid.library.answer import Answer, data_frame, html_figure, html_paragraph
+from flexid.library.entrance import entrance
+from flexid.library.logs import all_logs, as_path, kind_of
+from flexid.library.threads import in_one_thread
+from flexid.library.validation_plots import ValidationPlots
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from flexid.library.joint_estimate import JointEstimate
+    from flexid.library.logs import Columns, Logs
+    from flexid.report.terminal import Part
+
+
+class EstimateValidation(Answer):
+    """How well, and for how long, an estimate predicts logs that it was not made from.
+
+    `flexid.validate` and `JointEstimate.validate` return one.
+
+    Parameters
+    ----------
+    result : EstimateValidation of flexid.identification
+        What was found.
+    """
+
+    def __init__(self, result: worker.EstimateValidation) -> None:
+        self.result = result
+
+    @property
+    def fit_percent(self) -> Mapping[str, float]:
+        """By channel, how much of the motion a free run repeats, in per cent."""
+        return self.result.fit_percent
+
+    @property
+    def horizons(self) -> Mapping[float, Mapping[str, float]]:
+        """The same for predictions that begin anew every so many seconds."""
+        return self.result.horizons
+
+    @property
+    def residuals(self) -> Mapping[float, Mapping[str, float]]:
+        """Root mean square of what each channel is off in rad, by horizon; inf for the free run."""
+        return self.result.residuals
+
+    @property
+    def noise(self) -> Mapping[str, float]:
+        """Standard deviation of each channel's noise in rad."""
+        return self.result.noise
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What limits the test."""
+        return self.result.warnings
+
+    @property
+    def plot(self) -> ValidationPlots:
+        """Figures: ``plot.fit()`` and ``plot.residuals()``."""
+        return ValidationPlots(self.result)
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """Everything but the time series, as a ``validation.json`` has it."""
+        from flexid.report.validation_document import validation_document
+
+        return validation_document(self.result)
+
+    def to_dataframe(self, backend: str = "polars") -> Any:
+        """Fits and residuals as a data frame.
+
+        Parameters
+        ----------
+        backend : {"polars", "pandas", "pyarrow"}, optional
+            Whose data frame; the library has to be installed.
+
+        Returns
+        -------
+        data frame
+            A row for each channel and horizon in s, infinite for the free run, with the columns
+            channel, horizon, fit_percent, residual and noise, the last two in rad.
+        """
+        fits = {**self.horizons, float("inf"): self.fit_percent}
+        pairs = [(channel, horizon) for horizon in fits for channel in self.noise]
+        columns = {
+            "channel": [channel for channel, _ in pairs],
+            "horizon": [horizon for _, horizon in pairs],
+            "fit_percent": [fits[horizon][channel] for channel, horizon in pairs],
+            "residual": [self.residuals[horizon][channel] for channel, horizon in pairs],
+            "noise": [self.noise[channel] for channel, _ in pairs],
+        }
+        return data_frame(columns, backend)
+
+    def _parts(self) -> "Iterable[Part]":
+        from flexid.report.validation_table import validation_parts
+
+        return validation_parts(self.result)
+
+    def __repr__(self) -> str:
+        fits = ", ".join(f"{channel} {fit:.1f} %" for channel, fit in self.fit_percent.items())
+        return f"<EstimateValidation: free run {fits}>"
+
+    def _repr_html_(self) -> str:
+        warnings = "".join(html_paragraph(f"Warning: {text}") for text in self.warnings)
+        return super()._repr_html_() + warnings + html_figure(self.plot.fit())
+
+
+@entrance
+@in_one_thread
+def validate(
+    estimate: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
+    logs: "Logs",
+    *,
+    columns: "Columns | None" = None,
+) -> EstimateValidation:
+    """Predict other logs of the same drive with an estimate as it is.
+
+    Nothing is fitted but the state at the start of each prediction, which is taken from the half
+    second before it. Predictions begin all over each log, for 0.05, 0.2, 1 and 5 s, and once for
+    all of it.
+
+    Parameters
+    ----------
+    estimate : JointEstimate, path or mapping
+        What `flexid.identify` returned, an ``estimate.json``, or the content of one.
+    logs : log or list of logs
+        As `flexid.read_log` takes them, with the same kind of input.
+    columns : path, optional
+        A TOML column map for raw sensor columns.
+
+    Returns
+    -------
+    EstimateValidation
+        Fits and residuals by horizon.
+
+    Raises
+    ------
+    SettingError
+        If the estimate cannot be read, or is none of a joint of flexid.
+    RecordingError
+        If the logs do not go together or with the estimate, or are too short.
+    ArgumentError
+        If an argument is of a wrong type.
+    """
+    stored = stored_estimate("validate", estimate)
+    read = all_logs("validate", logs, columns)
+    return EstimateValidation(worker.validate_estimate(stored, read))
+
+
+def stored_estimate(function: str, estimate: Any) -> Any:
+    """An estimate as a path or a document.
+
+    Raises
+    ------
+    ArgumentError
+        If it is neither.
+    """
+    from flexid.library.joint_estimate import JointEstimate
+
+    if isinstance(estimate, JointEstimate):
+        return estimate.document
+    if isinstance(estimate, Mapping):
+        return estimate
+    if isinstance(estimate, str | PathLike):
+        return as_path(function, "estimate", estimate)
+    raise ArgumentError(
+        function,
+        "estimate",
+        f"is {kind_of(estimate)}: give what flexid.identify returned, or the path of an "
+        f"estimate.json",
+    )

@@ -1,0 +1,128 @@
+"""From a data frame, or arrays by name, to columns of numbers: a log that is in memory already."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexid.errors import RecordingError
+from flexid.recording.table import MOST_ROWS, Table
+
+if TYPE_CHECKING:
+    import polars
+
+FRAME = "data frame"
+ARRAYS = "arrays"
+
+
+def is_frame(data: object) -> bool:
+    """Whether something is a data frame of pandas, Polars, PyArrow or another library."""
+    import narwhals as nw
+
+    return nw.dependencies.is_into_dataframe(data)
+
+
+def table_of_frame(frame: Any) -> Table:
+    """Columns of a data frame, whatever library it is of.
+
+    Parameters
+    ----------
+    frame : data frame
+        Of pandas, Polars, PyArrow or another library that narwhals knows. Columns are named, with
+        their unit, as in a file: ``"link_position [deg]"``.
+
+    Raises
+    ------
+    RecordingError
+        If it holds no samples, or names that are no text.
+    """
+    import narwhals as nw
+
+    table = nw.from_native(frame, eager_only=True)
+    names = [name for name in table.columns if not isinstance(name, str)]
+    if names:
+        raise RecordingError(FRAME, f"column {names[0]!r}", "its name is no text: rename it")
+    return _table(FRAME, {name: _values(table[name]) for name in table.columns})
+
+
+def _values(column: Any) -> Any:
+    """Values of a column, numbers as an array; anything else as Polars takes it."""
+    return column.to_numpy() if column.dtype.is_numeric() else column.to_list()
+
+
+def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
+    """Columns from arrays by name.
+
+    Parameters
+    ----------
+    arrays : mapping of str to array, shape (n,)
+        By the names that columns of a file have, with their unit: ``"link_position [deg]"``.
+
+    Raises
+    ------
+    RecordingError
+        If they differ in length, are no arrays of one dimension, or hold no samples.
+    """
+    columns: dict[str, Any] = {}
+    for name, values in arrays.items():
+        if not isinstance(name, str):
+            raise RecordingError(ARRAYS, f"key {name!r}", "it is no text: name the channel")
+        columns[name] = _array(name, values)
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len({*lengths.values()}) > 1:
+        first, *others = lengths
+        other = next(name for name in others if lengths[name] != lengths[first])
+        raise RecordingError(
+            ARRAYS,
+            f"column {other!r}",
+            f"it has {lengths[other]} values where {first!r} has {lengths[first]}: give every "
+            f"column one value for each sample",
+        )
+    return _table(ARRAYS, columns)
+
+
+def _array(name: str, values: Any) -> Any:
+    try:
+        found = np.asarray(values)
+    except ValueError:  # lists of different lengths
+        found = np.empty((0, 0))
+    if found.ndim != 1:
+        raise RecordingError(
+            ARRAYS,
+            f"column {name!r}",
+            f"it has {found.ndim} dimensions: give an array of one, a value for each sample",
+        )
+    return found.tolist() if found.dtype == object else found
+
+
+def _table(file: str, columns: Mapping[str, Any]) -> Table:
+    import polars as pl
+
+    try:
+        frame = pl.DataFrame(dict(columns), strict=False)
+    except (pl.exceptions.PolarsError, TypeError, ValueError) as error:
+        raise RecordingError(
+            file, "", f"its columns are no table of numbers ({error}): give numbers"
+        ) from None
+    if not frame.height or not frame.width:
+        raise RecordingError(file, "", "it holds no samples: give a value for each sample")
+    if frame.height > MOST_ROWS:
+        raise RecordingError(
+            file,
+            "",
+            f"it has {frame.height} rows, more than the {MOST_ROWS} that are taken at once: write "
+            f"it as a Parquet file and stream that",
+        )
+    return Table(file, "", 0, "row", frame, _digest(frame))
+
+
+def _digest(frame: polars.DataFrame) -> str:
+    """Hash of names and values: the same data twice are not two logs."""
+    digest = hashlib.sha256(repr(frame.schema).encode())
+    for column in frame:
+        numbers = column.dtype.is_numeric() and not column.null_count()
+        digest.update(column.to_numpy().tobytes() if numbers else repr(column.to_list()).encode())
+    return digest.hexdigest()

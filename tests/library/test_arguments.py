@@ -1,0 +1,105 @@
+"""Arguments that a function does not take: one sentence with what would be right."""
+
+import pytest
+
+import flexid
+from flexid.errors import ArgumentError, FlexidError, SettingError
+from flexid.library.options import joint_settings
+
+
+def call(name, *arguments, **options):
+    """A call that is made later."""
+    return lambda: getattr(flexid, name)(*arguments, **options)
+
+
+UNTAKEN = {
+    "misspelt": (call("identify", "a.csv", knwon={}), r"knwon.*did you mean known\?"),
+    "foreign": (call("identify", "a.csv", zzz=1), "columns, known, bounds"),
+    "of the excitation": (call("excitation", "a.csv", hould="zero"), r"mean hold\?"),
+    "missing": (call("identify"), "logs"),
+    "one too many": (call("identify", "a.csv", "b.csv"), "columns="),
+    "twice": (call("identify", "a.csv", logs="b.csv"), "logs"),
+    "no names": (call("reproduce", 3), "nothing"),
+    "hold": (call("identify", "a.csv", hold=0), "an int.*'zero'"),
+    "known as text": (call("identify", "a.csv", known="motor_inertia=0.3"), r"\{'motor_inertia'"),
+    "known by numbers": (call("identify", "a.csv", known={1: 0.3}), "key 1"),
+    "known value": (call("identify", "a.csv", known={"beta1": "3"}), "beta1.*a str"),
+    "known triple": (call("identify", "a.csv", known={"beta1": (1, 2, 3)}), "beta1"),
+    "bounds": (call("identify", "a.csv", bounds={"theta2": 3.0}), r"theta2.*\(lower, upper\)"),
+    "terms": (call("identify", "a.csv", terms=3), "an int.*gravity"),
+    "delay": (call("identify", "a.csv", input_delay="late"), "'late'.*auto"),
+    "delay in a list": (call("identify", "a.csv", input_delay=[0.1]), "a list"),
+    "true": (call("identify", "a.csv", validation_share=True), "a bool"),
+    "columns": (call("identify", "a.csv", columns={"time": "t"}), "a dict.*path"),
+    "stream": (call("identify", {"time": []}, stream=True), "path of one Parquet"),
+    "load": (call("load", None), "None.*path"),
+    "estimate": (call("validate", 3, "a.csv"), "an int.*flexid.identify"),
+    "model": (call("derive", 3), "an int.*path"),
+    "drive": (call("design", {}), "a dict.*path"),
+    "seed": (call("design", "a.toml", seed=0.5), "a float"),
+    "kind": (call("design", "a.toml", kind=3), "kind"),
+    "set": (call("simulate", "a.toml", set=["controller.k=3"]), "controller.k"),
+    "set value": (call("simulate", "a.toml", set={"controller.k": "3"}), "controller.k"),
+    "no directory": (call("campaign", "a.toml"), "out is None"),
+    "both": (call("campaign", "a.toml", summary="b"), "experiment does not go with summary"),
+    "workers": (call("campaign", "a.toml", out="b", workers="all"), "a str"),
+}
+
+
+@pytest.mark.parametrize("case", UNTAKEN)
+def test_wrong_calls_are_one_sentence(case):
+    """Assert that the sentence names function and argument and says what would be right."""
+    run, said = UNTAKEN[case]
+    with pytest.raises(ArgumentError, match=said) as caught:
+        run()
+    assert isinstance(caught.value, TypeError)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"{caught.value.function}: ")
+
+
+UNUSABLE = {
+    "hold": (call("identify", "a.csv", hold="spline"), "spline"),
+    "terms": (call("identify", "a.csv", terms=["gravty"]), "gravty"),
+    "to": (call("derive", "flexible-joint", to="fortran"), "latex, python, c"),
+    "terms of a file": (call("derive", "a.toml", terms=["gravity"]), "terms"),
+    "seed": (call("design", "a.toml", seed=-1), "seed"),
+    "thresholds": (
+        call("identify", "a.parquet", stream=True, thresholds=flexid.Thresholds()),
+        "thresholds",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", UNUSABLE)
+def test_wrong_values_are_one_sentence(case):
+    """Assert that a value that cannot be used is answered as the command answers it."""
+    run, said = UNUSABLE[case]
+    with pytest.raises(SettingError, match=said) as caught:
+        run()
+    assert "\n" not in str(caught.value)
+
+
+def test_options_mean_what_the_commands_mean():
+    """Assert that values, pairs, ends that are open and names in one text become settings."""
+
+    class Uncertain:
+        nominal_value, std_dev = 0.3, 0.01
+
+    settings = joint_settings(
+        "identify",
+        known={"alpha1": 3, "motor_inertia": Uncertain(), "theta1": (5.0, 0.1)},
+        bounds={"theta2": (50, None), "alpha2": (None, 2.0)},
+        terms="gravity, motor_viscous,gravity",
+        input_delay=0,
+        link_delay="auto",
+    )
+    assert settings.known == {"alpha1": 3.0, "motor_inertia": 0.3, "theta1": 5.0}
+    assert settings.known_deviations == {"motor_inertia": 0.01, "theta1": 0.1}
+    assert settings.bounds == {"theta2": (50.0, float("inf")), "alpha2": (-float("inf"), 2.0)}
+    assert settings.terms == ("gravity", "motor_viscous")
+    assert (settings.input_delay, settings.link_delay) == (0.0, "auto")
+
+
+def test_errors_are_of_one_root():
+    """Assert that one clause catches all of them."""
+    assert issubclass(ArgumentError, FlexidError)

@@ -1,0 +1,146 @@
+"""What `import flexid` offers: found when used, typed, documented, and as the commands have it."""
+
+import ast
+import inspect
+import pkgutil
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import flexid
+from flexid.cli.campaign import campaign as campaign_command
+from flexid.cli.derive import derive as derive_command
+from flexid.cli.design import design as design_command
+from flexid.cli.excitation import excitation as excitation_command
+from flexid.cli.identify import identify as identify_command
+from flexid.cli.reproduce import reproduce as reproduce_command
+from flexid.cli.simulate import simulate as simulate_command
+from flexid.cli.validate import validate as validate_command
+
+COMMANDS = {
+    "identify": identify_command,
+    "validate": validate_command,
+    "excitation": excitation_command,
+    "design": design_command,
+    "derive": derive_command,
+    "simulate": simulate_command,
+    "campaign": campaign_command,
+    "reproduce": reproduce_command,
+}
+
+HOMES: dict[str, str] = vars(flexid)["_HOMES"]
+NAMES: list[str] = vars(flexid)["__all__"]
+
+PRINTING = {"out", "as_json", "explain", "strict", "csv"}
+"""Options that say how a command hands its answer over; the answer has methods for that."""
+
+OWN_NAMES = {"values": "set"}
+"""Parameters of commands that are called otherwise than their option."""
+
+OF_PYTHON = {"progress", "thresholds"}
+"""What only a program can give."""
+
+HEAVY = {"numpy", "scipy", "numba", "sympy", "polars", "matplotlib", "pydantic", "rich", "typer"}
+
+LOADED = "import sys, flexid; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
+
+
+def offered(kind):
+    """Names of the front door that are functions, or classes."""
+    return [name for name in NAMES if kind(getattr(flexid, name))]
+
+
+def test_importing_loads_nothing():
+    """Assert that no other library is loaded before something is used."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
+    )
+    assert not HEAVY & set(done.stdout.split())
+
+
+def test_every_name_is_there_and_listed():
+    """Assert that each name can be had, and that completion shows it."""
+    for name in NAMES:
+        assert getattr(flexid, name) is not None
+    assert set(NAMES) <= set(dir(flexid))
+
+
+def test_types_and_run_time_agree():
+    """Assert that the stub has the same names from the same modules."""
+    (package,) = flexid.__path__
+    tree = ast.parse((Path(package) / "__init__.pyi").read_text(encoding="utf-8"))
+    typed = {
+        alias.asname: node.module
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    there = {name: f"flexid.{home}" for name, home in HOMES.items()}
+    assert typed == there
+    assert (Path(package) / "py.typed").exists()
+
+
+def test_no_module_shadows_a_name():
+    """Assert that nothing that is imported from within takes the place of a function."""
+    modules = {module.name for module in pkgutil.iter_modules(flexid.__path__)}
+    assert not modules & set(NAMES)
+
+
+def test_a_misspelt_name_is_answered():
+    """Assert that Python can say which name is near."""
+    with pytest.raises(AttributeError, match="identfy") as caught:
+        getattr(flexid, "identfy")  # noqa: B009
+    assert caught.value.name == "identfy"
+    assert caught.value.obj is flexid
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_function_has_its_commands_options(name):
+    """Assert that the names are the same, and what is given where an option is not."""
+    command = inspect.signature(COMMANDS[name]).parameters
+    function = inspect.signature(getattr(flexid, name)).parameters
+    wanted = {OWN_NAMES.get(option, option) for option in command} - PRINTING
+    if name == "campaign":
+        wanted |= {"out"}  # where its rows are kept
+    assert wanted == set(function) - OF_PYTHON
+    for option, parameter in command.items():
+        twin = function.get(OWN_NAMES.get(option, option))
+        if twin is not None and option != "to":
+            assert twin.default == parameter.default, option
+
+
+@pytest.mark.parametrize("name", [*offered(inspect.isfunction)])
+def test_every_argument_is_documented(name):
+    """Assert that a function's docstring has each of its parameters, and no others."""
+    function = getattr(flexid, name)
+    assert documented(function.__doc__) == set(inspect.signature(function).parameters)
+
+
+@pytest.mark.parametrize("name", [*offered(inspect.isclass)])
+def test_every_method_is_documented(name):
+    """Assert that what a class offers says what it is, with every parameter."""
+    for member, thing in inspect.getmembers(getattr(flexid, name)):
+        if member.startswith("_") or "flexid" not in (getattr(thing, "__module__", "") or "flexid"):
+            continue
+        if isinstance(thing, property):
+            assert thing.__doc__, member
+        elif inspect.isfunction(thing):
+            own = set(inspect.signature(thing).parameters) - {"self"}
+            assert documented(thing.__doc__) == own, member
+
+
+def documented(docstring):
+    """Names in the section on parameters of a docstring."""
+    assert docstring
+    section = re.search(
+        r"\n *Parameters\n *-+\n(.*?)(\n *\n *\w+\n *-+\n|\Z)", docstring, re.DOTALL
+    )
+    if section is None:
+        return set()
+    heads = re.findall(r"^( *)((?:\*{0,2}\w+, )*\*{0,2}\w+)(?: :.*)?$", section[1], re.MULTILINE)
+    indent = min(len(blanks) for blanks, _ in heads)
+    lists = (names for blanks, names in heads if len(blanks) == indent)
+    return {name.strip().lstrip("*") for names in lists for name in names.split(",")}

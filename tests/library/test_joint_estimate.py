@@ -1,0 +1,250 @@
+"""What `identify` returns: numbers, frames, figures, files, and predictions of other logs."""
+
+import json
+import re
+from dataclasses import replace
+
+import matplotlib as mpl
+import numpy as np
+import polars as pl
+import pytest
+from matplotlib.figure import Figure
+
+import flexid
+from flexid.errors import SettingError
+
+TRUE = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
+
+
+@pytest.fixture(scope="module")
+def log(examples):
+    """The example log."""
+    return examples / "flexible_joint.csv"
+
+
+@pytest.fixture(scope="module")
+def estimate(log):
+    """What is found in it; the terms are given, so that it takes less time."""
+    return flexid.identify(
+        pl.read_csv(log), terms=["gravity", "motor_viscous"], hold="zero", segment_duration=2.0
+    )
+
+
+@pytest.fixture(scope="module")
+def loaded(estimate, tmp_path_factory):
+    """The same, from a file."""
+    path = tmp_path_factory.mktemp("estimate") / "estimate.json"
+    estimate.save(path)
+    return flexid.load(path)
+
+
+def test_parameters_have_all_that_one_asks(estimate):
+    """Assert that value, unit, interval and verdict are there by name, and near the truth."""
+    for name, true in TRUE.items():
+        found = estimate.parameters[name]
+        assert found.value == pytest.approx(true, rel=1e-3)
+        assert found.interval[0] < found.value < found.interval[1]
+        assert (found.verdict, found.reason) == ("determined", "")
+    assert estimate.parameters["joint_stiffness"].unit == "N m/rad"
+    assert set(estimate.coefficients) == {"theta1", "theta2", "alpha1", "alpha2", "beta1"}
+    assert estimate.verdict == "determined"
+    assert estimate.supports(strict=True)
+
+
+def test_intervals_have_any_level(estimate):
+    """Assert that a higher level gives wider intervals, and the usual one those that are shown."""
+    usual = estimate.intervals(0.95)
+    for name, (low, high) in estimate.intervals(0.99).items():
+        assert low < usual[name][0] < usual[name][1] < high
+    shown = {**estimate.parameters, **estimate.coefficients}
+    assert usual == {name: value.interval for name, value in shown.items()}
+    with pytest.raises(SettingError, match=r"0\.95"):
+        estimate.intervals(95)
+
+
+def test_the_covariance_is_that_of_all_values(estimate):
+    """Assert that its diagonal gives the standard deviations, and that it is one of a ratio."""
+    shown = {**estimate.parameters, **estimate.coefficients}
+    deviations = np.sqrt(np.diag(estimate.covariance))
+    np.testing.assert_allclose(deviations, [e.std for e in shown.values()], rtol=1e-9)
+    # The link's inertia is stiffness over theta2.
+    names = list(estimate.names)
+    stiffness, theta = estimate.parameters["joint_stiffness"], estimate.coefficients["theta2"]
+    places = [names.index("joint_stiffness"), names.index("theta2")]
+    slopes = np.array([1 / theta.value, -stiffness.value / theta.value**2])
+    variance = slopes @ estimate.covariance[np.ix_(places, places)] @ slopes
+    assert np.sqrt(variance) == pytest.approx(estimate.parameters["link_inertia"].std, rel=1e-6)
+
+
+def test_correlated_values_go_on(estimate):
+    """Assert that a ratio of two parameters is as certain as the coefficient that it is."""
+    values = estimate.correlated()
+    ratio = values["joint_stiffness"] / values["link_inertia"]
+    theta = estimate.coefficients["theta2"]
+    assert ratio.nominal_value == pytest.approx(theta.value)
+    assert ratio.std_dev == pytest.approx(theta.std, rel=1e-5)
+    apart = np.hypot(
+        estimate.parameters["joint_stiffness"].std, 100 * estimate.parameters["link_inertia"].std
+    )
+    assert abs(ratio.std_dev - apart) > 0.01 * apart  # uncorrelated it would be another
+
+
+def test_what_the_log_leaves_free_has_no_correlated_value(estimate):
+    """Assert that an infinite variance stays one, alone, and that the others keep theirs."""
+    lost = estimate.result.fit.without_knowledge_of({"theta1"})
+    poor = flexid.JointEstimate(replace(estimate.result, fit=lost))
+    variance = dict(zip(poor.names, np.diag(poor.covariance), strict=True))
+    assert {name for name, v in variance.items() if np.isinf(v)} == {"theta1", "gravity_torque"}
+    assert set(poor.names) - set(poor.correlated()) == {"theta1", "gravity_torque"}
+    assert poor.correlated()["theta2"].std_dev == pytest.approx(estimate.coefficients["theta2"].std)
+
+
+@pytest.mark.parametrize("backend", ["polars", "pandas", "pyarrow"])
+def test_values_as_a_frame(estimate, backend):
+    """Assert that each value is a row, in the frame of the library that was asked for."""
+    frame = estimate.to_dataframe(backend, level=0.5)
+    assert type(frame).__module__.startswith(backend)
+    rows = {row["name"]: row for row in pl.DataFrame(frame).to_dicts()}
+    assert tuple(rows) == estimate.names
+    low, high = estimate.intervals(0.5)["joint_stiffness"]
+    assert (rows["joint_stiffness"]["lower"], rows["joint_stiffness"]["upper"]) == (low, high)
+    assert rows["joint_stiffness"]["kind"] == "parameter"
+    with pytest.raises(SettingError, match="polars, pandas, pyarrow"):
+        estimate.to_dataframe("excel")
+
+
+def test_it_shows_itself(estimate, loaded):
+    """Assert that a line, a text and a page have the parameters, and the page a figure."""
+    assert re.fullmatch(r"<JointEstimate: flexible joint, 5 of 5 .*>", repr(estimate))
+    assert "joint_stiffness" in estimate.summary()
+    assert len(estimate.summary(explain=True)) > len(estimate.summary())
+    page = estimate._repr_html_()
+    assert "joint_stiffness" in page
+    assert "determined" in page
+    assert page.count("<img") == 1
+    assert "<img" not in loaded._repr_html_()
+
+
+def test_a_page_spells_text_that_is_not_its_own(estimate):
+    """Assert that a warning cannot put markup into a notebook."""
+    spiked = replace(estimate.result, warnings=("<script>alert(1)</script>",))
+    assert "<script>" not in flexid.JointEstimate(spiked)._repr_html_()
+
+
+FIGURES = ("fit", "residuals", "regions", "estimates", "excitation")
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_leave_matplotlib_as_it_is(estimate, name):
+    """Assert that a figure comes back as a notebook shows it, and that no setting stays."""
+    before = dict(mpl.rcParams)
+    figure = getattr(estimate.plot, name)()
+    assert isinstance(figure, Figure)
+    assert figure.axes
+    assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined] - in a notebook
+    assert dict(mpl.rcParams) == before
+
+
+def test_no_figure_needs_a_display(estimate):
+    """Assert that pyplot, which would choose a display, holds no figure."""
+    import matplotlib.pyplot as plt
+
+    for name in FIGURES:
+        getattr(estimate.plot, name)()
+    assert plt.get_fignums() == []
+
+
+def test_regions_have_any_level(estimate):
+    """Assert that a higher level gives a larger region."""
+    areas = []
+    for level in (0.5, 0.99):
+        (patch, *_) = estimate.plot.regions(level=level).axes[0].patches
+        areas.append(np.prod(np.ptp(patch.get_path().vertices, axis=0)))
+    assert areas[0] < 0.5 * areas[1]
+
+
+def test_a_saved_estimate_is_the_same(estimate, loaded):
+    """Assert that all that is printed and computed comes back from the file."""
+    assert loaded.summary(explain=True) == estimate.summary(explain=True)
+    assert loaded.parameters == estimate.parameters
+    assert loaded.intervals(0.8) == estimate.intervals(0.8)
+    np.testing.assert_array_equal(loaded.covariance, estimate.covariance)
+    assert loaded.document == estimate.document
+
+
+def test_the_command_writes_the_same_file(estimate, flexid_command, log, tmp_path):
+    """Assert that `load` reads what the command writes, and finds what the library found."""
+    outcome = flexid_command(
+        *("identify", log, "--out", tmp_path, "--terms", "gravity,motor_viscous"),
+        *("--hold", "zero", "--segment-duration", "2"),
+    )
+    assert outcome.status == 0, outcome.stderr
+    found = flexid.load(tmp_path / "estimate.json")
+    assert found.coefficients == estimate.coefficients
+    assert found.parameters == estimate.parameters
+    assert outcome.stdout.splitlines()[2:8] == loaded_lines(found)
+
+
+def loaded_lines(found):
+    """The table of parameters as the library has it."""
+    return found.summary().splitlines()[2:8]
+
+
+@pytest.fixture
+def flexid_command(request):
+    """The command, under a name that leaves the library's to the library."""
+    return request.getfixturevalue("flexid")
+
+
+def test_a_loaded_estimate_says_that_it_has_no_series(loaded):
+    """Assert that figures of time series are refused with what serves instead."""
+    for name in ("fit", "residuals", "estimates"):
+        with pytest.raises(SettingError, match=r"validate\(log\)\.plot"):
+            getattr(loaded.plot, name)()
+    assert loaded.plot.regions().axes
+
+
+def test_saving_needs_a_place(estimate, tmp_path):
+    """Assert that a file that cannot be written is a sentence, and leaves nothing behind."""
+    with pytest.raises(SettingError, match="cannot be written"):
+        estimate.save(tmp_path / "missing" / "estimate.json")
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(SettingError, match="cannot be written"):
+        estimate.save(tmp_path / "taken")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_figures_are_saved_as_the_command_does(estimate, tmp_path):
+    """Assert that the files have the command's names."""
+    estimate.plot.save(tmp_path / "out")
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"fit.png", "estimates.png", "excitation.png", "regions.png"}
+
+
+def test_it_predicts_a_log(loaded, log):
+    """Assert that the log that it was made from is predicted to the noise, from arrays too."""
+    frame = pl.read_csv(log)
+    found = loaded.predict({name: frame[name].to_numpy() for name in frame.columns})
+    assert min(found.fit_percent.values()) > 99
+    difference = found.measured["motor_position"] - found.predicted["motor_position"]
+    assert np.sqrt(np.mean(difference**2)) < 2e-4
+    assert found.time[0] == pytest.approx(0.5)
+    columns = found.to_dataframe().columns
+    assert columns[:3] == ["time", "link_position", "predicted_link_position"]
+
+
+def test_it_is_held_against_a_log(estimate, loaded, log, tmp_path):
+    """Assert that estimate, file and document give one answer, with frame, figures and page."""
+    found = estimate.validate(log)
+    assert flexid.validate(loaded, log).fit_percent == found.fit_percent
+    assert found.horizons[1.0]["deflection"] > 99
+    frame = found.to_dataframe()
+    assert frame.shape == (15, 5)
+    assert frame.filter(pl.col("horizon").is_infinite())["fit_percent"].to_list() == [
+        *found.fit_percent.values()
+    ]
+    assert found.plot.fit().axes
+    assert found.plot.residuals().axes
+    assert "<img" in found._repr_html_()
+    found.save(tmp_path / "validation.json")
+    assert json.loads((tmp_path / "validation.json").read_text())["model"] == "flexible"

@@ -1,0 +1,138 @@
+"""Whatever holds a log: the same samples from files, data frames, arrays and recordings."""
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pytest
+
+import flexid
+from flexid.errors import ArgumentError, RecordingError
+from flexid.library.logs import all_logs
+
+NAMES = ("time [s]", "link_position [deg]", "motor_position [rad]", "motor_torque [N m]")
+
+
+@pytest.fixture(scope="module")
+def arrays():
+    """A log as arrays by name, one of them in degrees."""
+    time = 1e-3 * np.arange(200)
+    moved = np.sin(40.0 * time)
+    link, torque = np.rad2deg(moved) + 0.3 * np.cos(90.0 * time), 3.0 * np.cos(35.0 * time)
+    return dict(zip(NAMES, (time, link, moved, torque), strict=True))
+
+
+KINDS = {
+    "arrays": dict,
+    "lists": lambda arrays: {name: values.tolist() for name, values in arrays.items()},
+    "polars": pl.DataFrame,
+    "pandas": pd.DataFrame,
+    "pyarrow": lambda arrays: pa.table({n: pa.array(v) for n, v in arrays.items()}),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_memory_is_read_as_a_file_is(arrays, tmp_path, kind):
+    """Assert that samples and units are those of the same log as a file."""
+    path = tmp_path / "log.parquet"
+    pl.DataFrame(arrays).write_parquet(path)
+    wanted, found = flexid.read_log(path), flexid.read_log(KINDS[kind](arrays))
+    (one,), (other,) = wanted.pieces, found.pieces
+    assert other.input_unit == "N m"
+    assert other.sample_time == one.sample_time
+    for channel in ("link_position", "motor_position", "input"):
+        np.testing.assert_array_equal(getattr(other, channel), getattr(one, channel))
+
+
+def test_a_column_map_serves_a_frame(arrays, tmp_path):
+    """Assert that raw columns of a frame are found by the map."""
+    path = tmp_path / "map.toml"
+    path.write_text('link_position = {column = "q", unit = "deg"}')
+    frame = pl.DataFrame(arrays).rename({NAMES[1]: "q"})
+    (found,) = flexid.read_log(frame, columns=path).pieces
+    (wanted,) = flexid.read_log(arrays).pieces
+    np.testing.assert_allclose(found.needed_link_position, wanted.needed_link_position, rtol=1e-15)
+
+
+def test_the_same_data_twice_are_known(arrays):
+    """Assert that what was given in two ways has one digest, and other data another."""
+    digests = {flexid.read_log(KINDS[kind](arrays)).sha256 for kind in KINDS}
+    assert len(digests) == 1
+    other = {**arrays, NAMES[3]: arrays[NAMES[3]] + 1e-9}
+    assert flexid.read_log(other).sha256 not in digests
+
+
+def test_a_log_is_taken_as_it_is(arrays):
+    """Assert that a log or a recording is not read again, and that a list may mix all kinds."""
+    log = flexid.read_log(arrays)
+    assert flexid.read_log(log) is log
+    (piece,) = log.pieces
+    alone = flexid.read_log(piece)
+    assert alone.pieces == (piece,)
+    assert all_logs("f", [log, piece, arrays], None)[0] is log
+
+
+def test_samples_are_those_of_the_log(arrays):
+    """Assert that estimators get positions of link and motor, or of the motor where it is alone."""
+    (found,) = flexid.samples(arrays)
+    assert found.positions.shape == (200, 2)
+    (alone,) = flexid.samples({n: v for n, v in arrays.items() if n != NAMES[1]})
+    assert alone.positions.shape == (200, 1)
+
+
+BAD = {
+    "a number": (3, "an int"),
+    "bytes": (b"log.csv", "a bytes"),
+    "nothing": (None, "None"),
+    "rows": ([[0.0, 1.0], [0.1, 1.1]], "a list"),
+    "a matrix": (np.zeros((3, 3)), "a ndarray"),
+    "a lazy frame": (pl.DataFrame({"a": [1]}).lazy(), "a LazyFrame"),
+    "an empty list": ([], "an empty list"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_holds_no_log_is_refused(case):
+    """Assert that the answer says what was given, and what a log may be; it is a TypeError too."""
+    given, said = BAD[case]
+    with pytest.raises(ArgumentError, match=said) as caught:
+        all_logs("identify", given, None)
+    assert isinstance(caught.value, TypeError)
+    assert "data frame" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+WRONG = {
+    "no samples": ({name: [] for name in NAMES}, "no samples"),
+    "lengths": ({"time": [0.0, 1.0], "motor_torque": [1.0]}, "motor_torque"),
+    "two dimensions": ({"time": np.zeros((3, 2))}, "dimensions"),
+    "a scalar": ({"time": 3.0}, "dimensions"),
+    "ragged": ({"time": [[1.0], [1.0, 2.0]]}, "dimensions"),
+    "a key": ({1: [1.0]}, "no text"),
+    "no text": (pd.DataFrame({0: [1.0]}), "no text"),
+    "a gap": ({"time [s]": [0.0, None, 0.2]}, "row 1"),
+    "text": ({"time [s]": ["a", "b"]}, "time"),
+    "objects": ({"time [s]": [object(), object()]}, "time"),
+    "dates": (pd.DataFrame({"time [s]": pd.date_range("2026", periods=3)}), "seconds"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_no_log_inside_is_refused(case):
+    """Assert that a bad column is named in one line."""
+    given, said = WRONG[case]
+    others = {name: np.arange(3.0) for name in NAMES}
+    if "time [s]" in (given if isinstance(given, dict) else given.columns):
+        rows = len(given["time [s]"])
+        others = {name: values[:rows] for name, values in others.items()}
+        given = {**others, "time [s]": given["time [s]"]}
+    with pytest.raises(RecordingError, match=said) as caught:
+        flexid.read_log(given)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_map_for_what_was_read_is_refused(arrays, tmp_path):
+    """Assert that a column map is not ignored in silence."""
+    log = flexid.read_log(arrays)
+    with pytest.raises(ArgumentError, match="columns"):
+        flexid.read_log(log, columns=tmp_path / "map.toml")

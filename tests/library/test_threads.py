@@ -1,0 +1,100 @@
+"""Linear algebra has one thread while flexid works, and as many as before afterwards."""
+
+import os
+import subprocess
+import sys
+import threading
+
+import pytest
+
+import flexid
+from flexid.errors import RecordingError
+from flexid.library.threads import one_thread
+
+REPORT = """
+import sys
+import threadpoolctl
+import scipy.linalg
+
+def counts():
+    return {p["num_threads"] for p in threadpoolctl.threadpool_info() if p["user_api"] == "blas"}
+
+import flexid.identification.identify as module
+
+def seen(logs, *_):
+    print(*counts())
+    raise flexid.SettingError("stop", "here")
+
+import flexid
+module.identify = seen
+before = counts()
+try:
+    RUN
+except (flexid.SettingError, SystemExit):
+    pass
+print("as before" if counts() == before else "changed")
+"""
+
+CALLS = {
+    "library": "flexid.identify(sys.argv[1])",
+    "command": "sys.argv[1:1] = ['identify']; from flexid.cli.main import main; main()",
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_whoever_calls_gets_one_thread(examples, call):
+    """Assert that the work is done with one thread, where others would take two."""
+    others = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
+    script = REPORT.replace("RUN", CALLS[call])
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(examples / "flexible_joint.csv")],
+        env=others | {"OPENBLAS_NUM_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["1", "as", "before"]
+
+
+class Limits:
+    """Stands for the library that limits threads; counts how often it was asked."""
+
+    made = 0
+    restored = 0
+
+    def __init__(self, limits, user_api):
+        assert (limits, user_api) == (1, "blas")
+        type(self).made += 1
+
+    def restore_original_limits(self):
+        """Take note."""
+        type(self).restored += 1
+
+
+def test_calls_at_once_share_a_limit(monkeypatch):
+    """Assert that the last call to end takes the limit back, whichever began first."""
+    monkeypatch.setattr("threadpoolctl.threadpool_limits", Limits)
+    first_is_in, second_is_in = threading.Event(), threading.Event()
+
+    def first():
+        with one_thread():
+            first_is_in.set()
+            second_is_in.wait()
+
+    thread = threading.Thread(target=first)
+    thread.start()
+    first_is_in.wait()
+    with one_thread():
+        second_is_in.set()
+        thread.join()
+        assert (Limits.made, Limits.restored) == (1, 0)
+    assert (Limits.made, Limits.restored) == (1, 1)
+
+
+def test_an_error_takes_the_limit_back(monkeypatch, tmp_path):
+    """Assert that a log that is refused leaves no limit behind."""
+    made, restored = Limits.made, Limits.restored
+    monkeypatch.setattr("threadpoolctl.threadpool_limits", Limits)
+    with pytest.raises(RecordingError):
+        flexid.identify(tmp_path / "missing.csv")
+    assert (Limits.made - made, Limits.restored - restored) == (1, 1)
