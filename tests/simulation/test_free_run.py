@@ -115,6 +115,18 @@ def test_hopelessly_fast_model_is_refused():
         free_run(cart, {"drag": 1e12}, [0.0, 1.0], np.ones(200), 1e-2)
 
 
+def test_dry_friction_is_refused():
+    """Assert that a step of one size does not go over a jump, unless its coefficient is zero."""
+    dry = {"drag": "-v", "coulomb": "-sign(v)*(1 + exp(-v**2))", "lossy": "-v*sign(v)"}
+    cart = ParametricSystem("cart", (Row("cart", "q", "v", dry, known="u"),))
+    values = {"drag": 1.0, "coulomb": 0.5, "lossy": 0.5}
+    for start in (0.0, 1.0):
+        with pytest.raises(SimulationError, match=r"row 1 jumps .* tanh\(v/0\.01\)"):
+            free_run(cart, values, [0.0, start], np.ones(20), 1e-2)
+    x = free_run(cart, {**values, "coulomb": 0.0}, [0.0, 1.0], np.ones(2000), 1e-2)
+    assert x[-1, 1] == pytest.approx(2.0 / 3.0, rel=1e-6)  # v + v/2 = 1
+
+
 def test_divergence_is_said():
     """Assert that an unstable model ends in an error that tells the time, not in infinities."""
     unstable = ParametricSystem("unstable", (Row("mass", "q", "v", {"k": "q"}),))

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 
 from flexid.control.loop import LoopDeclaration
 from flexid.derivation.closed_loop import control_law
+from flexid.derivation.linearisation import linearisation_function
 from flexid.derivation.loop_source import loop_function
-from flexid.derivation.model_functions import right_hand_side_function
 from flexid.derivation.sampled_observer import sampled_observer_functions
 from flexid.derivation.source import function
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
@@ -21,7 +21,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
     Returns
     -------
     str
-        A module with the sampled observer, ``right_hand_side``, and on tuples ``sense``,
+        A module with the sampled observer, ``linearised``, and on tuples ``sense``,
         ``control``, ``saturate``, ``plant_rates`` and ``plant_step``.
     """
     system = declaration.system
@@ -35,7 +35,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
     return "\n\n".join(
         (
             sampled_observer_functions(system, purpose) + _sizes(declaration),
-            right_hand_side_function(symbolic),
+            linearisation_function(symbolic),
             _row_function("as_states", "Values of all states", states),
             _row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
             _sense_function(states),

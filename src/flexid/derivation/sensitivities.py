@@ -83,13 +83,13 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
     coefficient = 0
     for j, row in enumerate(symbolic.rows):
         jacobian = {
-            place: _derivative(row.acceleration, state)
+            place: derivative(row.acceleration, state)
             for place, state in enumerate(symbolic.states)
             if row.acceleration.has(state)
         }
         targets += [f"_dz[{2 * j + 1}, 0]", *(f"_a{j}_{place}" for place in jacobian)]
         expressions += [row.acceleration, *jacobian.values()]
-        gains = {i: _derivative(row.acceleration, u) for i, u in enumerate(symbolic.inputs)}
+        gains = {i: derivative(row.acceleration, u) for i, u in enumerate(symbolic.inputs)}
         gains = {i: gain for i, gain in gains.items() if gain != 0}
         targets += [f"_g{j}_{i}" for i in gains]
         expressions += list(gains.values())
@@ -123,7 +123,7 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
     )
 
 
-def _derivative(expression: sp.Expr, state: sp.Symbol) -> sp.Expr:
+def derivative(expression: sp.Expr, state: sp.Symbol) -> sp.Expr:
     """∂/∂state; the jump of a sign has derivative zero on either side, and no other is wanted."""
     derivative = sp.diff(expression, state).replace(sp.DiracDelta, lambda *_: sp.S.Zero)
     return cast(sp.Expr, derivative)

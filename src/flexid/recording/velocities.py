@@ -151,7 +151,7 @@ def _differentiator(half: int, degree: int) -> FloatArray:
     """Weights, shape (2 half + 1,), of a window's samples in the slope at its middle, per sample.
 
     The slope of the polynomial that fits the window best, as Savitzky and Golay have it. SciPy has
-    the same, in a module that takes half a second to import.
+    the same, in a module whose import takes half a second more when all else is loaded.
     """
     offsets = np.arange(-half, half + 1) / half
     polynomials = np.polynomial.legendre.legvander(offsets, degree)  # well conditioned

@@ -123,8 +123,8 @@ def free_run_kernel(system: ParametricSystem) -> ModuleType:
     """Compiled module with ``right_hand_side`` and ``free_run`` of a system."""
 
     def build() -> str:
-        from flexid.derivation.model_functions import model_functions
+        from flexid.derivation.linearisation import moving_model
 
-        return model_functions(system, "Free run")
+        return moving_model(system, "Free run")
 
     return load_kernel("free_run", [system.digest], build, [*HELD_INPUT, "free_run"])

@@ -101,8 +101,8 @@ def played_kernel(system: ParametricSystem) -> ModuleType:
     """Compiled module with ``right_hand_side`` and ``played_run`` of a system."""
 
     def build() -> str:
-        from flexid.derivation.model_functions import model_functions
+        from flexid.derivation.linearisation import moving_model
 
-        return model_functions(system, "Played run")
+        return moving_model(system, "Played run")
 
     return load_kernel("played_run", [system.digest], build, [*HELD_INPUT, "played_run"])

@@ -6,7 +6,6 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.simulation.linearisation import jacobian
 
 HELD_INPUT = ("bound", "held_rates", "runge_kutta")
 """Templates by which a model alone moves under an input."""
@@ -28,7 +27,7 @@ def runge_kutta_substeps(
     Parameters
     ----------
     kernel : module
-        With the model's ``right_hand_side``.
+        With the model's ``linearised``.
     x, u, p, c : ndarray
         State and input at the start, coefficients and constants.
     sample_time : float
@@ -42,7 +41,7 @@ def runge_kutta_substeps(
     Raises
     ------
     SimulationError
-        If the model is too stiff for samples so far apart.
+        If the model is too stiff for samples so far apart, or jumps with a velocity's sign.
     """
     # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
     points = [np.zeros_like(x), x] if np.any(x) else [x]
@@ -61,7 +60,14 @@ def _fastest_rate(
     kernel: ModuleType, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
 ) -> float:
     """Largest magnitude of the poles of the model linearised about a state, in 1/s."""
-    matrix = jacobian(kernel, x, u, p, c)
+    matrix, jumps = np.empty((len(x), len(x))), np.empty(len(x) // 2)
+    kernel.linearised(x, u, p, c, matrix, jumps)
+    for row in np.flatnonzero(jumps).tolist():
+        raise SimulationError(
+            f"the acceleration of the model's row {row + 1} jumps with the sign of its velocity: "
+            f"smooth it, for example tanh(v/0.01) instead of sign(v)",
+            0.0,
+        )
     if not np.all(np.isfinite(matrix)):  # the model has no linearisation here
         return 0.0
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
