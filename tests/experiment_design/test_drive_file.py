@@ -140,6 +140,21 @@ def test_bad_files_are_one_sentence(text, written, old, new, complaint):
     assert "\n" not in str(caught.value)
 
 
+def test_each_file_answers_for_its_own_values(examples, tmp_path):
+    """Assert that a value that no drive has is laid to the file that it stands in."""
+    drive = tmp_path / "drive.toml"
+    text = (examples / "drive.toml").read_text(encoding="utf-8")
+    path = tmp_path / "estimate.json"
+    estimates = {"joint_stiffness": {"value": -100.0}}
+    path.write_text(json.dumps({"format_version": 1, "parameters": estimates}))
+    drive.write_text(text, encoding="utf-8")
+    with pytest.raises(SettingError, match=r"estimate\.json.*joint_stiffness' is -100.0, which no"):
+        read_drive(drive, path)
+    drive.write_text(text.replace("= 100.0", "= -100.0"), encoding="utf-8")
+    with pytest.raises(SettingError, match=r"drive\.toml: the key 'parameters\.joint_stiffness'"):
+        read_drive(drive, path)
+
+
 @pytest.mark.parametrize(
     "content", ["", "{}", '{"format_version": 1}', '{"format_version": 1, "parameters": 3}']
 )

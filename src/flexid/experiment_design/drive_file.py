@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from flexid.experiment_design.drive import HIGHEST, Drive, Limits
 from flexid.identification.estimate_file import EstimateFile, read_estimate
 from flexid.models.flexible_joint import SHAPE_TERMS
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
+
+if TYPE_CHECKING:
+    from flexid.experiment_design.drive_schema import DriveContent
 
 _LARGEST_RAMP = 0.25  # of the duration, at either end
 _RAMP = 0.1  # of the duration, by default
@@ -70,6 +73,7 @@ def read_drive(
         experiment.update(choices or {})
     warnings: list[str] = []
     if estimate is not None:
+        _checked(path, content)  # so that each of the two files answers for its own values
         better = read_estimate(estimate)
         inputs.append((Path(better.name).name, hashlib.sha256(better.raw).hexdigest()))
         warnings = _take_over(content, better)
@@ -118,13 +122,26 @@ def _take_over(content: dict[str, Any], file: EstimateFile) -> list[str]:
                 f"{path}: {name} is undetermined there, so the design rests on a guess: check its "
                 f"largest deviations"
             )
+    validated(parameters, Parameters, lambda key, _: _no_drive(file, key))
     return warnings
 
 
-def _drive(path: Path, content: dict[str, Any]) -> Drive:
+def _no_drive(file: EstimateFile, name: str) -> Exception:
+    value = file.content["parameters"].get(name, {}).get("value")
+    return file.refuse(
+        f"parameters.{name}",
+        f"is {value}, which no drive has: identify it again, on a log that determines it",
+    )
+
+
+def _checked(path: Path, content: dict[str, Any]) -> "DriveContent":
     from flexid.experiment_design.drive_schema import DriveContent
 
-    checked = validated(content, DriveContent, _refusing(path))
+    return validated(content, DriveContent, _refusing(path))
+
+
+def _drive(path: Path, content: dict[str, Any]) -> Drive:
+    checked = _checked(path, content)
     wanted, sensors = checked.experiment, checked.sensors
     noise = sensors.position_noise
     if noise is None:
