@@ -134,6 +134,10 @@ TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
         cell(9, 1, '"1.0'),
         ["line 9", "a quotation mark opens on this line and does not close on it", "remove it"],
     ),
+    "quote over lines": (
+        lambda lines: cell(12, 1, '1.0"')(cell(9, 1, '"1.0')(lines)),
+        ["line 9", "a quotation mark opens on this line and does not close on it"],
+    ),
     "open quote in the last row": (cell(61, 5, '"1.0'), ["line 61", "a quotation mark opens"]),
     "quote within a cell": (cell(9, 1, '"1"0'), ["line 9", "follows a quotation mark"]),
     "open quote in the header": (header("time", '"time'), ["line 1", "quotation mark opens"]),

@@ -157,6 +157,8 @@ def test_thousands(tmp_path: Path) -> None:
         ("a,b\n1,2\n", ("a", "b"), 2),
         ("Version 2\na,b\n1,2\n3,4\n", ("a", "b"), 3),
         ("Date,2024,5\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 3),
+        ("Rig,7,arm\nRate,9,slow\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
+        ("Version,2,1\n10,20\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
         ("x,y\na,b\n1,2\n3,4\n", ("a", "b"), 3),
         ("a,b\ns,V\n1,2\n3,4\n", ("a [s]", "b [V]"), 3),
         ("s,V\n1,2\n3,4\n", ("s", "V"), 2),
