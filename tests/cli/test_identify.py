@@ -134,6 +134,44 @@ def test_known_motor_inertia(flexid, good_log):
     assert lower < 100 < upper
 
 
+def test_known_stiffness(flexid, examples):
+    """Assert that a stiffness can be known exactly, and narrows what rests on it."""
+    log = examples / "flexible_joint.csv"
+    free = json.loads(flexid("identify", log, "--json").stdout)["parameters"]
+    outcome = flexid("identify", log, "--known", "joint_stiffness=100", "--json")
+    found = json.loads(outcome.stdout)["parameters"]
+    assert found["joint_stiffness"]["interval"] == [100.0, 100.0]
+    assert found["joint_stiffness"]["reason"] == "given"
+    assert found["link_inertia"]["std"] < 0.95 * free["link_inertia"]["std"]
+    assert outcome.status == 0
+
+
+@pytest.mark.parametrize(
+    ("bounds", "value", "verdict", "reason"),
+    [
+        ("joint_stiffness=50:200", 100.0, "determined", ""),
+        ("joint_stiffness=100.0003:200", 100.0003, "determined", "at its bound"),
+        ("joint_stiffness=150:200", 150.0, "undetermined", "bounded by 500, which contradicts"),
+    ],
+)
+def test_bounded_stiffness(flexid, examples, bounds, value, verdict, reason):
+    """Assert that a bound of a parameter holds, says that it does, and may contradict the log.
+
+    The inertia is known, so that the bound is one of alpha1 in the fit itself.
+    """
+    log = examples / "flexible_joint.csv"
+    known = ("--known", "motor_inertia=0.3")
+    outcome = flexid("identify", log, *known, "--bounds", bounds, "--json")
+    parameters = json.loads(outcome.stdout)["parameters"]
+    found = parameters["joint_stiffness"]
+    assert found["value"] == pytest.approx(value, rel=1e-5)
+    assert found["verdict"] == verdict
+    assert reason in found["reason"]
+    assert outcome.status == (1 if verdict == "undetermined" else 0)
+    if verdict == "determined":  # the others are as sharp as without the bound
+        assert parameters["link_inertia"]["std"] < 1e-5
+
+
 def test_small_single_sine_is_undetermined(flexid, tmp_path):
     """Assert that a log that cannot tell gravity from stiffness exits 1 and calls no value known.
 

@@ -14,6 +14,7 @@ from flexid.identification.joint import flexible
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.settings import Settings
+from flexid.identification.stated import stated
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.velocities import with_velocities
 
@@ -30,7 +31,7 @@ def data() -> Data:
 def said(data: Data, given: dict[str, float], **changed: float) -> tuple[str, ...]:
     """What contradicts the log of what is known exactly."""
     full = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"), given)
-    return contradictions(given, full, data, replace(THRESHOLDS, **changed))
+    return contradictions(given, {}, full, data, replace(THRESHOLDS, **changed))
 
 
 def test_inertia_twice_the_truth_is_told(data):
@@ -82,7 +83,10 @@ def joined(known: dict[str, float], deviations: dict[str, float], limit: float =
     """Join what is known uncertainly to a stiffness of 100 N m/rad and an inertia of 1/3 kg m²."""
     settings = Settings(known=known, known_deviations=deviations)
     thresholds = replace(THRESHOLDS, contradiction=limit)
-    return with_prior_knowledge(JOINT, ESTIMATE, {}, settings, "N m", thresholds)
+    found = with_prior_knowledge(
+        JOINT, ESTIMATE, {}, stated(settings, JOINT, "N m"), "N m", thresholds
+    )
+    return found.estimate, found.against
 
 
 def test_exact_knowledge_is_no_measurement():

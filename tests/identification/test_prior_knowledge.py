@@ -106,7 +106,7 @@ def test_three_deviations_contradict(apart, said):
     fit = Fit(("a",), np.array([2.0]), np.array([[0.16]]), (np.inf,))
     _, contradicted = informed(fit, [Known("a", 2.0 + 0.5 * apart, 0.3)])
     assert bool(contradicted) == said
-    assert all("a is known as" in sentence for sentence in contradicted)
+    assert all("a is known as" in sentence for sentence in contradicted.values())
 
 
 def test_limit_of_contradiction_is_given():
@@ -118,9 +118,8 @@ def test_limit_of_contradiction_is_given():
 
 def test_contradiction_is_told_in_the_parameter_s_terms():
     """Assert that the sentence names the inertia, what it is known as, and what the log says."""
-    _, (sentence,) = informed(
-        drive(deviation=0.01), [Known("motor_inertia", 0.35, 0.01)], PARAMETERS
-    )
+    _, said = informed(drive(deviation=0.01), [Known("motor_inertia", 0.35, 0.01)], PARAMETERS)
+    sentence = said["motor_inertia"]
     assert "motor_inertia is known as 0.35" in sentence
     assert "0.3 ± 0.003" in sentence
 

@@ -128,16 +128,25 @@ def parameter_estimates(
     coefficients: Mapping[str, CoefficientEstimate],
     input_unit: str,
     thresholds: Thresholds = THRESHOLDS,
+    exact: Mapping[str, tuple[float, str]] | None = None,
 ) -> dict[str, ParameterEstimate]:
     """Physical parameters that the coefficients determine, by the delta method.
 
-    A parameter that depends on a coefficient of each log its own is given for each log.
+    A parameter that depends on a coefficient of each log its own is given for each log. One that is
+    known exactly has that value, and no width.
     """
     estimates = {}
     for piece in _one_piece_of_each_group(unknowns):
         labels = _labels(unknowns, piece, coefficients)
         values = {c: coefficients[label].value for c, label in labels.items()}
         for parameter in joint.parameters(labels, input_is_torque=input_unit == "N m"):
+            if parameter.name in (exact or {}):
+                value, reason = (exact or {})[parameter.name]
+                unit = _unit(parameter.unit, input_unit)
+                estimates[parameter.name] = ParameterEstimate(
+                    parameter.name, unit, value, 0.0, (value, value), "determined", reason
+                )
+                continue
             own = [labels[c] for c in parameter.coefficients]
             of_group = next((label[label.index("[") :] for label in own if "[" in label), "")
             found = propagated(parameter, values, _renamed(estimate, labels))
@@ -150,6 +159,8 @@ def parameter_estimates(
                 judged, reason = "undetermined", impossible[0].reason
             elif judged != "determined" and all(c.verdict == "determined" for c in made):
                 judged, reason = "determined", ""  # as small as it is
+            elif not found.slopes:
+                reason = min(c.reason for c in made)  # at its bound, or given
             estimates[name] = ParameterEstimate(
                 name,
                 unit,

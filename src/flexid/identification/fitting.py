@@ -268,7 +268,8 @@ def refit(
     sought = {c for c in structure.bounds if c not in structure.absent}
     bounds = {c: b for c, b in structure.bounds.items() if c in sought}
     fitted, at_bound = bounded_fit(fit_with, structure.unknowns(data.groups), bounds)
-    return replace(fitted, at_bound=at_bound)
+    # A longer or leaner fit may leave the bound again, so the structure does not keep it there.
+    return replace(fitted, structure=structure, at_bound=at_bound)
 
 
 def _fit_segments(

@@ -141,7 +141,7 @@ class Fitted:
     Parameters
     ----------
     structure : Structure
-        What was fitted; what ended at a bound is fixed there.
+        What was fitted.
     data : Data
         To what.
     problem : SegmentedMotion
@@ -151,7 +151,7 @@ class Fitted:
     duration : float
         Wanted length of a segment in s.
     at_bound : mapping of str to float
-        What ended at a bound.
+        What ended at a bound, and was fixed there.
     """
 
     structure: Structure
@@ -178,8 +178,8 @@ class Fitted:
 
     @cached_property
     def by_name(self) -> dict[str, float]:
-        """Values of all that was sought."""
-        return dict(zip(self.names, self.values.tolist(), strict=True))
+        """Values of all that was sought, those at a bound among them."""
+        return {**self.at_bound, **dict(zip(self.names, self.values.tolist(), strict=True))}
 
     @cached_property
     def excess(self) -> float:

@@ -115,10 +115,14 @@ def identify(
         unexcited(rows, thresholds.lost_condition) if reported.converged else {*reported.names}
     )
     estimate = estimate.without_knowledge_of(unknown)
-    contradicted = contradictions(job.given, choice.full, whole, thresholds)
-    given = {**job.given, **reported.at_bound}
-    estimate, against = with_prior_knowledge(
-        job.joint, estimate, given, settings, job.input_unit, thresholds
+    given = {**job.stated.given, **reported.at_bound}
+    joined = with_prior_knowledge(
+        job.joint, estimate, given, job.stated, job.input_unit, thresholds
+    )
+    estimate = joined.estimate
+    contradicted = (
+        *contradictions(job.stated.given, reported.at_bound, choice.full, whole, thresholds),
+        *joined.contradicted,
     )
     squares = _least_squares(choice.structure, pieces, reported, filter_rate)
     unknowns = reported.problem.unknowns
@@ -127,12 +131,12 @@ def identify(
         job.joint,
         unknowns,
         row_sizes(squares.rows),
-        without_estimate(reported.at_bound, job.given),
+        without_estimate(reported.at_bound, job.stated.given),
         job.input_unit,
         thresholds,
     )
     parameters = parameter_estimates(
-        job.joint, estimate, unknowns, coefficients, job.input_unit, thresholds
+        job.joint, estimate, unknowns, coefficients, job.input_unit, thresholds, joined.exact
     )
     if contradicted:  # nothing that rests on it is known
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
@@ -156,7 +160,7 @@ def identify(
         validation=validation,
         compliance=compliance,
         observer=_stream(choice.structure, pieces, choices.alignment),
-        removed=_removed(job, full, error, parameters, thresholds),
+        removed=_removed(job, full, given, error, parameters, thresholds),
         fit=estimate,
         choices=choices,
         summary=summary(choices),
@@ -165,7 +169,7 @@ def identify(
             *dropped,
             *retreat,
             *contradicted,
-            *against,
+            *joined.against,
             *sign_warnings(coefficients),
             *model_warnings(error),
             *validation_warnings(validation.fit_percent),
@@ -194,7 +198,11 @@ def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[
 def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
     """The model with all usual terms again, fitted to all data, to say how large they may be."""
     shapes = choice.structure.joint.shapes & choice.structure.absent
-    usual = replace(choice.full, absent=choice.full.absent | shapes)
+    usual = replace(
+        choice.full,
+        absent=choice.full.absent | shapes,
+        fixed={**choice.full.fixed, **reported.at_bound},
+    )
     try:
         return refit(
             usual,
@@ -211,6 +219,7 @@ def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
 def _removed(
     job: Job,
     full: Fitted,
+    given: Mapping[str, float],
     error: ModelError,
     kept: Mapping[str, ParameterEstimate],
     thresholds: Thresholds,
@@ -221,7 +230,7 @@ def _removed(
     estimate = widened(full, error)
     unknowns = full.problem.unknowns
     every = coefficient_estimates(
-        estimate, job.joint, unknowns, {}, without_estimate({}, job.given), job.input_unit
+        estimate, job.joint, unknowns, {}, without_estimate(full.at_bound, given), job.input_unit
     )
     found = parameter_estimates(job.joint, estimate, unknowns, every, job.input_unit, thresholds)
     return {name: p for name, p in found.items() if name not in kept}

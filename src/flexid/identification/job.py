@@ -1,6 +1,6 @@
 """What the logs and the settings leave to be found, and the structure that predicts best."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flexid.estimators.segmented_motion import INPUT, Timing
@@ -13,6 +13,7 @@ from flexid.identification.result import (
     Validation,
 )
 from flexid.identification.settings import Settings, check_for
+from flexid.identification.stated import Stated, stated
 from flexid.identification.structure import Choice, choose_structure
 from flexid.identification.validation import misprediction, validate
 from flexid.recording.recording import Hold
@@ -30,15 +31,15 @@ class Job:
         Flexible or rigid.
     input_unit : str
         Of the input.
-    given : mapping of str to float
-        Coefficients known exactly.
+    stated : Stated
+        What the user states of the drive.
     settings : Settings
         What the user decides.
     """
 
     joint: Joint
     input_unit: str
-    given: Mapping[str, float]
+    stated: Stated
     settings: Settings
 
     def chosen(
@@ -59,12 +60,13 @@ class Job:
             joint = joint.with_coulomb_velocity(smooth)
         if settings.terms == "auto":
             absent = joint.shapes
-            stay = {*settings.known, *settings.bounds}
+            stay = self.stated.kept
         else:
             on = {c for term in settings.terms for c in joint.terms[term]}
             absent = joint.optional - on
             stay = on
-        base = Structure(joint, frozenset(absent), self._timing(), self.given, settings.bounds)
+        given, bounds = self.stated.given, self.stated.bounds
+        base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
         duration = settings.segment_duration
         return choose_structure(
             base,
@@ -97,8 +99,7 @@ def job_of(pieces: Pieces, settings: Settings) -> Job:
     input_unit = pieces.recorded[0].input_unit
     joint = rigid() if pieces.recorded[0].link_position is None else flexible()
     check_for(joint, settings)
-    given = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
-    return Job(joint, input_unit, given, settings)
+    return Job(joint, input_unit, stated(settings, joint, input_unit), settings)
 
 
 def predicting(

@@ -42,6 +42,8 @@ class Known:
         Of the coefficient or physical parameter.
     value, std : float
         What it is known as, and the standard deviation of that; 0 if it is known exactly.
+    bound : bool, optional
+        Whether it is the end of a range that the log leaves.
 
     Raises
     ------
@@ -52,6 +54,7 @@ class Known:
     name: str
     value: float
     std: float
+    bound: bool = False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.value) and np.isfinite(self.std) and self.std >= 0.0):
@@ -68,7 +71,7 @@ def informed(
     parameters: Sequence[PhysicalParameter] = (),
     given: Mapping[str, float] | None = None,
     contradiction: float = THRESHOLDS.contradiction,
-) -> tuple[Estimate, tuple[str, ...]]:
+) -> tuple[Estimate, dict[str, str]]:
     """Join knowledge to a fit.
 
     Parameters
@@ -90,8 +93,8 @@ def informed(
     estimate : Estimate
         Of both. What was known counts as known exactly in its uncertainty, so the more a value
         rests on it, the more degrees of freedom (Welch and Satterthwaite).
-    contradicted : tuple of str
-        What is known otherwise than the log says.
+    contradicted : dict of str to str
+        By name, a sentence on what is known otherwise than the log says.
 
     Raises
     ------
@@ -219,21 +222,22 @@ def _joined(
 
 def _contradictions(
     alone: _Linearised, covariance: FloatArray, known: Sequence[Known], limit: float
-) -> tuple[str, ...]:
+) -> dict[str, str]:
     slopes = alone.slopes
-    found = []
+    found = {}
     for item, value, slope in zip(known, alone.values.tolist(), slopes, strict=True):
         variance = float(slope @ covariance @ slope)
         if abs(item.value - value) > limit * np.sqrt(variance + item.std**2):
-            found.append(contradiction_warning(item, value, float(np.sqrt(variance))))
-    return tuple(found)
+            found[item.name] = contradiction_warning(item, value, float(np.sqrt(variance)))
+    return found
 
 
 def contradiction_warning(known: Known, value: float, std: float) -> str:
     """One sentence on a known value that the log contradicts."""
     stated = f"{known.value:.4g}" + (f" ± {known.std:.2g}" if known.std else "")
+    verb = "is bounded by" if known.bound else "is known as"
     return (
-        f"{known.name} is known as {stated}, which contradicts the log: it says {value:.4g} ± "
+        f"{known.name} {verb} {stated}, which contradicts the log: it says {value:.4g} ± "
         f"{std:.2g} by itself; check the value and the log's units"
     )
 

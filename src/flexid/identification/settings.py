@@ -2,19 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from math import isfinite, isnan
 from typing import Literal
 
 from flexid.errors import SettingError
+from flexid.identification.intervals import POSITIVE
 from flexid.identification.joint import Joint
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS
+from flexid.models.physical import PARAMETER_NAMES
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
+_SMALLEST, _LARGEST = 1e-15, 1e15  # of whatever is stated of a drive, in SI units
 _COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
 _FLEXIBLE = TERMS | SHAPE_TERMS
 _TERMS = dict.fromkeys([*_FLEXIBLE, *RIGID_TERMS])
+_NAMES = dict.fromkeys([*PARAMETER_NAMES, *_COEFFICIENTS])
+_POSITIVE = POSITIVE | {"motor_inertia", "link_inertia", "inertia", "joint_stiffness"}
 
 Auto = Literal["auto"]
 
@@ -29,12 +35,11 @@ class Settings:
         Terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
         `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder.
     known : mapping of str to float, optional
-        ``motor_inertia`` in kg m² (with a torque input), or coefficients by name.
+        Physical parameters, such as ``motor_inertia`` in kg m², or coefficients, by name.
     known_deviations : mapping of str to float, optional
-        Standard deviations of what is known; what has none is taken as exact. What has one may be
-        any physical parameter too.
+        Standard deviations of what is known; what has none is taken as exact.
     bounds : mapping of str to tuple of float, optional
-        Lower and upper end for coefficients, infinite where there is none.
+        Lower and upper end of physical parameters or coefficients, infinite where there is none.
     hold : {"auto", "zero", "linear", "cubic"}, optional
         How the input behaves between samples.
     input_delay : float, optional
@@ -77,8 +82,6 @@ class Settings:
                     )
         for name, value in self.known.items():
             _check_known(name, value, self.known_deviations.get(name, 0.0))
-        if {"motor_inertia", "beta1"} <= set(self.known):
-            raise SettingError("known", "motor_inertia and beta1 fix the same: give one of them")
         for name, (lower, upper) in self.bounds.items():
             _check_bounds(name, lower, upper)
         _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
@@ -93,24 +96,6 @@ class Settings:
             raise SettingError(
                 "validation-share", f"give a share of the log between 0 and {_LARGEST_SHARE}"
             )
-
-    def fixed_coefficients(self, input_is_torque: bool) -> dict[str, float]:
-        """Coefficients whose value follows from what is known exactly.
-
-        Raises
-        ------
-        SettingError
-            If a motor inertia is given with an input that is no torque.
-        """
-        if "motor_inertia" in self.known and not input_is_torque:
-            raise SettingError(
-                "known",
-                "motor_inertia fixes beta1 only when the input is a torque; this log's input is a "
-                "voltage or current, whose gain is unknown too: leave it out",
-            )
-        known = {c: v for c, v in self.known.items() if not self.known_deviations.get(c)}
-        inertia = known.pop("motor_inertia", None)
-        return known if inertia is None else {**known, "beta1": 1 / inertia}
 
 
 def check_for(joint: Joint, settings: Settings) -> None:
@@ -131,25 +116,6 @@ def check_for(joint: Joint, settings: Settings) -> None:
             "motor_inertia says nothing about the inertia of motor and link together, which is all "
             "that one encoder shows: give beta1, the inverse of that",
         )
-    for setting, names in (("known", settings.known), ("bounds", settings.bounds)):
-        for name in names:
-            if name in _COEFFICIENTS and name not in joint.units:
-                raise SettingError(
-                    setting, f"{name} is no coefficient of the {joint.kind} joint, which {what}"
-                )
-    for name, (lower, upper) in settings.bounds.items():
-        if settings.terms != "auto" and not _is_on(name, joint, chosen):
-            raise SettingError("bounds", f"{name} belongs to a term that is off: switch it on")
-        if name in settings.known and not lower <= settings.known[name] <= upper:
-            raise SettingError(
-                "bounds", f"what {name} is known as lies outside: correct one of them"
-            )
-
-
-def _is_on(coefficient: str, joint: Joint, terms: tuple[str, ...]) -> bool:
-    """Whether some terms bring a coefficient in, or it is always there."""
-    owner = joint.of_coefficient(coefficient)
-    return owner is None or owner in terms
 
 
 def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:
@@ -165,24 +131,38 @@ def _check_positive(setting: str, value: float | str, unit: str) -> None:
 
 
 def _check_known(name: str, value: float, deviation: float) -> None:
-    # What has an uncertainty may be any physical parameter, which only the fit knows.
-    if name != "motor_inertia" and name not in _COEFFICIENTS and deviation == 0:
+    _check_name("known", name)
+    if not _possible(value) or (name in _POSITIVE and value <= 0.0):
         raise SettingError(
             "known",
-            f"{name!r} is unknown; give motor_inertia or a coefficient: {', '.join(_COEFFICIENTS)}",
+            f"{name} = {value:g} is no possible value: give one in SI units"
+            + (", above zero" if name in _POSITIVE else ""),
         )
-    inverted = name in ("motor_inertia", "beta1")  # each is the other's inverse
-    usable = isfinite(value) and not (inverted and (value == 0 or not isfinite(1 / value)))
-    if not usable or (name == "motor_inertia" and value < 0):
-        raise SettingError("known", f"{name} = {value:g} is no possible value")
-    if not (isfinite(deviation) and deviation >= 0):
+    if not (_possible(deviation) and deviation >= 0):
         raise SettingError("known", f"{deviation:g} is no standard deviation of {name}")
 
 
 def _check_bounds(name: str, lower: float, upper: float) -> None:
-    if name not in _COEFFICIENTS:
-        raise SettingError(
-            "bounds", f"{name!r} is no coefficient; they are {', '.join(_COEFFICIENTS)}"
-        )
+    _check_name("bounds", name)
     if isnan(lower) or isnan(upper) or lower >= upper:
         raise SettingError("bounds", f"of {name}: {lower:g} is not below {upper:g}")
+    for end in (lower, upper):
+        if isfinite(end) and not _possible(end):
+            raise SettingError("bounds", f"of {name}: {end:g} is no possible value in SI units")
+    if name in _POSITIVE and upper <= 0.0:
+        raise SettingError("bounds", f"of {name}: it is above zero, and {upper:g} is not")
+
+
+def _check_name(setting: str, name: str) -> None:
+    if name not in _NAMES:
+        near = get_close_matches(name, _NAMES, 3) or ["motor_inertia", "joint_stiffness"]
+        raise SettingError(
+            setting,
+            f"{name!r} is no parameter or coefficient of a joint; there are, for example, "
+            f"{', '.join(near)}",
+        )
+
+
+def _possible(value: float) -> bool:
+    """Whether a drive can have a value of this size, in whatever SI unit."""
+    return isfinite(value) and (value == 0.0 or _SMALLEST <= abs(value) <= _LARGEST)

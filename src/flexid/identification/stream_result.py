@@ -10,6 +10,7 @@ deviation.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.knowledge import with_prior_knowledge
 from flexid.identification.result import Identification, Validation
 from flexid.identification.settings import Settings
+from flexid.identification.stated import stated
 from flexid.identification.stream_task import HeldOut, StreamTask
 from flexid.identification.summary import summary
 from flexid.identification.validation import residuals_over_noise, validate_with
@@ -69,19 +71,22 @@ def stream_result(
     shifts = estimator_shifts(task, unknowns, here, head)
     changes = _apart(here, start.values, _half_widths(start))
     found = Estimate.of(start).widened(np.diag(shifts**2 + changes**2))
-    estimate, against = with_prior_knowledge(joint, found, given, settings, input_unit, THRESHOLDS)
+    said = stated(settings, joint, input_unit)
+    joined = with_prior_knowledge(joint, found, given, said, input_unit, THRESHOLDS)
+    estimate = joined.estimate
     trained = task.sums.fit(unknowns, [held.products for held in held_out])
     predicted = _predicted(task, unknowns, trained.values, held_out, head)
-    contradicted = _contradicted(head, structure.fixed)
+    contradicted = (*_contradicted(head, structure.fixed), *joined.contradicted)
     fixed = without_estimate(at_bound, structure.fixed)
     sizes = row_sizes(start.rows)
     estimates = coefficient_estimates(estimate, joint, unknowns, sizes, fixed, input_unit)
+    parameters = parameter_estimates(
+        joint, estimate, unknowns, estimates, input_unit, exact=joined.exact
+    )
     if contradicted:
-        estimates = {
-            name: replace(c, verdict="undetermined", reason=contradicted[0])
-            for name, c in estimates.items()
-        }
-    parameters = parameter_estimates(joint, estimate, unknowns, estimates, input_unit)
+        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
+        estimates = {name: replace(c, **doubt) for name, c in estimates.items()}
+        parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
     choices = task.choices(head.choices)
     left_out = sorted(set(head.choices.terms) - set(choices.terms))
     values = dict(zip(start.names, start.values.tolist(), strict=True))
@@ -102,7 +107,7 @@ def stream_result(
             *stream.warnings,
             *_stream_warnings(left_out, start, shifts, changes),
             *contradicted,
-            *against,
+            *joined.against,
             *sign_warnings(estimates),
             *model_warnings(head.model_error),
             *validation_warnings(predicted.validation.fit_percent),

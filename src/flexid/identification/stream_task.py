@@ -21,6 +21,7 @@ from flexid.identification.joint import Joint, flexible, rigid
 from flexid.identification.preparation import prepare
 from flexid.identification.result import Choices, Identification
 from flexid.identification.settings import Settings
+from flexid.identification.stated import stated
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Recording
 from flexid.recording.stream import LogStream
@@ -129,8 +130,9 @@ def stream_task(stream: LogStream, head: Identification, settings: Settings) -> 
     # Least squares takes the usual terms alone.
     absent = joint.optional - (on & set(joint.smooth.coefficients))
     input_unit = stream.head.pieces[0].input_unit
-    fixed = settings.fixed_coefficients(input_is_torque=input_unit == "N m")
-    structure = Structure(joint, frozenset(absent), Timing(choices.hold), fixed, settings.bounds)
+    said = stated(settings, joint, input_unit)
+    timing = Timing(choices.hold)
+    structure = Structure(joint, frozenset(absent), timing, said.given, said.bounds)
     unknowns = smooth_unknowns(structure, (0,))
     recordings = tuple(
         with_velocities(aligned(piece, choices.alignment)) for piece in pieces.recorded

@@ -255,6 +255,16 @@ _RIGID_RATIOS: tuple[PhysicalParameter, ...] = (
 )
 
 
+PARAMETER_NAMES: tuple[str, ...] = tuple(
+    dict.fromkeys(
+        p.name
+        for table in (_WITH_TORQUE, _RATIOS, _RIGID_WITH_TORQUE, _RIGID_RATIOS)
+        for p in table
+    )
+)
+"""Names of all physical parameters, of whichever joint and input."""
+
+
 def physical_parameters(
     coefficients: Collection[str], input_is_torque: bool
 ) -> tuple[PhysicalParameter, ...]:

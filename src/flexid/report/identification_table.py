@@ -111,8 +111,8 @@ def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEs
 
 
 def _fixed(estimate: CoefficientEstimate | ParameterEstimate) -> str:
-    """Why something has no interval; a parameter follows from coefficients that say it."""
-    return estimate.reason if isinstance(estimate, CoefficientEstimate) else "fixed"
+    """Why something has no interval."""
+    return estimate.reason if estimate.reason in ("given", "at its bound") else "fixed"
 
 
 def format_fits(fits: Mapping[str, float]) -> str:
