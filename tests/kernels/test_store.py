@@ -126,15 +126,18 @@ def test_what_nobody_uses_is_removed(cache: Path, used: bool) -> None:
     kernel = store.load_kernel("old", ["x"], lambda: source)
     assert kernel.double(2) == 4
     files = {path for path in cache.rglob("*.*") if path.is_file() and path.suffix != ".lock"}
+    own = cache / "flexid_analysis.py"
+    own.write_text("MINE = True\n")
     assert len(files) == 5  # derived, kernel, its mark, and the two of numba
     long_ago = time.time() - (store.KEPT_DAYS + 1) * 86400.0
-    for path in files:
+    for path in (own, *files):
         os.utime(path, (long_ago, long_ago))
     del sys.modules[kernel.__name__]
     if used:
         store.load_kernel("old", ["x"], lambda: source)
     store.load_kernel("new", ["x"], lambda: "NEW = True\n")
     assert {path for path in files if path.exists()} == (files if used else set())
+    assert own.exists()
 
 
 def test_changed_recipe_is_built_anew(cache: Path) -> None:

@@ -144,10 +144,13 @@ def _mark_used(path: Path) -> None:
 
 
 def _evict(directory: Path) -> None:
-    """Remove the kernels that nobody has used for long, and what was derived for them."""
+    """Remove the kernels that nobody has used for long, and what was derived for them.
+
+    A user's own file in that folder does not end as a kernel does.
+    """
     oldest = time.time() - KEPT_DAYS * _DAY
     for path in directory.glob("flexid_*.py"):
-        if _last_use(path) < oldest:
+        if _last_use(path) < oldest and _is_whole(path):
             with _one_writer(path):
                 if _last_use(path) < oldest:  # nobody has come to use it in the meantime
                     _discard_compiled(path)
@@ -155,7 +158,7 @@ def _evict(directory: Path) -> None:
                         path.with_suffix(suffix).unlink(missing_ok=True)
     for path in directory.glob("derived/*.py"):
         with suppress(FileNotFoundError):  # another process removes the same
-            if path.stat().st_mtime < oldest:
+            if path.stat().st_mtime < oldest and _is_whole(path):
                 path.unlink()
 
 
