@@ -15,14 +15,14 @@ WEAK_CONDITION = 1e3
 """Condition number of the normalised Gram matrix above which a warning is due."""
 
 LOST_CONDITION = 1e5
-"""Condition number above which the confounded coefficients cannot be told apart."""
+"""Condition number above which the confounded coefficients cannot be distinguished."""
 
 _SHARE = 0.1  # of the worst direction, from which on a coefficient counts as part of it
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """How well the coefficients of one row can be told apart.
+    """How well the coefficients of one row can be distinguished.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ class Information:
 
     @property
     def correlations(self) -> FloatArray:
-        """Correlation of each two estimates, shape (k, k); ±1 where they cannot be told apart."""
+        """Correlation of each two estimates, shape (k, k); ±1 where two are one."""
         scale = np.sqrt(np.diag(self.matrix))
         scale = np.where(scale > 0.0, scale, 1.0)
         eigenvalues, vectors = np.linalg.eigh(self.matrix / np.outer(scale, scale))

@@ -172,13 +172,13 @@ class BesideLeastSquares(ABC):
         """Finish a block; return the status of its last sample."""
         progress = parts["progress"]
         beside = parts["least_squares"]
-        told = status == Status.USED  # least squares can tell the coefficients
+        determined = status == Status.USED  # by least squares
         if not progress[STARTED]:
-            if not told:
+            if not determined:
                 return status
             self._begin(parts)
         self._finish_block(parts)
-        if progress[STARTED] and told:
+        if progress[STARTED] and determined:
             if not self.least_squares.agrees(beside, self._values(parts)):
                 progress[STARTED] = 0.0  # least squares takes over, and starts it anew
                 return float(Status.CONTRADICTED)

@@ -2,7 +2,7 @@
 
 Least squares on filtered positions runs all the time. At the end of each block of about a second
 the model's free motion is fitted to the block's positions, its initial state free, with what the
-blocks before have told as a prior,
+blocks before have shown as a prior,
 
     min  Σ (y - x(t; s, p))² / σ² + (p - p̄)ᵀ Λ (p - p̄),
 

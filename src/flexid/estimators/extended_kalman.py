@@ -2,7 +2,7 @@
 
 The coefficients are states that hardly change. Mean and transition over an interval are the
 model's own motion and its exact derivatives, as in prediction error; the corrections are scalar,
-in Joseph's form. It must be told the noise, and starting values near enough: far from the truth it
+in Joseph's form. It needs the noise, and starting values near enough: far from the truth it
 converges to something else, which is why least squares starts and checks it here.
 """
 
@@ -73,7 +73,7 @@ class ExtendedKalmanFilter(BesideLeastSquares):
     def standard_deviations(self, state: FloatArray) -> FloatArray:
         """Standard deviations by the filter's own covariance, shape (n_coefficients,).
 
-        They are right if noise and model are what the filter was told. Before it has started, those
+        They are right if noise and model are those of the filter. Before it has started, those
         of least squares.
         """
         parts = self._parts(state)

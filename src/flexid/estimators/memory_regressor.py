@@ -28,7 +28,7 @@ from flexid.recording.recording import Hold
 MemoryLaw = Literal["gradient", "drem"]
 
 _RATES = {"gradient": 1e5, "drem": 10.0}  # 1/s
-_FIRST = 0.5  # s before anything is said to be told
+_FIRST = 0.5  # s before anything is called determined
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,9 +25,9 @@ class Status(IntEnum):
     """What became of a sample; the last entry of its info."""
 
     USED = 0
-    """Taken in; the estimates are told by the data."""
+    """Taken in; the data determine the estimates."""
     STARTING = 1
-    """Taken in; the estimates are not told by the data yet: wait, or excite more."""
+    """Taken in; the data do not determine the estimates yet: wait, or excite more."""
     REJECTED = 2
     """A number in it is not finite: nothing changed, and the next sample begins a new piece."""
     CONTRADICTED = 3

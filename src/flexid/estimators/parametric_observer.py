@@ -28,7 +28,7 @@ class ParametricObserver(CompiledEstimator):
 
     The innovation of a row is the change of its velocity over the interval less its prediction, in
     rad/s; NaN for the first sample of a piece, which has no interval before it. The status is never
-    `USED`: a constant gain cannot know whether the motion has told it the coefficients, so compare
+    `USED`: a constant gain cannot know whether the motion determines the coefficients, so compare
     with least squares.
 
     Parameters

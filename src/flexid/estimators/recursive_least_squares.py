@@ -1,4 +1,4 @@
-"""Recursive least squares: a value, its standard deviation and whether it is told, any time.
+"""Recursive least squares: a value, its standard deviation and whether it is determined, any time.
 
 Each sample gives one equation per row, y = rᵀp, either from positions through the state-variable
 filter or from increments of measured velocities. With weights that fade by μ per sample,
@@ -32,7 +32,7 @@ N_BLOCKS = 40
 
 _MEMORY = 20.0  # time constants of the filter after which its past is gone: exp(-20) = 2e-9
 _INDEPENDENCE = 10.0  # time constants of the filter that a block spans at least
-_SETTLED = 5.0  # time constants of the filter before anything is said to be told
+_SETTLED = 5.0  # time constants of the filter before anything is called determined
 _BLOCKS_PER_MEMORY = 8.0  # so that 40 blocks reach back over five memories
 _VELOCITY_WINDOW = 0.25  # half window of the velocity estimate, in time constants of the filter
 _LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at that cost

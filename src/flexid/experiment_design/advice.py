@@ -47,7 +47,7 @@ class Addition:
     angular_frequency : float
         Of the added sine in rad/s; 0 where the whole input is multiplied.
     weakest : str
-        The coefficient that would then be told worst.
+        The coefficient that would then be known worst.
     width : float
         Half its predicted 95 % interval over its value.
     peak_input : float

@@ -25,7 +25,7 @@ _RANK: tuple[Verdict, ...] = ("determined", "weak", "undetermined")  # from good
 
 @dataclass(frozen=True)
 class CoefficientAssessment:
-    """How well one coefficient is told.
+    """How well one coefficient is determined.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class CoefficientAssessment:
 
 @dataclass(frozen=True)
 class Assessment:
-    """How well all coefficients are told.
+    """How well all coefficients are determined.
 
     Parameters
     ----------

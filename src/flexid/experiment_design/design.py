@@ -43,7 +43,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
     seed : int
         Of the search and of the wrong drives.
     finished : callable
-        Is told the name of each step that is done.
+        Takes the name of each step that is done.
 
     Returns
     -------
@@ -214,8 +214,8 @@ def _extremes(
             if channel not in uses or used[channel] > uses[channel].value:
                 uses[channel] = Extreme(used[channel], case.name)
         information = run.information(case, drive.position_noise)
-        told = zip(information.names, information.relative_deviations.tolist(), strict=True)
-        for name, value in told:
+        found = zip(information.names, information.relative_deviations.tolist(), strict=True)
+        for name, value in found:
             if name not in deviations or value > deviations[name].value:
                 deviations[name] = Extreme(value, case.name)
     return uses, deviations

@@ -103,7 +103,7 @@ class Drive:
             if value == 0.0:
                 raise SettingError(
                     f"parameters.{name}",
-                    "is zero, and nothing can be told to a share of zero: leave it out, or give "
+                    "is zero, and no share of zero can be known: leave it out, or give "
                     "the size that matters",
                 )
 

@@ -192,7 +192,7 @@ class Rehearsal:
             now = self._estimate(name)
             of_fit = freedom.get(now.name, least)
             ends = interval(now.value, std, of_fit if of_fit > 0.0 else least)
-            # What is as small as it is stays so while it is told as well.
+            # What is as small as it is stays so while it is determined as well.
             small = now.verdict == "determined" and std <= _SLACK * now.std
             verdicts[name], _ = verdict(now.value, ends, 0.0 if small else np.inf)
             half = 0.5 * (ends[1] - ends[0])

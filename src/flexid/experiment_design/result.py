@@ -113,5 +113,5 @@ class Design:
 
     @property
     def supported(self) -> bool:
-        """Whether every coefficient would be told to 10 % or better."""
+        """Whether every coefficient would be known to 10 % or better."""
         return self.prediction.worst <= DETERMINED_DEVIATION

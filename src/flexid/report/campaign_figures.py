@@ -96,8 +96,8 @@ def _strongest(result: Result) -> str | None:
     """The input that matters most, if one does."""
     if result.indices:
         return result.indices[0].input
-    told = [one.input for one in result.correlations if one.significant]
-    return told[0] if told else None
+    found = [one.input for one in result.correlations if one.significant]
+    return found[0] if found else None
 
 
 def _logarithmic(values: FloatArray) -> bool:

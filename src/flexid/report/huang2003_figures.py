@@ -17,7 +17,7 @@ from flexid.studies.huang2003.table1 import DURATION, UNKNOWN
 FORMATS = ("png", "pdf")
 
 NOISE = 1e-3 * TOLERANCE
-"""The integrator's absolute tolerance: smaller parameter errors are not told from zero."""
+"""The integrator's absolute tolerance: smaller parameter errors are not distinguished from zero."""
 
 COLOURS = {"1,2,3": BLUE, "1,1,3": ORANGE}
 

@@ -167,7 +167,7 @@ def break_off(state, settings):
 
 @njit(cache=True, error_model="numpy")
 def update_row(j, n, m, state, settings, regressor, target, work):
-    """One row's equation; returns innovation and whether its coefficients can be told."""
+    """One row's equation; returns innovation and whether its coefficients are determined."""
     start = ROW_STARTS[j]
     matrix, vector = matrix_of(state, EQUATIONS_AT, j), vector_of(state, EQUATIONS_AT, j)
     own_matrix, own_vector = matrix_of(state, OWN_AT, j), vector_of(state, OWN_AT, j)
@@ -219,11 +219,11 @@ def update_row(j, n, m, state, settings, regressor, target, work):
         for k in range(m):
             total -= matrix[i, k] * unknowns[k]
         explained += unknowns[i] * total
-    told = explained > LEAST_EXPLAINED * power
-    told = told and least_tolerance(factor, m, n, step) > LEAST_TOLERANCE
+    determined = explained > LEAST_EXPLAINED * power
+    determined = determined and least_tolerance(factor, m, n, step) > LEAST_TOLERANCE
     for i in range(n):
-        told = told and scale[i] > 0.0
-    return innovation, told
+        determined = determined and scale[i] > 0.0
+    return innovation, determined
 
 
 @njit(cache=True, error_model="numpy")
@@ -250,7 +250,7 @@ def take(state, sample, settings, info):
     regressor = np.empty(WIDTH)
     work = np.empty((3 + WIDTH, WIDTH))
     n_past = N_PAST if counts[PAST_GONE] == 0.0 else 0
-    all_told = counts[CLOCK] >= law[FEWEST]
+    all_determined = counts[CLOCK] >= law[FEWEST]
     for j in range(N_ROWS):
         start = ROW_STARTS[j]
         n = ROW_STARTS[j + 1] - start
@@ -259,10 +259,10 @@ def take(state, sample, settings, info):
         if n_past > 0:
             past(state[ROWS_AT:], rows, regressor, n)
         target = signals[N_COEFFICIENTS + j]
-        info[j], told = update_row(j, n, n + n_past, state, law, regressor, target, work)
-        all_told = all_told and told
+        info[j], determined = update_row(j, n, n + n_past, state, law, regressor, target, work)
+        all_determined = all_determined and determined
     counts[AGE] += 1.0
     counts[SPAN] += 1.0
     counts[CLOCK] += 1.0
-    if all_told:
+    if all_determined:
         info[N_ROWS] = USED

@@ -88,7 +88,7 @@ def scaled_equations(j, n, state, values, matrix, error):
 
 @njit(cache=True, error_model="numpy")
 def update_row(j, n, state, settings, signals, h, matrix, error):
-    """One row's equation; returns innovation and whether its coefficients can be told."""
+    """One row's equation; returns innovation and whether its coefficients are determined."""
     start = ROW_STARTS[j]
     memory = state[MATRIX_AT + j * SQUARE : MATRIX_AT + (j + 1) * SQUARE].reshape((WIDTH, WIDTH))
     vector = state[VECTOR_AT + j * WIDTH : VECTOR_AT + (j + 1) * WIDTH]
@@ -145,12 +145,14 @@ def take(state, sample, settings, info):
     signals = np.empty(N_SIGNALS)
     if not next_row(state[ROWS_AT:], sample, rows, signals):
         return
-    all_told = state[CLOCK_AT] >= law[FEWEST]
+    all_determined = state[CLOCK_AT] >= law[FEWEST]
     matrix, error = np.empty((WIDTH, WIDTH)), np.empty(WIDTH)
     for j in range(N_ROWS):
         n = ROW_STARTS[j + 1] - ROW_STARTS[j]
-        info[j], told = update_row(j, n, state, law, signals, rows[SAMPLE_TIME], matrix, error)
-        all_told = all_told and told
+        info[j], determined = update_row(
+            j, n, state, law, signals, rows[SAMPLE_TIME], matrix, error
+        )
+        all_determined = all_determined and determined
     state[CLOCK_AT] += 1.0
-    if all_told:
+    if all_determined:
         info[N_ROWS] = USED
