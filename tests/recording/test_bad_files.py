@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from joint_log import csv_text, joint_columns
 
 from flexid.errors import RecordingError
-from flexid.recording import read_log, table
+from flexid.recording import limits, read_log, table
+from flexid.recording.stream import LogStream
 
 GOOD = csv_text(joint_columns(60)).encode()
 LINES = GOOD.decode().splitlines()
@@ -162,7 +163,7 @@ TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
     "too many columns": (
         lambda lines: [line + "," + ",".join(f"{k}" if n else f"c{k}" for k in range(10_000))
                        for n, line in enumerate(lines[:4])],
-        ["line 1", "10006 columns, more than the 10000"],
+        ["10006 columns of 3 rows, more than are read at once"],
     ),
     "one endless line": (lambda lines: [",".join(lines) * 300], ["line 1", "more than 1000000"]),
     "milliseconds": (
@@ -265,6 +266,23 @@ def test_too_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "log.parquet"
     pl.DataFrame({"time": np.zeros(5000)}).write_parquet(path)
     assert "5000 rows, more than the 1000" in refusal(path)
+
+
+@pytest.mark.parametrize(("most", "columns"), [(10**9, 10_001), (999, 20)])
+def test_parquet_of_more_than_memory_holds(
+    most: int, columns: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Assert that a file of very many cells is refused before they are unpacked."""
+    monkeypatch.setattr(limits, "MOST_CELLS", most)
+    path = tmp_path / "log.parquet"
+    pl.DataFrame({f"c{k}": np.zeros(50) for k in range(columns)}).write_parquet(path)
+    words = f"there are {columns} columns of 50 rows, more than are read at once"
+    assert words in refusal(path)
+    with pytest.raises(RecordingError, match=words):
+        LogStream(path, None, 50)
+    text = path.with_suffix(".csv")
+    pl.read_parquet(path).write_csv(text)
+    assert words in refusal(text)
 
 
 def test_parquet_types(tmp_path: Path) -> None:

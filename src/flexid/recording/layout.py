@@ -16,7 +16,6 @@ BLANK = " "  # the separator where columns are separated by any number of blanks
 COMMENTS = ("#", "%", "//")
 LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
 LONGEST_LINE = 1_000_000  # bytes
-MOST_COLUMNS = 10_000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 
 
@@ -240,13 +239,6 @@ def _layout(file: str, lines: list[_Line], parts: _Parts) -> Layout:
     names = _names(header, separator)
     if not names:  # the csv module gives up
         raise RecordingError(file, place, "the header cannot be read: write shorter column names")
-    if len(names) > MOST_COLUMNS:
-        raise RecordingError(
-            file,
-            place,
-            f"there are {len(names)} columns, more than the {MOST_COLUMNS} that are read: write "
-            f"the columns of one joint",
-        )
     names = [name or f"unnamed {number}" for number, name in enumerate(names, start=1)]
     if all(map(is_number, names)):
         raise _no_header(file, header.number)

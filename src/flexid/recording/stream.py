@@ -18,6 +18,7 @@ from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.recording import checks
 from flexid.recording.columns import channel_columns, read_channels
+from flexid.recording.limits import check_cells
 from flexid.recording.read import ENCODERS, log_of_table, recording_of
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS
 from flexid.recording.stream_checks import SHOWN, Still, Wraps, listed
@@ -84,6 +85,7 @@ class LogStream:
         self._map = columns
         self._scan, self.rows = scan_parquet(path)
         self.head_rows = min(head_rows, self.rows)
+        check_cells(self.file, self.head_rows, self._scan.collect_schema().len())
         """Rows that were read and checked at once."""
         table = self._head(head_rows)
         self._columns = channel_columns(table, columns)

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.files import check_file, read_bytes, shown
-from flexid.recording.layout import MOST_COLUMNS
+from flexid.recording.limits import LARGEST_FILE, MOST_ROWS, check_cells
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
 
-LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
 LARGE_REMEDY = "identify it as Parquet with --stream, or cut the log into shorter files"
-MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each
 PARQUET_MAGIC = b"PAR1"
 PARQUET_SUFFIXES = (".parquet", ".pq")
 WANTED = "a log"
@@ -252,18 +250,12 @@ def _read_parquet(file: str, raw: bytes, digest: str) -> Table:
                 f"the file has {count} rows, more than the {MOST_ROWS} that are read at once: "
                 f"identify it with --stream, or cut the log into shorter files",
             )
+        check_cells(file, count, pl.scan_parquet(io.BytesIO(raw)).collect_schema().len())
         frame = pl.read_parquet(io.BytesIO(raw))
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise broken from error
     if frame.width == 0 or frame.height == 0:
         raise RecordingError(file, "", "the file holds no samples: export the log again")
-    if frame.width > MOST_COLUMNS:
-        raise RecordingError(
-            file,
-            "",
-            f"there are {frame.width} columns, more than the {MOST_COLUMNS} that are read: write "
-            f"the columns of one joint",
-        )
     return Table(file, "", 1, "row", frame, digest)
 
 

@@ -10,6 +10,7 @@ import polars as pl
 
 from flexid.errors import RecordingError
 from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of
+from flexid.recording.limits import check_cells
 
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -47,6 +48,7 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
     if layout.separator == BLANK:
         body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", body))
     names = layout.names
+    check_cells(file, body.count(b"\n") + 1, len(names))
     try:
         frame = pl.read_csv(
             body, separator=layout.separator, has_header=False, infer_schema=False,
