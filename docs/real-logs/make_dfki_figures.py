@@ -70,7 +70,7 @@ def energy_balance(recording: Recording) -> FloatArray:
     q, dt = recording.motor_position, recording.sample_time
     v = velocity(q, dt)
     work, path = (
-        cumulative_trapezoid(y, dx=dt, initial=0.0) for y in (recording.input * v, abs(v))
+        cumulative_trapezoid(y, dx=dt, initial=0.0) for y in (recording.needed_input * v, abs(v))
     )
     columns = np.column_stack([v**2 / 2, 1 - np.cos(q), path, q[0] - q, np.ones_like(q)])
     found, *_ = np.linalg.lstsq(columns, work, rcond=None)
@@ -83,7 +83,7 @@ def held_out(recording: Recording, terms: tuple[str, ...]) -> tuple[float, Float
 
     start = round(len(recording) * 2 / 3)
     system, values = rigid_joint(terms), values_of(fit(recording.window(0, start), terms))
-    dt, u = recording.sample_time, recording.input
+    dt, u = recording.sample_time, recording.needed_input
     first = start - round(WARM_UP / dt)
     before, after = recording.motor_position[first:start], recording.motor_position[start:]
 

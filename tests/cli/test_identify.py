@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from flexid import load
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 
@@ -348,3 +349,27 @@ def test_a_stream_prints_the_table(flexid, tmp_path):
         refused = flexid("identify", *arguments, "--stream")
         assert refused.status == 2
         assert message in refused.stderr
+
+
+def test_motion_alone_gives_the_link(flexid, good_log, tmp_path):
+    """Assert that a log without a torque leaves a table, a document and figures of the link."""
+    table = np.loadtxt(good_log, delimiter=",", skiprows=1)
+    path = tmp_path / "motion.csv"
+    header = HEADER.rpartition(",")[0]
+    np.savetxt(path, table[:, :3], delimiter=",", header=header, comments="", fmt="%.9g")
+    outcome = flexid("identify", path, "--out", tmp_path / "out", "--explain")
+    assert outcome.status == 0, outcome.stderr
+    assert "warning" not in outcome.stderr
+    assert "the link alone, since the log has no input" in " ".join(outcome.stdout.split())
+    document = json.loads((tmp_path / "out" / "estimate.json").read_text())
+    assert document["model"] == "link"
+    assert set(document["coefficients"]) == {"theta1", "theta2"}
+    for name in ("theta1", "theta2"):
+        lower, upper = document["coefficients"][name]["interval"]
+        assert lower <= TRUE[name] <= upper
+    assert {"fit.png", "estimates.png", "excitation.png"} <= {
+        file.name for file in (tmp_path / "out").iterdir()
+    }
+    assert load(tmp_path / "out" / "estimate.json").model == "link"
+    assert flexid("validate", tmp_path / "out" / "estimate.json", good_log).status == 0
+    assert flexid("excitation", path).status == 0

@@ -87,7 +87,7 @@ def test_axes_of_the_kuka(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert piece.sample_time == pytest.approx(0.004)
     np.testing.assert_allclose(piece.motor_position, np.radians(swing[0]), atol=1e-8)
     np.testing.assert_allclose(piece.deflection, np.radians(0.01 * other), atol=1e-8)
-    np.testing.assert_allclose(piece.input, 256.9 * 9.0 * swing[0], atol=1e-3)
+    np.testing.assert_allclose(piece.needed_input, 256.9 * 9.0 * swing[0], atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_input_late_by_samples_keeps_its_values():
     piece = log()
     moved = aligned(piece, delays(input_delay=3 * SAMPLE_TIME))
     assert moved.start_time == pytest.approx(piece.start_time + 3 * SAMPLE_TIME)
-    np.testing.assert_array_equal(moved.input, piece.input[:-3])
+    np.testing.assert_array_equal(moved.needed_input, piece.needed_input[:-3])
 
 
 def test_velocities_move_with_their_positions():
@@ -96,4 +96,4 @@ def test_one_encoder_has_its_input_moved():
     piece = replace(log(), link_position=None)
     moved = aligned(piece, delays(input_delay=2 * SAMPLE_TIME))
     assert moved.link_position is None
-    np.testing.assert_array_equal(moved.input, piece.input[:-2])
+    np.testing.assert_array_equal(moved.needed_input, piece.needed_input[:-2])

@@ -101,7 +101,7 @@ def test_given_offset_holds_in_every_log():
 
 def test_deflection_is_the_third_channel():
     """Assert that a flexible joint is compared in link, motor and their difference."""
-    channels = FLEXIBLE.channels_of(np.array([[3.0, 1.0], [5.0, 4.5]]))
+    channels = FLEXIBLE.channels_of(np.array([[3.0, 1.0], [5.0, 4.5]]), np.zeros((2, 1)))
     np.testing.assert_allclose(channels, [[3.0, 1.0, 2.0], [5.0, 4.5, 0.5]])
 
 

@@ -106,3 +106,39 @@ def test_skew_is_found(axis):
     assert skew.status == "found"
     assert 2.4e-3 < skew.value < 3.5e-3
     assert skew.interval[0] > 1e-3
+
+
+def test_arm_without_its_voltage_has_its_stiffness(shared_data, tmp_path):
+    """Assert that the link alone, driven by the motor's measured motion, gives its stiffness.
+
+    The best fit of others is 463 1/s^2.
+    """
+    columns = tmp_path / "columns.toml"
+    columns.write_text(
+        'time = "t_s"\n'
+        'motor_position = { column = "pot_V", scale = 35.32, unit = "deg" }\n'
+        'deflection = { column = "strain_V", scale = 1.34, unit = "deg" }\n',
+        encoding="utf-8",
+    )
+    log = read_log(shared_data / "ist-flexible-arm" / "ist_square_1p5V.csv", columns)
+    alone = identify([log])
+    assert alone.model == "link"
+    stiffness = alone.parameters["joint_stiffness_per_link_inertia"]
+    assert stiffness.value == pytest.approx(463.0, rel=0.15)
+    assert stiffness.interval[0] <= 463.0 <= stiffness.interval[1]
+    assert stiffness.verdict != "undetermined"
+    assert alone.validation.fit_percent["deflection"] > 83.0
+
+
+def test_kuka_without_torques_shows_no_stiffness(shared_data, tmp_path):
+    """Assert that the delay of 3 ms between the KUKA's encoders passes for no spring."""
+    columns = tmp_path / "columns.toml"
+    columns.write_text(
+        'time = "t_s"\n'
+        'motor_position = { column = "a1_q_mot_deg", unit = "deg" }\n'
+        'link_position = { column = "a1_q_link_deg", unit = "deg" }\n',
+        encoding="utf-8",
+    )
+    result = identify([read_log(shared_data / "kr300" / "kr300_A.csv", columns)])
+    assert not result.compliance.visible
+    assert result.coefficients["theta2"].verdict == "undetermined"

@@ -71,7 +71,6 @@ TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
         without("motor_position"),
         ["line 1", "no motor_position", "found 'time', 'link_position'", "column map"],
     ),
-    "no input": (without("motor_torque"), ["no motor_torque (or motor_current", "rename"]),
     "misspelt": (
         header("motor_position", "motor_positon"),
         ["no motor_position (did you mean 'motor_positon'?)"],

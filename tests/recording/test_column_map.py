@@ -56,7 +56,7 @@ def test_raw_columns(tmp_path: Path) -> None:
     assert piece.sample_time == pytest.approx(0.005)
     np.testing.assert_allclose(piece.motor_position, columns["motor_position"], atol=1e-12)
     np.testing.assert_allclose(piece.needed_link_position, columns["link_position"], atol=1e-12)
-    np.testing.assert_allclose(piece.input, columns["motor_torque"], atol=1e-12)
+    np.testing.assert_allclose(piece.needed_input, columns["motor_torque"], atol=1e-12)
 
 
 def test_sum_of_columns(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_gear_ratio(tmp_path: Path, written: str, ratio: float) -> None:
     (piece,) = log.pieces
     for name, values in joint_columns().items():
         if name != "time":
-            read = piece.input if name == "motor_torque" else getattr(piece, name)
+            read = piece.needed_input if name == "motor_torque" else getattr(piece, name)
             np.testing.assert_allclose(read, values, rtol=1e-12)
     for name, origin in log.columns.items():
         factor = {"motor_torque": ratio, "motor_position": 1 / ratio, "motor_velocity": 1 / ratio}
@@ -135,7 +135,7 @@ def test_side_of_the_gear(tmp_path: Path) -> None:
     log = read_log(write_csv(tmp_path, columns), map_path)
     (piece,) = log.pieces
     np.testing.assert_array_equal(piece.motor_position, columns["motor_position"])
-    np.testing.assert_allclose(piece.input, joint_columns()["motor_torque"], rtol=1e-12)
+    np.testing.assert_allclose(piece.needed_input, joint_columns()["motor_torque"], rtol=1e-12)
     assert log.columns["motor_torque"].factor == pytest.approx(101.0)
     assert log.columns["motor_position"].gear_ratio is None
 
@@ -159,7 +159,10 @@ def test_origin_is_the_formula(tmp_path: Path) -> None:
     log = read_mapped(tmp_path, text)
     frame = pl.read_csv(tmp_path / "log.csv")
     (piece,) = log.pieces
-    for name, values in (("motor_position", piece.motor_position), ("motor_voltage", piece.input)):
+    for name, values in (
+        ("motor_position", piece.motor_position),
+        ("motor_voltage", piece.needed_input),
+    ):
         origin = log.columns[name]
         total = sum(weight * frame[column] for column, weight in origin.columns.items())
         np.testing.assert_allclose(origin.factor * total + origin.offset, values, atol=1e-12)

@@ -101,7 +101,7 @@ def test_a_switched_input_does_not_overshoot(tmp_path: Path) -> None:
     columns = jittered(0.08)
     columns["motor_torque"] = np.sign(columns["motor_torque"])
     (piece,) = read_log(write_csv(tmp_path, columns)).pieces
-    assert np.abs(piece.input).max() <= 1.0
+    assert np.abs(piece.needed_input).max() <= 1.0
 
 
 def test_uneven_time(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def seen(window: Window) -> _Seen:
     recording = window.recording
     return _Seen(
         window.row, window.offset, window.start, window.stop, window.last,
-        float(recording.input[0]), len(recording),
+        float(recording.needed_input[0]), len(recording),
     )  # fmt: skip
 
 

@@ -46,7 +46,8 @@ def identify(
     """Find a drive's parameters, with intervals and verdicts.
 
     The logs are of one drive with an elastic joint: two encoders and the motor's torque, voltage or
-    current. With one encoder the joint is taken as rigid. What is auto is chosen from the logs.
+    current. With one encoder the joint is taken as rigid; without any input the link is identified
+    alone, driven by the motor's motion. What is auto is chosen from the logs.
 
     Exit status: 0 where every parameter is determined, be it weakly; 1 where one is not, and the
     answer says which and why; with --strict, 1 where one is weak, too; 2 for bad input.

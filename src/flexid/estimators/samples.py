@@ -6,6 +6,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.recording.recording import Recording
+from flexid.recording.velocities import velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,25 +48,50 @@ def samples_of_recording(recording: Recording) -> Samples:
     Raises
     ------
     RecordingError
-        If the link position was not logged.
+        If the link position or the input was not logged.
     """
     link, motor = recording.link_velocity, recording.motor_velocity
     return Samples(
         np.column_stack((recording.needed_link_position, recording.motor_position)),
         None if link is None or motor is None else np.column_stack((link, motor)),
-        recording.input[:, None].astype(np.float64),
+        recording.needed_input[:, None].astype(np.float64),
         recording.sample_time,
         recording.start_time,
     )
 
 
 def rigid_samples(recording: Recording) -> Samples:
-    """Arrays of a recording for the one row of the rigid joint: those of the motor's encoder."""
+    """Arrays of a recording for the one row of the rigid joint: those of the motor's encoder.
+
+    Raises
+    ------
+    RecordingError
+        If the input was not logged.
+    """
     velocity = recording.motor_velocity
     return Samples(
         recording.motor_position[:, None],
         None if velocity is None else velocity[:, None],
-        recording.input[:, None].astype(np.float64),
+        recording.needed_input[:, None].astype(np.float64),
+        recording.sample_time,
+        recording.start_time,
+    )
+
+
+def link_samples(recording: Recording) -> Samples:
+    """Arrays of a recording for the link's row alone, whose inputs are the motor's motion.
+
+    Raises
+    ------
+    RecordingError
+        If the link position was not logged.
+    """
+    link, motor = recording.link_velocity, recording.motor_velocity
+    motor = velocity(recording.motor_position, recording.sample_time) if motor is None else motor
+    return Samples(
+        recording.needed_link_position[:, None],
+        None if link is None else link[:, None],
+        np.column_stack((recording.motor_position, motor)),
         recording.sample_time,
         recording.start_time,
     )

@@ -35,6 +35,7 @@ _LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
 _SEEN_SAMPLES = 3.0  # times what one sample tells of a velocity; twenty tell 2500 times that
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _NOT_SOUGHT = -1
+_ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,9 @@ class Timing:
     sought : tuple of str, optional
         Those that are sought; `delays` holds where to start.
     relative_to : mapping of str to str, optional
-        A row whose position was measured as a difference to that of another row, which alone is
-        late: the deflection.
+        A row whose position was measured as a difference, which alone is late: the deflection. It
+        is named with the other row, or with an input that is a position and that the next input
+        is the velocity of.
     """
 
     hold: Hold
@@ -239,29 +241,41 @@ class SegmentedMotion:
         shortest = float(segments.sample_times.min())
         for a, delay in enumerate(late.tolist()):
             whole = round(delay / shortest)
-            reference = self._reference[a] // 2  # outputs are positions in the rows' order
+            reference = self._reference_of(a)
             for part, _ in segments.by_piece():
                 column = segments.outputs[part, a]
-                if self._reference[a] >= 0:
-                    column = column - segments.outputs[part, reference]
+                if reference is not None:
+                    column = column - reference[part]
                 places = np.clip(np.arange(len(column)) + whole, 0, len(column) - 1)
                 column = column[places]
-                if self._reference[a] >= 0:
-                    column = column + segments.outputs[part, reference]
+                if reference is not None:
+                    column = column + reference[part]
                 outputs[part, a] = column
             late[a] -= whole * shortest
         return outputs, late
 
+    def _reference_of(self, output: int) -> FloatArray | None:
+        """What an output was measured relative to, shape (n_samples,), as far as delays go."""
+        place = int(self._reference[output])
+        if place == _ABSOLUTE:
+            return None
+        if place < _ABSOLUTE:
+            return self.segments.inputs[:, _FIRST_INPUT - place]
+        return self.segments.outputs[:, place // 2]  # outputs are positions in the rows' order
+
     @cached_property
     def _reference(self) -> NDArray[np.int64]:
-        """State that each output was measured relative to, or -1."""
-        rows = [row.name for row in self.unknowns.system.rows]
+        """Place of what each output was measured relative to, as the kernel has it."""
+        system = self.unknowns.system
+        rows = [row.name for row in system.rows]
+        places = {name: 2 * place for place, name in enumerate(rows)}
+        places |= {name: _FIRST_INPUT - place for place, name in enumerate(system.inputs)}
         relative_to = self.timing.relative_to
         return np.array(
             [
-                2 * rows.index(relative_to[rows[state // 2]])
+                places[relative_to[rows[state // 2]]]
                 if rows[state // 2] in relative_to and state % 2 == 0
-                else -1
+                else _ABSOLUTE
                 for state in self.segments.measured.tolist()
             ],
             dtype=np.int64,

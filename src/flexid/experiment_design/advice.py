@@ -121,7 +121,7 @@ class _Trial:
             rate,
             found.weakest,
             found.widths[found.weakest],
-            float(np.abs(inputs).max()),
+            float(np.abs(inputs[:, 0]).max()),
             float(np.abs(positions[:, 0]).max()),
             float(np.abs(positions[:, 0] - positions[:, -1]).max()),
         )
@@ -174,11 +174,13 @@ def _tried(rehearsal: Rehearsal) -> Advice:
     """The smallest additions that suffice."""
     record = rehearsal.record
     trial = _Trial(rehearsal)
-    size = float(np.sqrt(np.mean(record.inputs**2)))
+    size = float(np.sqrt(np.mean(record.inputs[:, 0] ** 2)))
     time = record.sample_time * np.arange(len(record), dtype=np.float64)
     best = None
     for rate in _rates(rehearsal).tolist():
         wave = np.sin(rate * time)[:, None]
+        if rehearsal.model.joint.kind == "link":  # whose inputs are a position and its velocity
+            wave = np.hstack((wave, rate * np.cos(rate * time)[:, None]))
         best = (
             _smallest(
                 lambda a, wave=wave, rate=rate: trial(record.inputs + a * wave, a, rate),

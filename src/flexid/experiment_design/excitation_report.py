@@ -16,7 +16,7 @@ from flexid.experiment_design.assessment import Assessment, assess
 from flexid.experiment_design.rehearsal import Rehearsal
 from flexid.identification.full_model import Data, data_of
 from flexid.identification.identify import identify
-from flexid.identification.joint import flexible, rigid
+from flexid.identification.joint import joint_of
 from flexid.identification.preparation import prepare
 from flexid.identification.progress import Progress, silent
 from flexid.identification.rebuilt import described, given_coefficients, rebuilt
@@ -82,7 +82,7 @@ def examine(
     """
     result = identify(logs, settings, progress)
     pieces, _ = prepare(logs, settings.validation_share)
-    joint = flexible() if result.model == "flexible" else rigid()
+    joint = joint_of(result.model)
     data = data_of(joint, pieces.whole, pieces.groups)
     noise = data.noise * np.array(list(result.residual_excess.values()))
     progress("what to add")
@@ -95,7 +95,7 @@ def examine(
         advice,
         dict(zip(result.residual_excess, noise.tolist(), strict=True)),
         input_spectrum(max(data.samples, key=len)),
-        pieces.recorded[0].input_unit,
+        "rad" if result.model == "link" else pieces.recorded[0].input_unit,
     )
 
 

@@ -89,7 +89,8 @@ def aligned(piece: Recording, alignment: Alignment) -> Recording:
     """
     drive = alignment.input_delay.value / piece.sample_time
     link = -alignment.link_delay.value / piece.sample_time
-    shifted = replace(piece, input=_later_input(piece.input, drive))
+    acting = None if piece.input is None else _later_input(piece.input, drive)
+    shifted = replace(piece, input=acting)
     first, last = max(ceil(drive), 0), max(ceil(-drive), 0)
     if piece.link_position is not None and link != 0.0:
         speed = piece.link_velocity

@@ -32,7 +32,25 @@ def compare_with_rigid(structure: Structure, pieces: Pieces, flexible: Validatio
     flexible : Validation
         Of the flexible joint over the held-out ends.
     """
-    fits = _rigid_fits(structure, pieces)
+    return _compliance(pieces, flexible, _rigid_fits(structure, pieces))
+
+
+def of_link_alone(pieces: Pieces, driven: Validation) -> Compliance:
+    """Whether the spring explains the deflection that the motor's motion causes.
+
+    There is no rigid joint to compare with, where no input drives it.
+
+    Parameters
+    ----------
+    pieces : Pieces
+        With two encoders.
+    driven : Validation
+        Of the link alone over the held-out ends.
+    """
+    return _compliance(pieces, driven, {})
+
+
+def _compliance(pieces: Pieces, found: Validation, rigid_fits: dict[str, float]) -> Compliance:
     ends = [p.deflection[s:] for p, s in zip(pieces.recorded, pieces.starts, strict=True)]
     squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
     moved = float(np.sqrt(squares / sum(map(len, ends))))
@@ -40,8 +58,8 @@ def compare_with_rigid(structure: Structure, pieces: Pieces, flexible: Validatio
         float(np.hypot(position_noise(p.needed_link_position), position_noise(p.motor_position)))
         for p in pieces.recorded
     )
-    visible, reason = _judge(flexible.fit_percent["deflection"], moved, noise)
-    return Compliance(visible, reason, fits, moved, noise)
+    visible, reason = _judge(found.fit_percent["deflection"], moved, noise)
+    return Compliance(visible, reason, rigid_fits, moved, noise)
 
 
 def _rigid_fits(structure: Structure, pieces: Pieces) -> dict[str, float]:

@@ -55,7 +55,7 @@ class StoredProvenance(_Part):
 class StoredEstimate(_Part):
     """The whole file."""
 
-    model: Literal["flexible", "rigid"]
+    model: Literal["flexible", "link", "rigid"]
     coefficients: dict[str, StoredCoefficient]
     choices: StoredChoices
     provenance: StoredProvenance = StoredProvenance()

@@ -47,7 +47,7 @@ class Data:
     noise : array, shape (n_rows,)
         Standard deviation of each position's noise.
     relative_to : mapping of str to str
-        Rows whose position was measured relative to another row's.
+        Rows whose position was measured relative to another row's, or to an input.
     """
 
     samples: tuple[Samples, ...]
@@ -79,8 +79,9 @@ def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]
     largest = max(float(np.abs(piece.positions).max()) for piece in samples)
     noise = np.array([position_noise(position) for position in longest.positions.T])
     relative = {}
-    if joint.kind == "flexible" and recordings[0].link_from_deflection:
-        relative = {"link": "motor"}
+    if joint.kind != "rigid" and recordings[0].link_from_deflection:
+        # The link alone has the motor's position as its first input.
+        relative = {"link": "motor" if joint.kind == "flexible" else joint.system.inputs[0]}
     return Data(samples, tuple(groups), np.maximum(noise, _FINEST * largest), relative)
 
 

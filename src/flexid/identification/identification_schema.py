@@ -138,7 +138,7 @@ class StoredChoices(_Part):
 class StoredIdentification(_Part):
     """The whole file."""
 
-    model: Literal["flexible", "rigid"]
+    model: Literal["flexible", "link", "rigid"]
     coefficients: dict[str, StoredValue]
     parameters: dict[str, StoredValue]
     removed: dict[str, StoredValue]

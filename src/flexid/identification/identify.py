@@ -14,7 +14,8 @@ from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.absence import hidden_covariance
 from flexid.identification.alignment import Alignment, Delay, aligned
-from flexid.identification.compliance import compare_with_rigid, one_encoder
+from flexid.identification.compliance import compare_with_rigid, of_link_alone, one_encoder
+from flexid.identification.estimate import Estimate
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
 from flexid.identification.excitations import row_excitation, unexcited
 from flexid.identification.fitting import (
@@ -29,6 +30,8 @@ from flexid.identification.intervals import interval
 from flexid.identification.job import Job, job_of, predicting
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
+from flexid.identification.link_delay import confused_covariance, in_doubt
+from flexid.identification.measured_input import input_noise
 from flexid.identification.model_error import model_error, widened
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import Pieces, prepare
@@ -36,11 +39,13 @@ from flexid.identification.progress import Progress, silent
 from flexid.identification.provenance import provenance
 from flexid.identification.result import (
     Choices,
+    Compliance,
     Identification,
     ModelError,
     ObserverTrace,
     ParameterEstimate,
     TermEvidence,
+    Validation,
 )
 from flexid.identification.settings import Settings
 from flexid.identification.structure import Choice
@@ -74,7 +79,7 @@ def identify(
     ----------
     logs : sequence of Log
         Of the same drive, with the same kind of input and the same encoders. With one encoder the
-        joint is taken as rigid.
+        joint is taken as rigid; without an input the link is identified alone.
     settings : Settings, optional
         Choices; see there.
     progress : callable, optional
@@ -103,12 +108,14 @@ def identify(
     choice, validation = predicting(job, training, whole, pieces, progress, thresholds)
     progress("fit to all data")
     reported, rungs, retreat = _reported(choice, whole)
-    error = model_error(reported, rungs, thresholds)
+    error = _model_error(reported, rungs, thresholds)
     progress("what the model does without")
     full = _full(choice, whole, reported)
     filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
     scales = _scales(full, reported, pieces, filter_rate)
-    estimate = widened(reported, error).widened(hidden_covariance(reported, full, scales))
+    estimate = _widened(reported, error).widened(hidden_covariance(reported, full, scales))
+    if job.delay_in_doubt:
+        estimate = estimate.widened(confused_covariance(estimate))
     heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))
     rows = _least_squares(heavy, pieces, reported, filter_rate).rows
     unknown = (
@@ -142,13 +149,10 @@ def identify(
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
         parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
-    progress("the rigid joint as a rival")
-    compliance = (
-        compare_with_rigid(choice.structure, pieces, validation)
-        if job.joint.kind == "flexible"
-        else one_encoder()
-    )
+    compliance = _compliance(choice.structure, pieces, validation, progress)
     choices = _choices(choice, reported, full, settings, filter_rate)
+    if job.delay_in_doubt:
+        choices = replace(choices, alignment=in_doubt(choices.alignment, estimate))
     return Identification(
         model=job.joint.kind,
         coefficients=coefficients,
@@ -163,7 +167,7 @@ def identify(
         removed=_removed(job, full, given, error, parameters, thresholds),
         fit=estimate,
         choices=choices,
-        summary=summary(choices),
+        summary=summary(choices, job.joint.kind),
         warnings=(
             *(warning for log in logs for warning in log.warnings),
             *dropped,
@@ -171,7 +175,7 @@ def identify(
             *contradicted,
             *joined.against,
             *sign_warnings(coefficients),
-            *model_warnings(error),
+            *model_warnings(error, job.joint.kind),
             *validation_warnings(validation.fit_percent),
             *compliance_warnings(compliance),
         ),
@@ -193,6 +197,33 @@ def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[
                 "the held-out end: check what happened there",
             ),
         )
+
+
+def _model_error(reported: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds) -> ModelError:
+    """What the residuals say about the model; of the link, beside the noise of its input."""
+    if reported.structure.joint.kind == "link":
+        return model_error(reported, rungs, thresholds, lambda rung: input_noise(rung).excess)
+    return model_error(reported, rungs, thresholds)
+
+
+def _widened(fitted: Fitted, error: ModelError) -> Estimate:
+    """The estimate with the model's error; of the link, with the noise of its input too."""
+    if fitted.structure.joint.kind == "link":
+        return widened(fitted, error, input_noise(fitted).deviations)
+    return widened(fitted, error)
+
+
+def _compliance(
+    structure: Structure, pieces: Pieces, validation: Validation, progress: Progress
+) -> Compliance:
+    """Whether the log shows that the joint is flexible."""
+    kind = structure.joint.kind
+    if kind == "rigid":
+        return one_encoder()
+    if kind == "link":
+        return of_link_alone(pieces, validation)
+    progress("the rigid joint as a rival")
+    return compare_with_rigid(structure, pieces, validation)
 
 
 def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
@@ -227,7 +258,9 @@ def _removed(
     """Parameters of the full model that the reported one does without; none if it has no fit."""
     if not np.isfinite(full.minimum.last_step):
         return {}
-    estimate = widened(full, error)
+    estimate = _widened(full, error)
+    if job.delay_in_doubt:
+        estimate = estimate.widened(confused_covariance(estimate))
     unknowns = full.problem.unknowns
     every = coefficient_estimates(
         estimate, job.joint, unknowns, {}, without_estimate(full.at_bound, given), job.input_unit

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.identification.full_model import LINK, Data, Structure
-from flexid.identification.joint import Joint, flexible, rigid
+from flexid.identification.joint import Joint, Kind, joint_of
 from flexid.identification.judgement import Thresholds
+from flexid.identification.link_delay import CONFUSED, doubtful
 from flexid.identification.preparation import Pieces
 from flexid.identification.progress import Progress
 from flexid.identification.result import (
@@ -16,7 +17,10 @@ from flexid.identification.settings import Settings, check_for
 from flexid.identification.stated import Stated, stated
 from flexid.identification.structure import Choice, choose_structure
 from flexid.identification.validation import misprediction, validate
-from flexid.recording.recording import Hold
+from flexid.recording.recording import Hold, Recording
+
+MEASURED_HOLD: Hold = "cubic"
+"""How a measured position runs between samples: no motion has corners."""
 
 _HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 
@@ -28,19 +32,36 @@ class Job:
     Parameters
     ----------
     joint : Joint
-        Flexible or rigid.
+        Flexible, its link alone, or rigid.
     input_unit : str
-        Of the input.
+        Of the input; empty where there is none.
     stated : Stated
         What the user states of the drive.
     settings : Settings
         What the user decides.
+    deflection : bool, optional
+        Whether the deflection was measured instead of the link's position.
+    left_out : frozenset of str, optional
+        Coefficients and delays that are not considered.
     """
 
     joint: Joint
     input_unit: str
     stated: Stated
     settings: Settings
+    deflection: bool = False
+    left_out: frozenset[str] = frozenset()
+
+    @property
+    def delay_in_doubt(self) -> bool:
+        """Whether a delay of the link's encoder may pass for damping and friction.
+
+        That of a deflection's sensor cannot.
+        """
+        settings = self.settings
+        if self.joint.kind != "link" or self.deflection or settings.link_delay != "auto":
+            return False
+        return settings.terms == "auto" or {*CONFUSED} <= self.kept
 
     def chosen(
         self,
@@ -51,22 +72,20 @@ class Job:
     ) -> Choice:
         """The structure that some data show; as a rival of another, without its unusual terms."""
         settings = self.settings
+        stay = self.kept
         holds: Sequence[Hold] = _HOLDS if settings.hold == "auto" else (settings.hold,)
+        if self.joint.kind == "link":
+            holds = (MEASURED_HOLD,)
         if rival_of is not None:
             holds = (rival_of.structure.timing.hold,)
         smooth = settings.coulomb_velocity
         joint = self.joint.scaled(training.samples)
         if smooth != "auto":
             joint = joint.with_coulomb_velocity(smooth)
-        if settings.terms == "auto":
-            absent = joint.shapes
-            stay = self.stated.kept
-        else:
-            on = {c for term in settings.terms for c in joint.terms[term]}
-            absent = joint.optional - on
-            stay = on
+        absent = joint.shapes if settings.terms == "auto" else joint.optional - stay
         given, bounds = self.stated.given, self.stated.bounds
         base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
+        base = base.without(self.left_out)
         duration = settings.segment_duration
         return choose_structure(
             base,
@@ -79,10 +98,20 @@ class Job:
             thresholds,
         )
 
+    @property
+    def kept(self) -> set[str]:
+        """Coefficients that stay in the model whatever the log says."""
+        settings = self.settings
+        if settings.terms == "auto":
+            return {*self.stated.kept}
+        return {c for term in settings.terms for c in self.joint.terms[term]}
+
     def _timing(self) -> Timing:
         settings = self.settings
-        asked = {INPUT: settings.input_delay}
-        if self.joint.kind == "flexible":
+        asked = {}
+        if self.joint.kind != "link":  # which knows time only against its encoder
+            asked[INPUT] = settings.input_delay
+        if self.joint.kind != "rigid":
             asked[LINK] = settings.link_delay
         given = {name: value for name, value in asked.items() if not isinstance(value, str)}
         return Timing("zero", given, tuple(name for name in asked if name not in given))
@@ -97,9 +126,17 @@ def job_of(pieces: Pieces, settings: Settings) -> Job:
         If a setting does not suit the joint.
     """
     input_unit = pieces.recorded[0].input_unit
-    joint = rigid() if pieces.recorded[0].link_position is None else flexible()
+    joint = joint_of(_kind(pieces.recorded[0]))
     check_for(joint, settings)
-    return Job(joint, input_unit, stated(settings, joint, input_unit), settings)
+    deflection = pieces.recorded[0].link_from_deflection
+    return Job(joint, input_unit, stated(settings, joint, input_unit), settings, deflection)
+
+
+def _kind(piece: Recording) -> Kind:
+    """What can be identified from the channels of a piece."""
+    if piece.link_position is None:
+        return "rigid"
+    return "link" if piece.input is None else "flexible"
 
 
 def predicting(
@@ -115,6 +152,22 @@ def predicting(
     Terms beyond the usual ones have to pay there: a rig with too little data for them is better
     described without.
     """
+    rest = (training, whole, pieces, progress, thresholds)
+    if not job.delay_in_doubt:
+        return _predicting(job, *rest)
+    found = _predicting(replace(job, left_out=job.left_out | {LINK}), *rest)
+    impossible = doubtful(found[0].fitted.by_name) - job.kept
+    return _predicting(replace(job, left_out=impossible), *rest) if impossible else found
+
+
+def _predicting(
+    job: Job,
+    training: Data,
+    whole: Data,
+    pieces: Pieces,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> tuple[Choice, Validation]:
     choice = job.chosen(training, progress, thresholds)
     progress("predicting the held-out data")
     choice, validation = _preferred(choice, whole, pieces, thresholds)

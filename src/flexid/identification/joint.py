@@ -1,4 +1,4 @@
-"""The two models that a log is held against: the flexible joint, and the rigid one.
+"""The models that a log is held against: the flexible joint, its link alone, the rigid joint.
 
 Each is compiled twice with every term there is: as most drives are, and with terms for what a drive
 may have beside. A term that is off is a coefficient fixed at 0, so that terms can be tried and
@@ -12,7 +12,12 @@ from typing import Literal
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.samples import Samples, rigid_samples, samples_of_recording
+from flexid.estimators.samples import (
+    Samples,
+    link_samples,
+    rigid_samples,
+    samples_of_recording,
+)
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
@@ -25,12 +30,18 @@ from flexid.models.flexible_joint import (
     flexible_joint,
 )
 from flexid.models.parametric_system import ParametricSystem
-from flexid.models.physical import PhysicalParameter, physical_parameters, rigid_parameters
+from flexid.models.physical import (
+    PhysicalParameter,
+    link_parameters,
+    physical_parameters,
+    rigid_parameters,
+)
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
+from flexid.models.row_alone import row_alone
 from flexid.models.terms import SMOOTHING, with_dry_friction
 from flexid.recording.recording import Recording
 
-Kind = Literal["flexible", "rigid"]
+Kind = Literal["flexible", "link", "rigid"]
 
 _OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
 
@@ -41,12 +52,13 @@ _STRIBECK_SHARE, _HYSTERESIS_SHARE, _BACKLASH_SHARE, _SMOOTHING_SHARE = 0.05, 0.
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint with all its terms; made by `flexible` and `rigid`.
+    """A joint with all its terms; made by `flexible`, `link` and `rigid`.
 
     Parameters
     ----------
-    kind : {"flexible", "rigid"}
-        Two encoders and a spring between them, or one encoder.
+    kind : {"flexible", "link", "rigid"}
+        Two encoders and a spring between them; the same without an input, where the motor's
+        measured motion drives the link; or one encoder.
     system : ParametricSystem
         The model with every usual term, and dry friction.
     extended : ParametricSystem
@@ -82,18 +94,27 @@ class Joint:
 
     def scaled(self, pieces: Sequence[Samples]) -> "Joint":
         """The same with shapes as wide as suits the motion of some pieces, with velocities."""
-        motor = _root_mean_square([_velocities(p)[:, -1] for p in pieces])
-        smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * motor, 1e-6)})
+        last = _root_mean_square([_velocities(p)[:, -1] for p in pieces])
+        smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * last, 1e-6)})
         if self.kind == "rigid":
             return replace(self, smooth=smooth)
-        rate = _root_mean_square([np.subtract(*_velocities(p).T) for p in pieces])
-        deflection = _root_mean_square([np.subtract(*p.positions.T) for p in pieces])
+        sides = [self._both_sides(piece) for piece in pieces]
+        rate = _root_mean_square([np.subtract(*velocities.T) for _, velocities in sides])
+        deflection = _root_mean_square([np.subtract(*positions.T) for positions, _ in sides])
         widths = {
-            STRIBECK_VELOCITY: max(_STRIBECK_SHARE * motor, 1e-6),
+            STRIBECK_VELOCITY: max(_STRIBECK_SHARE * last, 1e-6),
             HYSTERESIS_VELOCITY: max(_HYSTERESIS_SHARE * rate, 1e-6),
             BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9),
         }
+        widths = {name: w for name, w in widths.items() if name in self.extended.constants}
         return replace(self, smooth=smooth, extended=self.extended.with_constants(widths))
+
+    def _both_sides(self, piece: Samples) -> tuple[FloatArray, FloatArray]:
+        """Positions and velocities of link and motor, shape (n, 2) each."""
+        if self.kind == "flexible":
+            return piece.positions, _velocities(piece)
+        motor = piece.inputs[:, :1], piece.inputs[:, 1:]
+        return np.hstack((piece.positions, motor[0])), np.hstack((_velocities(piece), motor[1]))
 
     def with_coulomb_velocity(self, velocity: float) -> "Joint":
         """The same with friction smoothed over a velocity in rad/s instead of dry."""
@@ -109,17 +130,24 @@ class Joint:
 
     def samples(self, piece: Recording) -> Samples:
         """A piece as the estimators take it."""
-        return samples_of_recording(piece) if self.kind == "flexible" else rigid_samples(piece)
+        if self.kind == "flexible":
+            return samples_of_recording(piece)
+        return link_samples(piece) if self.kind == "link" else rigid_samples(piece)
 
-    def outputs(self, piece: Recording) -> FloatArray:
-        """Measured channels, shape (n, n_channels), in rad."""
-        return self.channels_of(self.samples(piece).positions)
+    def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:
+        """Channels, shape (n, n_channels), in rad.
 
-    def channels_of(self, positions: FloatArray) -> FloatArray:
-        """Channels, shape (n, n_channels), from the positions of the rows, (n, n_rows), in rad."""
+        Parameters
+        ----------
+        positions : array, shape (n, n_rows)
+            Of the rows.
+        inputs : array, shape (n, n_inputs)
+            Of the system.
+        """
         if self.kind == "rigid":
             return positions
-        return np.column_stack((positions, positions[:, 0] - positions[:, 1]))
+        motor = inputs[:, 0] if self.kind == "link" else positions[:, 1]
+        return np.column_stack((positions, positions[:, 0] - motor))
 
     def unknowns(
         self,
@@ -160,6 +188,8 @@ class Joint:
         """Physical parameters that a set of coefficients determines."""
         if self.kind == "flexible":
             return physical_parameters(coefficients, input_is_torque)
+        if self.kind == "link":
+            return link_parameters(coefficients)
         return rigid_parameters(coefficients, input_is_torque)
 
 
@@ -180,6 +210,29 @@ def flexible() -> Joint:
     )
 
 
+def link() -> Joint:
+    """The link of the flexible joint alone, with every term of its row.
+
+    The motor's measured position and velocity are its inputs. Each coefficient is sought for
+    itself, since there is no motor's row to share one with.
+    """
+    whole = flexible()
+    smooth = row_alone(whole.smooth, "link")
+    extended = row_alone(whole.extended, "link")
+    own = {*extended.coefficients}
+    terms = {t: tuple(c for c in names if c in own) for t, names in whole.terms.items()}
+    return Joint(
+        "link",
+        row_alone(whole.system, "link"),
+        extended,
+        smooth,
+        {t: names for t, names in terms.items() if names},
+        whole.shapes & own,
+        {c: unit for c, unit in COEFFICIENT_UNITS.items() if c in own},
+        ("link_position", "deflection"),
+    )
+
+
 def rigid() -> Joint:
     """The rigid joint with every term."""
     smooth = rigid_joint(tuple(RIGID_TERMS))
@@ -194,6 +247,11 @@ def rigid() -> Joint:
         RIGID_UNITS,
         ("motor_position",),
     )
+
+
+def joint_of(kind: Kind) -> Joint:
+    """The joint of a kind."""
+    return {"flexible": flexible, "link": link, "rigid": rigid}[kind]()
 
 
 def _velocities(piece: Samples) -> FloatArray:

@@ -11,10 +11,11 @@ the variance of a motion under white noise grows with the cube of the time since
 that of an error which turns round with the motion more slowly, that of a slow one faster.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.identification.estimate import Estimate
 from flexid.identification.full_model import Fitted
 from flexid.identification.judgement import Thresholds
@@ -24,7 +25,16 @@ _WHITE = 3.0  # power of time with which the variance of a motion under white no
 _CHANCE = 3.0  # standard deviations of a sum of squares
 
 
-def model_error(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds) -> ModelError:
+def _nothing(_: Fitted) -> float:
+    return 0.0
+
+
+def model_error(
+    fitted: Fitted,
+    rungs: Sequence[Fitted],
+    thresholds: Thresholds,
+    explained: Callable[[Fitted], float] = _nothing,
+) -> ModelError:
     """Look for a model error in the residuals of a fit.
 
     Parameters
@@ -35,10 +45,13 @@ def model_error(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds)
         The same structure over segments of growing length, some longer than the reported ones.
     thresholds : Thresholds
         What counts as evidence.
+    explained : callable, optional
+        Mean square of a fit's residuals, over that of the sensors' noise, that is explained beside
+        this noise.
     """
     floor = min(max(rungs[0].excess, 1.0), thresholds.sensor_excess)
-    own = _beyond(fitted, floor, rungs[0])
-    growth = _growth(fitted, rungs, floor)
+    own = _beyond(fitted, floor + explained(fitted), rungs[0])
+    growth = _growth(fitted, rungs, floor, explained)
     if own <= 0.0:
         return ModelError(0.0, growth, 0.0)
     white, repeated = thresholds.white_growth, thresholds.repeated_growth
@@ -47,14 +60,23 @@ def model_error(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds)
     return ModelError(own / fitted.problem.degrees_of_freedom, growth, float(np.clip(share, 0, 1)))
 
 
-def widened(fitted: Fitted, error: ModelError) -> Estimate:
+def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.0) -> Estimate:
     """The estimate of a fit with the model's error in its covariance.
 
     No variance is smaller than what the sensors' noise alone makes it: blocks may agree by chance.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The fit.
+    error : ModelError
+        What its residuals say about the model.
+    of_input : array, shape (k,), optional
+        Standard deviation of each value from noise of the input, where that was measured.
     """
     estimate = Estimate.of(fitted.fit)
     with np.errstate(invalid="ignore", divide="ignore"):
-        least = fitted.unit_deviations / estimate.deviations
+        least = np.hypot(fitted.unit_deviations, of_input) / estimate.deviations
     scale = np.where(np.isfinite(least), np.maximum(least, 1.0), 1.0)
     estimate = estimate.scaled(scale)
     beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
@@ -69,13 +91,20 @@ def _beyond(fitted: Fitted, floor: float, shortest: Fitted) -> float:
     return freedom * (fitted.excess - floor) - _CHANCE * float(np.sqrt(2.0 * states))
 
 
-def _growth(fitted: Fitted, rungs: Sequence[Fitted], floor: float) -> float:
+def _growth(
+    fitted: Fitted,
+    rungs: Sequence[Fitted],
+    floor: float,
+    explained: Callable[[Fitted], float],
+) -> float:
     """Power of the segments' length with which the excess grows from the reported one on."""
     near = [r for r in rungs if r.duration >= 0.75 * fitted.duration] or list(rungs[-2:])
     if len(near) < 2:
         near = list(rungs[-2:])
     first, last = near[0], near[min(2, len(near) - 1)]
-    if first is last or first.excess <= floor or last.excess <= first.excess:
+    if first is last:
         return 0.0
-    ratio = (last.excess - floor) / (first.excess - floor)
-    return float(np.log(ratio) / np.log(last.duration / first.duration))
+    before, after = (rung.excess - floor - explained(rung) for rung in (first, last))
+    if before <= 0.0 or after <= before:
+        return 0.0
+    return float(np.log(after / before) / np.log(last.duration / first.duration))

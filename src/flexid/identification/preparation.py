@@ -95,10 +95,14 @@ def check_distinct(logs: Sequence[Log]) -> None:
 
 
 def common_input_unit(logs: Sequence[Log]) -> str:
-    """Unit of the input of all logs; refuses logs that differ in it."""
+    """Unit of the input of all logs, empty where none has one; refuses logs that differ in it."""
     units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
     if len(units) > 1:
         (first, second), sources = list(units)[:2], list(units.values())
+        if "" in units:
+            raise RecordingError(
+                units[""], "input", "is missing where other logs have one: take them one by one"
+            )
         raise RecordingError(
             sources[1],
             "input",

@@ -18,7 +18,7 @@ from flexid.estimators.segmented_motion import (
 from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model import LINK, Data, Structure
-from flexid.identification.joint import Joint, Kind, flexible, rigid
+from flexid.identification.joint import Joint, Kind, joint_of
 from flexid.identification.result import Identification
 from flexid.models.flexible_joint import SHAPES
 from flexid.recording.recording import Hold
@@ -32,7 +32,7 @@ class Described:
 
     Parameters
     ----------
-    model : {"flexible", "rigid"}
+    model : {"flexible", "link", "rigid"}
         Which joint.
     coefficients : mapping of str to float
         Those that are there; an offset of the second log is ``"offset[2]"``.
@@ -152,7 +152,7 @@ def rebuilt(described: Described, given: Collection[str] = ()) -> Rebuilt:
         If the coefficients are none of this model's, or what it needs is missing.
     """
     values = _by_coefficient(described.coefficients)
-    joint = flexible() if described.model == "flexible" else rigid()
+    joint = joint_of(described.model)
     unknown = [name for name in values if name not in joint.units]
     if unknown:
         raise SettingError(unknown[0], f"is no coefficient of the {described.model} joint")

@@ -50,14 +50,9 @@ class ValueEstimate:
     interval: tuple[float, float]
     verdict: Verdict
     reason: str = ""
-    degrees_of_freedom: float = field(default=np.inf, repr=False)
-    logarithmic: bool = field(default=False, repr=False)
+    degrees_of_freedom: float = np.inf
+    logarithmic: bool = False
     slopes: Mapping[str, float] = field(default_factory=dict, repr=False)
-
-    def __str__(self) -> str:
-        low, high = self.interval
-        numbers = f"{self.value:.6g} [{low:.6g}, {high:.6g}]"
-        return f"{self.name} = {numbers} {self.unit}, {self.verdict}"
 
     def interval_at(self, level: float) -> tuple[float, float]:
         """Interval at any level, which is a probability such as 0.99.
@@ -105,8 +100,9 @@ class Validation:
     Parameters
     ----------
     fit_percent : mapping of str to float
-        100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) for link_position, motor_position and deflection, or for
-        motor_position alone where the joint is rigid.
+        100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) for link_position, motor_position and deflection; for
+        motor_position alone where the joint is rigid; for link_position and deflection where the
+        motor's measured motion drives the link.
     runs : tuple of FreeRun
         One per held-out stretch.
     horizons : mapping of float to mapping of str to float
@@ -151,7 +147,8 @@ class Compliance:
     reason : str
         One sentence that gives it.
     rigid_fit_percent : mapping of str to float
-        Free-run fit of the rigid joint, beside that of the flexible one; NaN where none was run.
+        Free-run fit of the rigid joint, beside that of the flexible one; NaN where none was run,
+        and empty where there is none to run.
     deflection : float
         Root mean square of the held-out deflection about its mean, rad.
     deflection_noise : float
@@ -273,8 +270,9 @@ class Identification:
 
     Parameters
     ----------
-    model : {"flexible", "rigid"}
-        What was identified: the flexible joint, or the rigid one where there is one encoder.
+    model : {"flexible", "link", "rigid"}
+        What was identified: the flexible joint; its link alone where there is no input; or the
+        rigid joint where there is one encoder.
     coefficients : mapping of str to CoefficientEstimate
         By name, in the model's order.
     parameters : mapping of str to ParameterEstimate

@@ -8,7 +8,7 @@ from typing import Literal
 
 from flexid.errors import SettingError
 from flexid.identification.intervals import POSITIVE
-from flexid.identification.joint import Joint
+from flexid.identification.joint import Joint, Kind
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS
 from flexid.models.physical import PARAMETER_NAMES
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
@@ -21,6 +21,12 @@ _FLEXIBLE = TERMS | SHAPE_TERMS
 _TERMS = dict.fromkeys([*_FLEXIBLE, *RIGID_TERMS])
 _NAMES = dict.fromkeys([*PARAMETER_NAMES, *_COEFFICIENTS])
 _POSITIVE = POSITIVE | {"motor_inertia", "link_inertia", "inertia", "joint_stiffness"}
+
+_SEEN: dict[Kind, str] = {
+    "flexible": "the flexible joint, which two encoders show",
+    "link": "the link alone, which is all that a log without an input shows",
+    "rigid": "the rigid joint, which is all that one encoder shows",
+}
 
 Auto = Literal["auto"]
 
@@ -100,15 +106,14 @@ class Settings:
 
 def check_for(joint: Joint, settings: Settings) -> None:
     """Raise `SettingError` for what a joint does not have, or what contradicts itself."""
-    what = "two encoders show" if joint.kind == "flexible" else "is all that one encoder shows"
-    terms = _FLEXIBLE if joint.kind == "flexible" else RIGID_TERMS
+    what = _SEEN[joint.kind]
+    terms = joint.terms
     chosen = () if settings.terms == "auto" else settings.terms
     for term in chosen:
         if term not in terms:
             raise SettingError(
                 "terms",
-                f"{term!r} is no term of the {joint.kind} joint, which {what}; it has "
-                f"{', '.join(terms)}",
+                f"{term!r} is no term of {what}; it has {', '.join(terms)}",
             )
     if joint.kind == "rigid" and "motor_inertia" in settings.known:
         raise SettingError(
@@ -116,6 +121,13 @@ def check_for(joint: Joint, settings: Settings) -> None:
             "motor_inertia says nothing about the inertia of motor and link together, which is all "
             "that one encoder shows: give beta1, the inverse of that",
         )
+    if joint.kind == "link":
+        for setting in ("hold", "input_delay"):
+            if getattr(settings, setting) != "auto":
+                raise SettingError(
+                    setting.replace("_", "-"),
+                    "the log has no input that it could be true of: leave it",
+                )
 
 
 def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:

@@ -101,7 +101,7 @@ def stream_result(
         removed={name: p for name, p in head.removed.items() if name not in parameters},
         fit=estimate,
         choices=choices,
-        summary=(*summary(choices), _sentence(stream, held_out)),
+        summary=(*summary(choices, head.model), _sentence(stream, held_out)),
         warnings=(
             *stream.head.warnings,
             *stream.warnings,
@@ -109,7 +109,7 @@ def stream_result(
             *contradicted,
             *joined.against,
             *sign_warnings(estimates),
-            *model_warnings(head.model_error),
+            *model_warnings(head.model_error, head.model),
             *validation_warnings(predicted.validation.fit_percent),
             *compliance_warnings(head.compliance),
         ),

@@ -17,7 +17,7 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.alignment import Alignment, aligned
 from flexid.identification.fitting import smooth_unknowns
 from flexid.identification.full_model import Structure
-from flexid.identification.joint import Joint, flexible, rigid
+from flexid.identification.joint import Joint, joint_of
 from flexid.identification.preparation import prepare
 from flexid.identification.result import Choices, Identification
 from flexid.identification.settings import Settings
@@ -121,7 +121,7 @@ def stream_task(stream: LogStream, head: Identification, settings: Settings) -> 
     """The choices of the head's identification, and the problem that they make."""
     choices = head.choices
     pieces, _ = prepare([stream.head], settings.validation_share)
-    joint = rigid() if head.model == "rigid" else flexible()
+    joint = joint_of(head.model)
     # As wide as in the head, whose shapes are those of the data before its held-out ends.
     joint = joint.scaled([joint.samples(piece) for piece in pieces.fitted])
     if choices.coulomb_velocity is not None:

@@ -1,29 +1,33 @@
 """What was chosen and why, in three sentences."""
 
 from flexid.identification.alignment import Alignment, Delay
+from flexid.identification.joint import Kind
 from flexid.identification.result import Choices
 
 _HOLDS = {"zero": "held between samples", "linear": "on straight lines", "cubic": "smoothly"}
 
 
-def summary(choices: Choices) -> tuple[str, str, str]:
+def summary(choices: Choices, model: Kind) -> tuple[str, str, str]:
     """Terms, alignment and estimator, a sentence each.
 
     Parameters
     ----------
     choices : Choices
         What was chosen.
+    model : {"flexible", "link", "rigid"}
+        What was identified.
     """
     return (
-        _model_sentence(choices),
-        _alignment_sentence(choices.alignment),
+        _model_sentence(choices, model),
+        _alignment_sentence(choices.alignment, model),
         _estimator_sentence(choices),
     )
 
 
-def _model_sentence(choices: Choices) -> str:
+def _model_sentence(choices: Choices, model: Kind) -> str:
     named = ", ".join(choices.terms) or "no further term"
-    sentence = f"Model: {named}"
+    alone = "the link alone, since the log has no input, with " if model == "link" else ""
+    sentence = f"Model: {alone}{named}"
     kept = [e for e in choices.term_evidence if e.kept and not e.name.endswith("delay")]
     gone = [e for e in choices.term_evidence if not e.kept and not e.name.endswith("delay")]
     if kept and choices.term_evidence:
@@ -40,12 +44,23 @@ def _deviations(value: float, std: float) -> str:
     return f"{ratio:.2g} standard deviations" if ratio < 100.0 else "over 100 standard deviations"
 
 
-def _alignment_sentence(alignment: Alignment) -> str:
-    delays = [
-        _delay("input", alignment.input_delay),
-        _delay("link encoder", alignment.link_delay),
-    ]
-    return f"Time: the input runs {_HOLDS[alignment.hold]}; {', '.join(delays)}."
+def _alignment_sentence(alignment: Alignment, model: Kind) -> str:
+    link = _delay("link encoder", alignment.link_delay)
+    if model == "link":
+        return f"Time: the motor's measured position drives the link; {link}{_doubt(alignment)}."
+    delays = f"{_delay('input', alignment.input_delay)}, {link}"
+    return f"Time: the input runs {_HOLDS[alignment.hold]}; {delays}."
+
+
+def _doubt(alignment: Alignment) -> str:
+    """What the link alone cannot tell from a delay."""
+    lower, upper = (1e3 * end for end in alignment.link_delay.interval)
+    if alignment.link_delay.status != "none" or lower == upper:
+        return ""
+    return (
+        f", though one of {lower:.3g} to {upper:.3g} ms would pass for damping and friction: give "
+        f"--link-delay if you know it"
+    )
 
 
 def _delay(channel: str, delay: Delay) -> str:

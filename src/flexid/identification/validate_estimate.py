@@ -21,6 +21,7 @@ from flexid.identification.rebuilt import Described, Rebuilt, averaged_offsets, 
 from flexid.identification.result import Validation
 from flexid.identification.validation import validate_with
 from flexid.recording.recording import Log, Recording
+from flexid.recording.velocities import position_noise
 from flexid.toml_file import validated
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ class EstimateValidation(Validation):
 
     Parameters
     ----------
-    model : {"flexible", "rigid"}
+    model : {"flexible", "link", "rigid"}
         The joint of the estimate.
     residuals : mapping of float to mapping of str to float
         Root mean square in rad of what each channel is off, by horizon in s; infinite for the free
@@ -148,7 +149,7 @@ def _pieces(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]
     """Pieces that are long enough, and a sentence for each that is not."""
     pieces, dropped = [], []
     for piece in (piece for log in logs for piece in log.pieces):
-        if kind == "flexible" and piece.link_position is None:
+        if kind != "rigid" and piece.link_position is None:
             raise RecordingError(
                 piece.source,
                 "link_position",
@@ -172,6 +173,8 @@ def _pieces(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]
 def _check_unit(name: str, stored: "StoredEstimate", logs: Sequence[Log]) -> None:
     """Refuse logs whose input is another quantity than that of the estimate."""
     unit = common_input_unit(logs)
+    if stored.model == "link":  # driven by the motor's motion, whatever the logs have beside it
+        return
     gain = stored.coefficients["beta1"].unit
     shown = f"({unit})" if " " in unit else unit
     if gain and not gain.endswith(f"/{shown}"):
@@ -188,7 +191,10 @@ def _residuals(
     """Root mean square of what each channel is off, by horizon."""
     squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in found.runs)
     free = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in found.runs))
-    held = [joint.channels_of(p.positions)[s:] for p, s in zip(data.samples, starts, strict=True)]
+    held = [
+        joint.channels_of(p.positions, p.inputs)[s:]
+        for p, s in zip(data.samples, starts, strict=True)
+    ]
     moved = sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in held)
     spread = np.sqrt(np.asarray(moved) / sum(map(len, held)))
     by_horizon = {
@@ -201,6 +207,9 @@ def _residuals(
 def _noise(joint: Joint, data: Data) -> dict[str, float]:
     if joint.kind == "rigid":
         return _by_channel(joint, data.noise)
+    if joint.kind == "link":
+        motor = position_noise(max(data.samples, key=len).inputs[:, 0])
+        return _by_channel(joint, np.array([data.noise[0], np.hypot(data.noise[0], motor)]))
     return _by_channel(joint, np.array([*data.noise, np.hypot(*data.noise)]))
 
 

@@ -164,8 +164,9 @@ def _predictions(
     for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):
         part = slice(first + skipped, first + length)
         seen = measured[part]
-        channels = joint.channels_of(seen)
-        predicted = joint.channels_of(seen - equations.residuals[part])
+        inputs = windows.inputs[part]
+        channels = joint.channels_of(seen, inputs)
+        predicted = joint.channels_of(seen - equations.residuals[part], inputs)
         if equations.diverged[s]:
             predicted = np.full_like(channels, np.inf)
         samples = data.samples[pieces[s]]
@@ -191,7 +192,7 @@ def _windows(
 
 def _spreads(joint: Joint, data: Data, starts: Sequence[int]) -> FloatArray:
     """Root mean square of the held-out motion about its mean, per channel; NaN where it rests."""
-    every = [joint.channels_of(piece.positions) for piece in data.samples]
+    every = [joint.channels_of(piece.positions, piece.inputs) for piece in data.samples]
     held = _spread([y[start:] for y, start in zip(every, starts, strict=True)])
     fitted = _spread([y[:start] for y, start in zip(every, starts, strict=True)])
     return np.where(held < _REST * fitted, np.nan, held)

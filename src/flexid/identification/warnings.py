@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from math import isfinite, isnan
 
 from flexid.identification.compliance import WEAK_FIT
+from flexid.identification.joint import Kind
 from flexid.identification.result import CoefficientEstimate, Compliance, ModelError
 
 _SIGN_ADVICE = {
@@ -36,9 +37,15 @@ def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
             )
 
 
-def model_warnings(error: ModelError) -> Iterator[str]:
+def model_warnings(error: ModelError, model: Kind) -> Iterator[str]:
     """Warn of residuals that show a drive which no model here describes."""
-    if error.share > 0.0:
+    if error.share > 0.0 and model == "link":
+        yield (
+            f"the residuals are {(1.0 + error.excess) ** 0.5:.3g} times the sensors' noise: the "
+            f"joint has something that no term here describes, or an encoder is not as even as it "
+            f"is fine; the intervals make allowance for that"
+        )
+    elif error.share > 0.0:
         yield (
             f"the residuals are {(1.0 + error.excess) ** 0.5:.3g} times the sensors' noise, and do "
             f"not grow as noise of the torque would: the drive has something that no term here "
@@ -49,7 +56,7 @@ def model_warnings(error: ModelError) -> Iterator[str]:
 
 def compliance_warnings(compliance: Compliance) -> Iterator[str]:
     """Warn where two encoders show no compliance."""
-    if compliance.rigid_fit_percent and not compliance.visible:
+    if isfinite(compliance.deflection) and not compliance.visible:
         yield (
             f"no compliance to see: {compliance.reason}; trust no stiffness, and excite the joint "
             f"harder or log finer"

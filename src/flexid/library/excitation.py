@@ -1,9 +1,8 @@
 """What a log can say, and what to add: `flexid.excitation`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from flexid.identification.progress import Progress, silent
 from flexid.library.answer import Answer, html_figure
 from flexid.library.entrance import entrance
 from flexid.library.joint_estimate import JointEstimate
@@ -94,6 +93,10 @@ class LogExcitation(Answer):
         return super()._repr_html_() + html_figure(self.plot())
 
 
+def _silent(_: str) -> None:
+    pass
+
+
 @entrance
 @in_one_thread
 def excitation(
@@ -110,7 +113,7 @@ def excitation(
     filter_rate: "AutoNumber" = "auto",
     segment_duration: "AutoNumber" = "auto",
     validation_share: float = 1 / 3,
-    progress: Progress = silent,
+    progress: Callable[[str], None] = _silent,
 ) -> LogExcitation:
     """Say how well a log determines each coefficient, which are confounded, and what to add.
 

@@ -56,7 +56,7 @@ class JointEstimate(Answer):
 
     @property
     def model(self) -> str:
-        """``"flexible"``, or ``"rigid"`` where the log has one encoder."""
+        """``"flexible"``; ``"link"`` where there is no input, ``"rigid"`` with one encoder."""
         return self.result.model
 
     @property

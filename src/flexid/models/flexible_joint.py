@@ -146,8 +146,9 @@ COEFFICIENT_UNITS: dict[str, str] = {
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
 
 DISSIPATIVE = frozenset(
-    {"alpha2", "theta_viscous", "alpha_damping", "theta_coulomb", "alpha_coulomb"}
-    | {"alpha_hysteresis", "alpha_drag", "theta_drag", "gamma_viscous", "gamma_coulomb"}
+    {"alpha2", "alpha_damping", "alpha_coulomb", "alpha_hysteresis", "alpha_drag"}
+    | {"theta_viscous", "theta_damping", "theta_coulomb", "theta_hysteresis", "theta_drag"}
+    | {"gamma_viscous", "gamma_coulomb"}
 )
 """Frictions and dampings, which no drive has negative."""
 

@@ -234,6 +234,22 @@ _RATIOS: tuple[PhysicalParameter, ...] = (
 """What is left when the input is no torque: nothing absolute, only ratios."""
 
 
+_LINK_RATIOS: tuple[PhysicalParameter, ...] = (
+    Product("gravity_torque_per_link_inertia", "1/s^2", {"theta1": 1}),
+    Amplitude("gravity_torque_per_link_inertia", "1/s^2", "theta1", "theta_cosine"),
+    _GRAVITY_ANGLE,
+    Product("joint_stiffness_per_link_inertia", "1/s^2", {"theta2": 1}),
+    Product("viscous_friction_per_link_inertia", "1/s", {"theta_viscous": 1}),
+    Product("coulomb_friction_per_link_inertia", "1/s^2", {"theta_coulomb": 1}),
+    Product("joint_damping_per_link_inertia", "1/s", {"theta_damping": 1}),
+    Product("cubic_joint_stiffness_per_link_inertia", "1/(rad^2 s^2)", {"theta_cubic": 1}),
+    Product("offset_torque_per_link_inertia", "1/s^2", {"theta_offset": 1}),
+    Product("half_backlash", "rad", {"theta_backlash": 1, "theta2": -1}),
+    Product("eccentricity_sine", "rad", {"theta_ecc_sine": 1, "theta2": -1}),
+    Product("eccentricity_cosine", "rad", {"theta_ecc_cosine": 1, "theta2": -1}),
+)
+"""What the link's row alone gives, which knows no torque."""
+
 _RIGID_WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("gravity_torque", "N m", {"gamma1": 1, "beta1": -1}),
     Amplitude("gravity_torque", "N m", "gamma1", "gamma_cosine", {"beta1": -1}),
@@ -284,6 +300,14 @@ def physical_parameters(
         ``gravity_angle`` the link encoder's reading where the link hangs straight down.
     """
     return _determined(_WITH_TORQUE if input_is_torque else _RATIOS, coefficients)
+
+
+def link_parameters(coefficients: Collection[str]) -> tuple[PhysicalParameter, ...]:
+    """Physical parameters that the link's row alone determines; as `physical_parameters`.
+
+    All are relative to the link's inertia, which no log without a torque shows.
+    """
+    return _determined(_LINK_RATIOS, coefficients)
 
 
 def rigid_parameters(

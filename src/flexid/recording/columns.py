@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from flexid.recording.table import Table
 
 _LINK = "link_position (or deflection)"
+_INPUT = "motor_torque (or motor_current, or motor_voltage)"
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
 
 
@@ -180,12 +181,15 @@ def _add_usual(table: Table, plan: _Plan) -> None:
 
 
 def _require(table: Table, plan: _Plan) -> None:
-    """Raise unless time, a position and an input are there; warn if the link position is not."""
+    """Raise unless time, the motor's position and one of link position and input are there.
+
+    Warn if there is no link position, or no input but a column that looks like one.
+    """
     choices = {
         "time": ("time",),
         "motor_position": ("motor_position",),
         _LINK: ("link_position", "deflection"),
-        "motor_torque (or motor_current, or motor_voltage)": INPUTS,
+        _INPUT: INPUTS,
     }
     missing = [label for label, names in choices.items() if not plan.available & set(names)]
     if not missing:
@@ -198,6 +202,15 @@ def _require(table: Table, plan: _Plan) -> None:
     hints = [did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
     what = "a column map" if plan.column_map is None else f"the column map {plan.column_map.file}"
+    if missing == [_INPUT]:
+        likely = [name for name in bare if (usual := usual_channel(name)) and usual[0] in INPUTS]
+        if hints[0] or likely:
+            which = quoted(likely) if likely else "that column"
+            plan.warnings.append(
+                f"{table.file}: there is no {labels}, so only the link can be identified: to "
+                f"identify the motor too, name {which} in {what}"
+            )
+        return
     if missing != [_LINK]:
         raise RecordingError(
             table.file,

@@ -143,7 +143,7 @@ def recording_of(
     resample : bool, optional
         Whether to interpolate to even times.
     """
-    drive_name = next(name for name in INPUTS if name in channels)
+    drive_name = next((name for name in INPUTS if name in channels), None)
 
     def sampled(name: str) -> FloatArray:
         values = channels[name].values[part]
@@ -156,8 +156,8 @@ def recording_of(
         start_time=float(time[part.start]),
         link_position=sampled("link_position") if "link_position" in channels else None,
         motor_position=sampled("motor_position"),
-        input=sampled(drive_name),
-        input_unit=channels[drive_name].unit,
+        input=None if drive_name is None else sampled(drive_name),
+        input_unit="" if drive_name is None else channels[drive_name].unit,
         link_velocity=sampled("link_velocity") if "link_velocity" in channels else None,
         motor_velocity=sampled("motor_velocity") if "motor_velocity" in channels else None,
         source=file,

@@ -32,10 +32,10 @@ class Recording:
         Link angle in rad; None where only one encoder was logged.
     motor_position : FloatArray, shape (n,)
         Motor angle in rad, at the link side of the gear; of a drive with one encoder, its angle.
-    input : FloatArray, shape (n,)
-        What drives the motor, in `input_unit`.
+    input : FloatArray, shape (n,), or None
+        What drives the motor, in `input_unit`; None where only positions were logged.
     input_unit : str
-        ``"N m"``, ``"V"`` or ``"A"``.
+        ``"N m"``, ``"V"`` or ``"A"``; empty where there is no input.
     link_velocity, motor_velocity : FloatArray, shape (n,), or None
         Velocities in rad/s; None where they were not measured.
     source : str
@@ -54,7 +54,7 @@ class Recording:
     start_time: float
     link_position: FloatArray | None
     motor_position: FloatArray
-    input: FloatArray
+    input: FloatArray | None
     input_unit: str
     link_velocity: FloatArray | None = None
     motor_velocity: FloatArray | None = None
@@ -68,20 +68,12 @@ class Recording:
                 raise RecordingError(
                     self.source or "recording",
                     name,
-                    f"the channel has shape {values.shape} where the input has "
-                    f"{self.input.shape}: give every channel one value per sample",
+                    f"the channel has shape {values.shape} where the motor's position has "
+                    f"{self.motor_position.shape}: give every channel one value per sample",
                 )
 
     def __len__(self) -> int:
-        return int(self.input.shape[0])
-
-    def __repr__(self) -> str:
-        units = {"input": f"input ({self.input_unit})"}
-        there = [units.get(c, c) for c in CHANNELS if getattr(self, c) is not None]
-        return (
-            f"<Recording of {self.source or 'arrays'}: {len(self)} samples every "
-            f"{self.sample_time:g} s, {', '.join(there)}>"
-        )
+        return int(self.motor_position.shape[0])
 
     @property
     def time(self) -> FloatArray:
@@ -105,6 +97,24 @@ class Recording:
                 "it, or identify the rigid joint",
             )
         return self.link_position
+
+    @property
+    def needed_input(self) -> FloatArray:
+        """What drives the motor, shape (n,), in `input_unit`.
+
+        Raises
+        ------
+        RecordingError
+            If it was not logged.
+        """
+        if self.input is None:
+            raise RecordingError(
+                self.source or "recording",
+                "input",
+                "no torque, current or voltage was logged, and nothing can be said of the motor "
+                "without it: log it, or identify the link alone",
+            )
+        return self.input
 
     @property
     def deflection(self) -> FloatArray:
@@ -148,7 +158,7 @@ class Recording:
             start_time=self.start_time + start_index * self.sample_time,
             link_position=None if self.link_position is None else self.link_position[part],
             motor_position=self.motor_position[part],
-            input=self.input[part],
+            input=None if self.input is None else self.input[part],
             input_unit=self.input_unit,
             link_velocity=None if self.link_velocity is None else self.link_velocity[part],
             motor_velocity=None if self.motor_velocity is None else self.motor_velocity[part],
@@ -180,10 +190,6 @@ class Log:
     source: str
     sha256: str
     columns: Mapping[str, Origin] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        pieces = ", ".join(f"{len(piece) * piece.sample_time:g} s" for piece in self.pieces)
-        return f"<Log {self.source}: {pieces}>"
 
     @property
     def provenance(self) -> dict[str, object]:

@@ -20,8 +20,9 @@ def explanation(result: Identification) -> Iterator[Part]:
         yield _terms(choices)
     if len(choices.segment_evidence) > 1:
         yield _segments(choices)
-    yield _delays(choices)
-    yield Text(f"Input hold {choices.hold}: {choices.alignment.hold_reason}")
+    yield _delays(result)
+    if result.model != "link":
+        yield Text(f"Input hold {choices.hold}: {choices.alignment.hold_reason}")
     if choices.coulomb_velocity is not None:
         yield Text(f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s")
     yield Text()
@@ -58,11 +59,14 @@ def _segments(choices: Choices) -> Table:
     return table
 
 
-def _delays(choices: Choices) -> Table:
+def _delays(result: Identification) -> Table:
     columns = (Column("channel"), *numbers("late by", "95 % interval"), Column(""))
     table = Table("Time against the motor's encoder", columns)
-    alignment = choices.alignment
-    for name, delay in (("input", alignment.input_delay), ("link", alignment.link_delay)):
+    alignment = result.choices.alignment
+    channels = {"input": alignment.input_delay, "link": alignment.link_delay}
+    if result.model == "link":
+        del channels["input"]
+    for name, delay in channels.items():
         value, interval = value_cells(*(1e3 * x for x in (delay.value, *delay.interval)))
         table.add(name, value.with_unit("ms"), interval.with_unit("ms"), delay.status)
     return table

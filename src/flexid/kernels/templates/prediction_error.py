@@ -201,9 +201,10 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
               state; segment s is made up of the blocks first_blocks[s] to first_blocks[s + 1] - 1,
               all of about the same length
     sensors   outputs, shape (n, n_outputs), and of each column a the state that it measures, less
-              the state reference[a], if that is not -1, as far as delays go; the delay in s, the
-              place of that among what is sought (-1: not sought), and the weight: one over the
-              standard deviation
+              the state reference[a], if that is not -1, or less the input -2 - reference[a], if
+              that is below, of which the next input is the velocity, as far as delays go; the
+              delay in s, the place of that among what is sought (-1: not sought), and the weight:
+              one over the standard deviation
     model     drives[k], of each input over the interval from sample k on its start and its change,
               and the derivatives of both by the delay; coefficients of each segment; constants;
               which rows can stick
@@ -266,6 +267,10 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
                         if reference[a] >= 0:
                             speed -= z[reference[a] + 1, j]
                             acceleration -= rate[reference[a] + 1, j]
+                        elif reference[a] < -1 and j == 0:
+                            i = -1 - reference[a]  # the input after it, which is its velocity
+                            speed -= drives[k, i, 0]
+                            acceleration -= drives[k, i, 1] / h
                         row[j] += late[a] * (0.5 * late[a] * acceleration - speed)
                         if j == 0 and late_columns[a] >= 0:
                             row[1 + late_columns[a]] = late[a] * acceleration - speed

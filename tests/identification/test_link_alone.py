@@ -1,0 +1,228 @@
+"""The link alone, from logs of motion without an input, against drives that are not flexid's."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from made_joint import log, made
+from scipy.interpolate import CubicSpline
+
+from flexid.errors import RecordingError, SettingError
+from flexid.estimators.segmented_motion import INPUT
+from flexid.identification.estimate import Estimate
+from flexid.identification.identify import identify
+from flexid.identification.joint import link
+from flexid.identification.link_delay import confused_covariance, doubtful, possible
+from flexid.identification.settings import Settings
+from flexid.recording.recording import Log, Recording
+
+STEP = 2.0 * np.pi / 2**14  # of an encoder
+
+
+def motion(seed: int, *, step: float = 0.0, **more: Any) -> Log:
+    """A made log without its torque; encoders with steps in rad, if asked."""
+    piece = made(seed, **more)
+    assert piece.link_position is not None
+    positions = [piece.link_position, piece.motor_position]
+    if step:
+        positions = [step * np.round(q / step) for q in positions]
+    return log(
+        replace(
+            piece,
+            link_position=positions[0],
+            motor_position=positions[1],
+            input=None,
+            input_unit="",
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """A log of the paper's joint, motion alone, identified without any setting."""
+    return identify([motion(1)])
+
+
+def test_link_is_found_without_a_torque(alone):
+    """Assert that stiffness and gravity over the link's inertia are found, and nothing else."""
+    assert alone.model == "link"
+    truth = {"joint_stiffness_per_link_inertia": 100.0, "gravity_torque_per_link_inertia": 5.0}
+    assert set(alone.parameters) == set(truth)
+    for name, true in truth.items():
+        found = alone.parameters[name]
+        assert found.value == pytest.approx(true, rel=1e-4)
+        assert found.interval[0] <= true <= found.interval[1]
+        assert found.verdict == "determined"
+        assert found.unit == "1/s^2"
+
+
+def test_nothing_is_amiss(alone):
+    """Assert that a log without a torque is no reason for a warning, and is said to be one."""
+    assert alone.warnings == ()
+    assert {c.verdict for c in alone.coefficients.values()} == {"determined"}
+    assert "the link alone, since the log has no input" in alone.summary[0]
+    assert "the motor's measured position drives the link" in alone.summary[1]
+
+
+def test_link_follows_the_measured_motor(alone):
+    """Assert that the held-out motion of the link is repeated to the noise, given the motor's."""
+    assert set(alone.validation.fit_percent) == {"link_position", "deflection"}
+    assert all(fit > 99.9 for fit in alone.validation.fit_percent.values())
+    assert list(alone.validation.horizons) == [0.05, 0.2, 1.0]
+    assert alone.compliance.visible
+    assert set(alone.residual_excess) == {"link_position"}
+
+
+def test_what_the_motor_does_is_of_no_account():
+    """Assert that friction and an unknown torque on the motor's side change nothing."""
+    result = identify([motion(2, motor_coulomb_up=3.0, motor_coulomb_down=3.0, torque_noise=0.5)])
+    assert result.parameters["joint_stiffness_per_link_inertia"].value == pytest.approx(
+        100.0, rel=1e-3
+    )
+    assert result.choices.terms == ("gravity",)
+
+
+SETTINGS = Settings(terms=("gravity",), link_delay=0.0, segment_duration=1.0)
+
+
+def test_intervals_allow_for_the_motor_encoder():
+    """Assert that of twenty logs with 14-bit encoders about one interval in twenty misses.
+
+    The noise of the motor's encoder is one of the input: it moves the link of the model.
+    """
+    inside = []
+    for seed in range(20):
+        result = identify(
+            [motion(100 + seed, step=STEP, motor_coulomb_up=2.0, motor_coulomb_down=2.0)], SETTINGS
+        )
+        for name, true in {"theta1": 5.0, "theta2": 100.0}.items():
+            found = result.coefficients[name]
+            assert found.value == pytest.approx(true, rel=2e-3)
+            inside.append(found.interval[0] <= true <= found.interval[1])
+    assert sum(inside) >= 34
+
+
+def test_late_encoder_is_no_negative_damping():
+    """Assert that a link encoder that is 2 ms late is found to be, and no friction in its place."""
+    result = identify([motion(3, link_delay=2e-3)])
+    assert result.choices.terms == ("gravity",)
+    delay = result.choices.alignment.link_delay
+    assert delay.status == "found"
+    assert delay.value == pytest.approx(2e-3, abs=5e-5)
+    assert result.parameters["joint_stiffness_per_link_inertia"].value == pytest.approx(
+        100.0, rel=1e-3
+    )
+
+
+@pytest.fixture(scope="module")
+def damped():
+    """A log with damping of the joint and friction of the link."""
+    return motion(4, joint_damping=0.5, link_viscous=0.3)
+
+
+def test_delay_may_pass_for_damping(damped):
+    """Assert that damping and friction span what a delay of the encoder would make of them."""
+    result = identify([damped])
+    assert {"joint_damping", "link_viscous"} <= set(result.choices.terms)
+    lower, upper = result.choices.alignment.link_delay.interval
+    assert lower == pytest.approx(-5e-3, rel=0.1)
+    assert upper == pytest.approx(3e-3, rel=0.1)
+    assert "give --link-delay" in result.summary[1]
+    for name, true in {"theta_damping": 0.5, "theta_viscous": 0.3}.items():
+        found = result.coefficients[name]
+        assert found.value == pytest.approx(true, rel=0.02)
+        assert found.interval[1] - found.interval[0] > 0.3
+        assert found.verdict != "determined"
+    assert result.coefficients["theta2"].verdict == "determined"
+
+
+def test_known_delay_tells_them_apart(damped):
+    """Assert that with the delay given both are determined."""
+    result = identify([damped], Settings(link_delay=0.0))
+    for name, true in {"theta_damping": 0.5, "theta_viscous": 0.3}.items():
+        found = result.coefficients[name]
+        assert found.interval[0] <= true <= found.interval[1]
+        assert found.verdict == "determined"
+
+
+def test_ends_of_the_delay_follow_from_the_signs():
+    """Assert that a delay may be as long as damping and friction over the stiffness, no longer."""
+    assert possible({"theta2": 100.0, "theta_damping": 0.5, "theta_viscous": 0.3}) == (
+        -0.005,
+        0.003,
+    )
+    assert possible({"theta2": 100.0, "theta_damping": -0.5}) == (0.0, 0.0)
+
+
+def test_signs_tell_of_a_delay():
+    """Assert that what is negative goes, and both where the spring itself is negative."""
+    values = {"theta2": 100.0, "theta_damping": -0.2, "theta_viscous": 0.2}
+    assert doubtful(values) == {"theta_damping"}
+    assert doubtful({**values, "theta_damping": 0.1}) == set()
+    assert doubtful({"theta2": -1.0}) == {"theta_damping", "theta_viscous"}
+
+
+def test_delay_moves_damping_and_friction_by_as_much():
+    """Assert that what a delay adds to one it takes from the other, in proportion to stiffness."""
+    names = ("theta2", "theta_damping", "theta_viscous", "link_delay")
+    estimate = Estimate(names, np.array([100.0, 0.6, 0.3, 0.0]), np.zeros((4, 4)), (9.0,) * 4)
+    added = confused_covariance(estimate)
+    variance = 0.5 * (6.0**2 - 6.0 * 3.0 + 3.0**2) * 1e-6 / 3.0  # uniform from -6 to 3 ms, or none
+    np.testing.assert_allclose(np.diag(added), [0.0, 1e4 * variance, 1e4 * variance, variance])
+    assert added[1, 2] == pytest.approx(-1e4 * variance)
+
+
+def late_deflection(seed: int, delay: float) -> Recording:
+    """Motor and deflection of a made log, the deflection's sensor late by a time in s."""
+    piece = made(seed, noise=1e-9)
+    rng = np.random.default_rng(seed)
+    motor = piece.motor_position + 1e-5 * rng.standard_normal(len(piece))
+    late = CubicSpline(piece.time, piece.deflection)(piece.time - delay)
+    seen = motor + late + 1e-5 * rng.standard_normal(len(piece))
+    return replace(
+        piece,
+        link_position=seen,
+        motor_position=motor,
+        input=None,
+        input_unit="",
+        link_from_deflection=True,
+    ).window(10, len(piece))
+
+
+def test_late_deflection_is_found():
+    """Assert that a deflection 3.4 ms late is found to be: its own clock is no one else's."""
+    result = identify([log(late_deflection(7, 3.4e-3))])
+    delay = result.choices.alignment.link_delay
+    assert delay.status == "found"
+    assert delay.value == pytest.approx(3.4e-3, abs=1e-4)
+    assert result.choices.terms == ("gravity",)
+    stiffness = result.parameters["joint_stiffness_per_link_inertia"]
+    assert stiffness.value == pytest.approx(100.0, rel=1e-3)
+
+
+def test_input_settings_mean_nothing():
+    """Assert that what an input alone gives a meaning to is refused in a sentence."""
+    for settings in (
+        Settings(hold="zero"),
+        Settings(input_delay=1e-3),
+        Settings(known={"motor_inertia": 0.3}),
+        Settings(known={"beta1": 3.0}),
+        Settings(terms=("motor_viscous",)),
+    ):
+        with pytest.raises(SettingError, match=r"input|link alone"):
+            identify([motion(1)], settings)
+
+
+def test_logs_with_and_without_an_input_do_not_go_together():
+    """Assert that the log that lacks the input is named."""
+    with pytest.raises(RecordingError, match=r"made 6.*missing where other logs have one"):
+        identify([log(made(5)), motion(6)])
+
+
+def test_time_of_the_link_alone():
+    """Assert that the joint's link has no input whose delay or hold could be sought."""
+    joint = link()
+    assert joint.system.inputs == ("x3", "x4")
+    assert INPUT not in joint.units
+    assert not any(name.startswith("alpha") for name in joint.units)

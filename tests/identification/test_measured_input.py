@@ -1,0 +1,64 @@
+"""What noise of the motor's encoder does to the link that it drives."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from made_joint import made
+
+from flexid.estimators.segmented_motion import Timing
+from flexid.identification.fitting import fit_to
+from flexid.identification.full_model import Fitted, Structure, data_of
+from flexid.identification.joint import link
+from flexid.identification.measured_input import input_noise
+from flexid.identification.model_error import widened
+from flexid.identification.result import ModelError
+from flexid.recording.velocities import with_velocities
+
+JOINT = link()
+GRAVITY = Structure(JOINT, JOINT.optional - {"theta1"}, Timing("cubic"))
+TRUTH = {"theta1": 5.0, "theta2": 100.0}
+NOISE = 2e-4  # rad, of the motor's encoder; twenty times that of the link's
+
+
+@cache
+def fitted(seed: int, noise: float = NOISE) -> Fitted:
+    """The link with gravity fitted to ten seconds of it, driven by a noisy motor position."""
+    piece = made(seed)
+    motor = piece.motor_position + noise * np.random.default_rng(seed).standard_normal(len(piece))
+    recording = replace(piece, motor_position=motor, input=None, input_unit="")
+    data = data_of(JOINT, [with_velocities(recording)], (0,))
+    return fit_to(GRAVITY, data, TRUTH, 1.0)[0]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_residuals_are_explained(seed):
+    """Assert that residuals far above the link's noise are what the motor's noise makes of them."""
+    found = fitted(seed)
+    beyond = found.excess - 1.0
+    assert beyond > 2.0
+    assert 0.8 * beyond < input_noise(found).excess < 3.0 * beyond
+
+
+def test_fine_encoder_explains_nothing():
+    """Assert that an encoder as fine as the link's adds little to residuals of pure noise."""
+    assert input_noise(fitted(3, 0.0)).excess < 0.2
+
+
+def test_deviations_are_those_of_many_logs():
+    """Assert that the estimates of thirty logs scatter as one of them foretells."""
+    values = np.array([fitted(seed).values for seed in range(10, 40)])
+    scatter = np.sqrt(np.mean((values - [*TRUTH.values()]) ** 2, axis=0))
+    foretold = np.mean([input_noise(fitted(seed)).deviations for seed in range(10, 14)], axis=0)
+    np.testing.assert_allclose(scatter, foretold, rtol=0.5)
+
+
+def test_no_interval_is_narrower():
+    """Assert that an interval is as wide as the noise of the input makes it, blocks or not."""
+    found = fitted(1)
+    none = ModelError(0.0, 0.0, 0.0)
+    least = 10.0 * found.fit.standard_deviations
+    deviations = widened(found, none, least).deviations
+    assert deviations == pytest.approx(np.hypot(least, found.unit_deviations))
+    assert (widened(found, none).deviations < deviations).all()
