@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexid.errors import RecordingError
-from flexid.recording import Recording
+from flexid.recording import Log, Recording
 
 
 @pytest.fixture
@@ -48,3 +48,12 @@ def test_channels_of_different_length() -> None:
     ramp = np.arange(10.0)
     with pytest.raises(RecordingError, match=r"input: .*\(9,\).*motor's position"):
         Recording(0.1, 0.0, ramp, ramp, ramp[1:], "V")
+
+
+def test_a_log_fits_a_line(recording: Recording) -> None:
+    """Assert that a recording and a log show what they hold, and not their samples."""
+    shown = repr(recording)
+    assert "10 samples every 0.1 s" in shown
+    assert "input (V)" in shown
+    assert "link_velocity" not in shown
+    assert repr(Log((recording, recording), (), "a.csv", "")) == "<Log a.csv: 1 s, 1 s>"

@@ -93,8 +93,8 @@ def test_the_figure_names_values_units_and_fits():
     figure = confidence_region_figure(fits, {"link": ("a", "b"), "motor": ("b", "c")}, UNITS)
     link, motor = figure.axes
     assert (link.get_xlabel(), link.get_ylabel()) == ("a (1/s^2)", "b (1/s)")
-    assert link.get_title(loc="left") == "link row: correlation +0.90"
-    assert motor.get_title(loc="left") == "motor row: correlation -0.30"
+    assert link.get_title(loc="left") == "link:\ncorrelation +0.90"
+    assert motor.get_title(loc="left") == "motor:\ncorrelation -0.30"
     (legend,) = figure.legends
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["prediction error: joint 95 %", "each by itself", "least squares: joint 95 %"]
@@ -116,4 +116,4 @@ def test_what_is_free_is_said_in_the_figure():
     found = fit()
     found.covariance[0, 0] = np.inf
     figure = confidence_region_figure({"least squares": found}, {"link": ("a", "b")}, UNITS)
-    assert figure.axes[0].get_title(loc="left") == "link row: the log leaves one of the two free"
+    assert figure.axes[0].get_title(loc="left") == "link: the log leaves one of the two free"

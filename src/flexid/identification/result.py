@@ -50,9 +50,14 @@ class ValueEstimate:
     interval: tuple[float, float]
     verdict: Verdict
     reason: str = ""
-    degrees_of_freedom: float = np.inf
-    logarithmic: bool = False
+    degrees_of_freedom: float = field(default=np.inf, repr=False)
+    logarithmic: bool = field(default=False, repr=False)
     slopes: Mapping[str, float] = field(default_factory=dict, repr=False)
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        numbers = f"{self.value:.6g} [{low:.6g}, {high:.6g}]"
+        return f"{self.name} = {numbers} {self.unit}, {self.verdict}"
 
     def interval_at(self, level: float) -> tuple[float, float]:
         """Interval at any level, which is a probability such as 0.99.

@@ -1,10 +1,11 @@
 """An input that determines the coefficients: `flexid.design`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, SettingError
+from flexid.identification.progress import Progress, silent
 from flexid.library.answer import Answer, data_frame, html_figure
 from flexid.library.entrance import entrance
 from flexid.library.logs import as_path, kind_of
@@ -90,10 +91,6 @@ class ExperimentDesign(Answer):
         return super()._repr_html_() + html_figure(self.plot())
 
 
-def _silent(_: str) -> None:
-    pass
-
-
 @entrance
 @in_one_thread
 def design(
@@ -104,7 +101,7 @@ def design(
     duration: float | None = None,
     estimate: "JointEstimate | str | PathLike[str] | None" = None,
     seed: int = 0,
-    progress: Callable[[str], None] = _silent,
+    progress: Progress = silent,
 ) -> ExperimentDesign:
     """Design an experiment that determines every coefficient, within limits, and check it.
 

@@ -1,8 +1,9 @@
 """What a log can say, and what to add: `flexid.excitation`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from flexid.identification.progress import Progress, silent
 from flexid.library.answer import Answer, html_figure
 from flexid.library.entrance import entrance
 from flexid.library.joint_estimate import JointEstimate
@@ -93,10 +94,6 @@ class LogExcitation(Answer):
         return super()._repr_html_() + html_figure(self.plot())
 
 
-def _silent(_: str) -> None:
-    pass
-
-
 @entrance
 @in_one_thread
 def excitation(
@@ -113,7 +110,7 @@ def excitation(
     filter_rate: "AutoNumber" = "auto",
     segment_duration: "AutoNumber" = "auto",
     validation_share: float = 1 / 3,
-    progress: Callable[[str], None] = _silent,
+    progress: Progress = silent,
 ) -> LogExcitation:
     """Say how well a log determines each coefficient, which are confounded, and what to add.
 

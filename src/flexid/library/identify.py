@@ -1,11 +1,11 @@
 """The main job: `flexid.identify`, and `flexid.load` for what it found earlier."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
+from flexid.identification.progress import Progress, silent
 from flexid.library.entrance import entrance
 from flexid.library.joint_estimate import JointEstimate
 from flexid.library.logs import all_logs, as_path
@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from flexid.identification.settings import Settings
     from flexid.library.logs import Columns, Logs
     from flexid.library.options import AutoHold, AutoNumber, Bounds, Known, Terms
-
-
-def _silent(_: str) -> None:
-    pass
 
 
 @entrance
@@ -41,7 +37,7 @@ def identify(
     validation_share: float = 1 / 3,
     stream: bool = False,
     thresholds: "Thresholds | None" = None,
-    progress: Callable[[str], None] = _silent,
+    progress: Progress = silent,
 ) -> JointEstimate:
     """Identify a flexible joint: physical parameters with intervals and a verdict.
 
@@ -133,9 +129,7 @@ def identify(
     return JointEstimate(run(read, settings, progress, thresholds or THRESHOLDS))
 
 
-def _streamed(
-    logs: Any, columns: Any, settings: "Settings", progress: Callable[[str], None]
-) -> Any:
+def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress) -> Any:
     from flexid.identification.stream import identify_stream
 
     if isinstance(logs, list | tuple) and len(logs) == 1:

@@ -1,9 +1,10 @@
 """The paper, run and checked: `flexid.reproduce`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+from flexid.identification.progress import Progress, silent
 from flexid.library.answer import Answer
 from flexid.library.entrance import entrance
 from flexid.library.logs import as_path
@@ -70,13 +71,9 @@ class PaperReproduction(Answer):
         return f"<PaperReproduction: {verdicts.count('holds')} of {len(verdicts)} claims hold>"
 
 
-def _silent(_: str) -> None:
-    pass
-
-
 @entrance
 @in_one_thread
-def reproduce(*, progress: Callable[[str], None] = _silent) -> PaperReproduction:
+def reproduce(*, progress: Progress = silent) -> PaperReproduction:
     """Reproduce Huang (2003): Table I, Figures 1 to 5, the readings, every claim.
 
     Parameters

@@ -75,6 +75,14 @@ class Recording:
     def __len__(self) -> int:
         return int(self.motor_position.shape[0])
 
+    def __repr__(self) -> str:
+        units = {"input": f"input ({self.input_unit})"}
+        there = [units.get(c, c) for c in CHANNELS if getattr(self, c) is not None]
+        return (
+            f"<Recording of {self.source or 'arrays'}: {len(self)} samples every "
+            f"{self.sample_time:g} s, {', '.join(there)}>"
+        )
+
     @property
     def time(self) -> FloatArray:
         """Time of every sample on the file's clock, shape (n,), in s."""
@@ -190,6 +198,10 @@ class Log:
     source: str
     sha256: str
     columns: Mapping[str, Origin] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        pieces = ", ".join(f"{len(piece) * piece.sample_time:g} s" for piece in self.pieces)
+        return f"<Log {self.source}: {pieces}>"
 
     @property
     def provenance(self) -> dict[str, object]:

@@ -36,7 +36,7 @@ def save_campaign_figures(summary: Summary, directory: Path) -> None:
             def draw(ax: Axes, result: Result) -> None:
                 _draw_dependence(ax, result, summary)
 
-            title = "Each result against the input that matters most for it"
+            title = "Each result against the input that matters most for it, SI units"
             save(_panels(title, depending, draw), directory, "dependence")
 
 
@@ -60,7 +60,9 @@ def _panels(title: str, results: list[Result], draw: Callable[[Axes, Result], No
 
 def _draw_distribution(ax: Axes, result: Result) -> None:
     values = result.values[np.isfinite(result.values)]
+    title = result.name
     if _logarithmic(values):
+        title += _said_of_small(values)
         values = np.maximum(values, _SMALLEST * values.max())
         edges = np.geomspace(values.min(), values.max(), _BINS)
         _log_axis(ax, "x", values)
@@ -70,7 +72,7 @@ def _draw_distribution(ax: Axes, result: Result) -> None:
     ax.hist(values, edges, color=BLUE)
     for value, style in zip(result.quantiles, (":", "-", ":"), strict=True):
         ax.axvline(value, color=ORANGE, linestyle=style, linewidth=1.2)
-    ax.set_title(result.name, fontsize=8.5)
+    ax.set_title(title, fontsize=8.5)
     ax.set_yticks([])
     ax.grid(visible=False)
 
@@ -81,23 +83,32 @@ def _draw_dependence(ax: Axes, result: Result, summary: Summary) -> None:
     values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
     there = np.isfinite(values)
     values, inputs = values[there], inputs[there]
+    title = result.name
     if _logarithmic(values):
+        title += _said_of_small(values)
         values = np.maximum(values, _SMALLEST * values.max())
         _log_axis(ax, "y", values)
     if _logarithmic(inputs):
         _log_axis(ax, "x", inputs)
     size = 14.0 if len(values) < 200 else 4.0
     ax.scatter(inputs, values, s=size, color=BLUE, alpha=0.6 if size > 5 else 0.35, linewidths=0)
-    ax.set_title(result.name, fontsize=8.5)
+    ax.set_title(title, fontsize=8.5)
     ax.set_xlabel(name, fontsize=8, color=GREY)
+
+
+def _said_of_small(values: FloatArray) -> str:
+    """What a title says of values too small to be drawn where they are."""
+    edge = _SMALLEST * values.max()
+    few = int(np.sum(values < edge))
+    return f"\n{few} below {edge:.0e} stand there" if few else ""
 
 
 def _strongest(result: Result) -> str | None:
     """The input that matters most, if one does."""
     if result.indices:
         return result.indices[0].input
-    found = [one.input for one in result.correlations if one.significant]
-    return found[0] if found else None
+    significant = [one.input for one in result.correlations if one.significant]
+    return significant[0] if significant else None
 
 
 def _logarithmic(values: FloatArray) -> bool:

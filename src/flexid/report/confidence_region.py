@@ -108,14 +108,14 @@ def confidence_region_figure(
     units: Mapping[str, str],
     level: float = CONFIDENCE,
 ) -> Figure:
-    """Draw the joint region of a pair of each row, of one fit or of several beside each other.
+    """Draw the joint region of each pair, of one fit or of several beside each other.
 
     Parameters
     ----------
     fits : mapping of str to Fit
         By what to call them; the first is drawn to fill the picture.
     pairs : mapping of str to tuple of str
-        By row, the two coefficients.
+        By what to call a pair, its two names.
     units : mapping of str to str
         Units of the coefficients.
     level : float, optional
@@ -160,10 +160,10 @@ def _draw(
     ax.ticklabel_format(useOffset=False)
     ax.locator_params(axis="x", nbins=5)
     if not regions:
-        ax.set_title(f"{row} row: the log leaves one of the two free")
+        ax.set_title(f"{row}: the log leaves one of the two free", fontsize=8.5)
         return
     first = next(iter(regions.values()))
-    ax.set_title(f"{row} row: correlation {first.correlation:+.2f}")
+    ax.set_title(f"{row}:\ncorrelation {first.correlation:+.2f}", fontsize=8.5)
     _frame(ax, first, list(regions.values()))
 
 

@@ -44,19 +44,20 @@ def excitation_figure(report: ExcitationReport) -> Figure:
 def _draw_widths(ax: Axes, report: ExcitationReport) -> None:
     coefficients = [c for c in report.assessment.coefficients.values() if c.std > 0.0]
     places = np.arange(len(coefficients))
-    width = np.minimum([c.width for c in coefficients], _UNKNOWN)
+    shown = np.minimum([c.width for c in coefficients], _UNKNOWN)
     alone = np.array([c.width_alone for c in coefficients])
-    alone = np.where(np.isnan(alone), width, np.minimum(alone, _UNKNOWN))
+    alone = np.where(np.isnan(alone), shown, np.minimum(alone, _UNKNOWN))
     colours = [STATUS_COLOURS[c.verdict] for c in coefficients]
-    ax.hlines(places, alone, width, color=GREY, linewidth=1.5, zorder=1)
+    ax.hlines(places, alone, shown, color=GREY, linewidth=1.5, zorder=1)
     ax.scatter(alone, places, color=GREY, s=18, label="if all others were known", zorder=2)
-    ax.scatter(width, places, color=colours, s=36, label="as it is", zorder=3)
+    ax.scatter(shown, places, color=colours, s=36, label="as it is", zorder=3)
     ax.axvline(THRESHOLDS.determined_width, color=ORANGE, linestyle="--", linewidth=1.0)
     ax.axvline(THRESHOLDS.weak_width, color=RED, linestyle="--", linewidth=1.0)
     ax.set_xscale("log")
     ax.set_yticks(places, [c.name for c in coefficients])
     ax.invert_yaxis()
-    ax.set_xlabel("half the 95 % interval over the value (–)")
+    clipped = ", cut off at 10" if (shown >= _UNKNOWN).any() else ""
+    ax.set_xlabel(f"half the 95 % interval over the value (–){clipped}")
     ax.set_title("Intervals; lines: weak, undetermined")
     ax.legend(loc="upper center", bbox_to_anchor=(0.4, -0.2), ncols=2)
 

@@ -8,15 +8,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
+from flexid.identification.estimate import Estimate
 from flexid.identification.intervals import CONFIDENCE
-from flexid.identification.result import CoefficientEstimate, Identification
+from flexid.identification.result import Identification
 from flexid.report.confidence_region import confidence_region_figure, most_correlated
-from flexid.report.identification_table import format_fit
-from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE, new_figure, save
+from flexid.report.free_run_figure import free_run_figure
+from flexid.report.parameter_figures import estimates_figure, parameter_estimate
+from flexid.report.style import BLUE, ORANGE, RED, STYLE, new_figure, save
 
 _FLOOR = 1e-7  # below which a relative singular value is drawn as this
 
-_COLOURS = {"determined": GREEN, "weak": ORANGE, "undetermined": RED}
+_PAIRS = (
+    ("joint_stiffness", "link_inertia"),
+    ("joint_stiffness", "motor_inertia"),
+    ("joint_stiffness_per_link_inertia", "joint_stiffness_per_motor_inertia"),
+)
 
 
 def save_identification_figures(result: Identification, directory: Path) -> None:
@@ -31,86 +37,31 @@ def save_identification_figures(result: Identification, directory: Path) -> None
 
 
 def regions_figure(result: Identification, level: float = CONFIDENCE) -> Figure | None:
-    """Joint confidence regions at some level; None where no two coefficients were estimated."""
-    pairs = correlated_pairs(result)
+    """Joint confidence regions of physical parameters; None where no two were estimated."""
+    found = parameter_estimate(result)
+    pairs = correlated_pairs(found)
     if not pairs:
         return None
-    units = {name: c.unit for name, c in result.coefficients.items()}
-    fits = {result.choices.estimator.replace("-", " "): result.fit}
+    units = {name: result.parameters[name].unit for name in found.names}
+    fits = {result.choices.estimator.replace("-", " "): found}
     return confidence_region_figure(fits, pairs, units, level)
 
 
-def correlated_pairs(result: Identification) -> dict[str, tuple[str, str]]:
-    """By row, the two coefficients whose estimates correlate most; rows with less are left out."""
-    found = {
-        row: most_correlated(result.fit, excitation.coefficients)
-        for row, excitation in result.excitation.items()
-    }
-    return {row: pair for row, pair in found.items() if pair is not None}
+def correlated_pairs(estimate: Estimate) -> dict[str, tuple[str, str]]:
+    """Two pairs of parameters at most: stiffness and inertias, else those that correlate most."""
+    wanted = [pair for pair in _PAIRS if {*pair} <= {*estimate.names}]
+    pairs = [pair for pair in wanted if most_correlated(estimate, pair) is not None]
+    if not pairs:
+        pair = most_correlated(estimate, estimate.names)
+        pairs = [] if pair is None else [pair]
+    return {f"{first} and {second}": (first, second) for first, second in pairs[:2]}
 
 
 def fit_figure(result: Identification) -> Figure:
-    """Free run of the model over the held-out data, channel by channel."""
-    figure = new_figure(height=2.0 * len(result.validation.fit_percent))
-    names = tuple(result.validation.fit_percent)
-    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for channel, name in enumerate(names):
-        ax: Axes = axes[channel]
-        for run in result.validation.runs:
-            measured, simulated = run.measured[:, channel], run.simulated[:, channel]
-            ax.plot(run.time, measured, color=GREY, linewidth=2.4, label="measured")
-            ax.plot(run.time, simulated, color=BLUE, linewidth=1.0, label="free run of the model")
-        spread = np.concatenate([run.measured[:, channel] for run in result.validation.runs])
-        margin = 0.15 * np.ptp(spread)
-        ax.set_ylim(spread.min() - margin, spread.max() + margin)
-        label = name.replace("_", " ")
-        ax.set_ylabel(f"{label} (rad)")
-        ax.set_title(f"{label}: fit {format_fit(result.validation.fit_percent[name])}")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles[:2], labels[:2], loc="outside upper right", ncols=2)
-    axes[-1].set_xlabel("time (s), data kept out of the fit")
-    return figure
-
-
-def estimates_figure(result: Identification) -> Figure:
-    """The paper's observer over time beside the estimate and its interval."""
-    names = result.observer.names
-    columns = 2
-    lines = -(-len(names) // columns)
-    figure = new_figure(height=1.7 * lines + 0.5)
-    axes = figure.subplots(lines, columns, sharex=True, squeeze=False)
-    for ax, name in zip(axes.flat, names, strict=False):
-        _draw_estimate(ax, result, name)
-    for ax in axes.flat[len(names) :]:
-        ax.set_visible(False)
-    for ax in axes.flat[max(0, len(names) - columns) : len(names)]:
-        ax.set_xlabel("time (s)")
-        ax.tick_params(labelbottom=True)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=3)
-    return figure
-
-
-def _draw_estimate(ax: Axes, result: Identification, name: str) -> None:
-    c = _estimate(result, name)
-    history = result.observer.estimates[:, result.observer.names.index(name)]
-    ax.plot(result.observer.time, history, color=ORANGE, label="paper's observer, constant gain")
-    ax.axhline(c.value, color=INK, linewidth=1.0, label="estimate")
-    if np.all(np.isfinite(c.interval)):
-        ax.axhspan(*c.interval, color=BLUE, alpha=0.25, linewidth=0, label="95 % interval")
-    ax.set_title(f"{c.name}: {c.verdict}", color=_COLOURS[c.verdict])
-    ax.set_ylabel(c.unit)
-
-
-def _estimate(result: Identification, name: str) -> CoefficientEstimate:
-    """A coefficient's estimate; of one that each log has its own of, the last log's.
-
-    The observer does not tell logs apart and ends with the last one.
-    """
-    if name in result.coefficients:
-        return result.coefficients[name]
-    own = [c for c in result.coefficients.values() if c.name.partition("[")[0] == name]
-    return own[-1]
+    """Free run of the model over the held-out data, channel by channel, and its residual."""
+    validation = result.validation
+    label = "time (s), data kept out of the fit"
+    return free_run_figure(validation.fit_percent, validation.runs, {}, label)
 
 
 def excitation_figure(result: Identification) -> Figure:
