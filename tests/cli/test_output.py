@@ -93,3 +93,18 @@ def test_json_without_greek_is_the_same(printed):
     """Assert that JSON says the same whatever the terminal can show."""
     document = {"name": "θ₁ ± é", "value": 1.5}
     assert json.loads(printed(lambda: print_document(document))) == document
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("reproduce", "--out", ""), "its name is empty"),
+        (("simulate", "experiments/huang2003.toml", "--csv"), "nowhere to write"),
+    ],
+)
+def test_output_without_a_place_is_refused(flexid, arguments, words):
+    """Assert that what would be written nowhere, or anywhere, is refused with one sentence."""
+    outcome = flexid(*arguments)
+    assert outcome.status == 2
+    assert words in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1

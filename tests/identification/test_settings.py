@@ -6,7 +6,7 @@ import pytest
 
 from flexid.errors import SettingError
 from flexid.identification.joint import flexible, rigid
-from flexid.identification.settings import Settings, check_for
+from flexid.identification.settings import Settings, check_against, check_for
 
 REFUSED = {
     "unknown term": ({"terms": ("gravity", "turbulence")}, "turbulence"),
@@ -80,3 +80,24 @@ def test_terms_beyond_the_usual_ones_may_be_named(term):
     check_for(flexible(), settings)
     with pytest.raises(SettingError, match="no term of the rigid joint"):
         check_for(rigid(), settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"segment_duration": 1e-9}, "less than 20 samples"),
+        ({"filter_rate": 1e12}, "samples every 0.001 s hold"),
+        ({"input_delay": 5.0}, "a tenth of the log"),
+        ({"link_delay": -1e3}, "a tenth of the log"),
+    ],
+)
+def test_what_a_log_gives_no_meaning_to_is_refused(settings, words):
+    """Assert that segments, filters and delays that the samples cannot show are refused."""
+    with pytest.raises(SettingError, match=words):
+        check_against(Settings(**settings), 1e-3, 20.0)
+
+
+def test_what_a_log_can_show_is_taken():
+    """Assert that numbers at the edge of what the samples show pass."""
+    usable = Settings(segment_duration=30.0, filter_rate=3000.0, input_delay=2.0, link_delay=-2.0)
+    check_against(usable, 1e-3, 20.0)

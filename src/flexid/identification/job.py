@@ -13,7 +13,7 @@ from flexid.identification.progress import Progress
 from flexid.identification.result import (
     Validation,
 )
-from flexid.identification.settings import Settings, check_for
+from flexid.identification.settings import Settings, check_against, check_for
 from flexid.identification.stated import Stated, stated
 from flexid.identification.structure import Choice, choose_structure
 from flexid.identification.validation import misprediction, validate
@@ -128,6 +128,8 @@ def job_of(pieces: Pieces, settings: Settings) -> Job:
     input_unit = pieces.recorded[0].input_unit
     joint = joint_of(_kind(pieces.recorded[0]))
     check_for(joint, settings)
+    shortest = min(len(piece) * piece.sample_time for piece in pieces.recorded)
+    check_against(settings, pieces.recorded[0].sample_time, shortest)
     deflection = pieces.recorded[0].link_from_deflection
     return Job(joint, input_unit, stated(settings, joint, input_unit), settings, deflection)
 

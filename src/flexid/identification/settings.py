@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from math import isfinite, isnan
+from math import isfinite, isnan, pi
 from typing import Literal
 
 from flexid.errors import SettingError
+from flexid.estimators.segments import FEWEST_SAMPLES
 from flexid.identification.intervals import POSITIVE
 from flexid.identification.joint import Joint, Kind
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS
@@ -15,6 +16,7 @@ from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
+_LARGEST_DELAY = 0.1  # of the shortest piece
 _SMALLEST, _LARGEST = 1e-15, 1e15  # of whatever is stated of a drive, in SI units
 _COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
 _FLEXIBLE = TERMS | SHAPE_TERMS
@@ -128,6 +130,41 @@ def check_for(joint: Joint, settings: Settings) -> None:
                     setting.replace("_", "-"),
                     "the log has no input that it could be true of: leave it",
                 )
+
+
+def check_against(settings: Settings, sample_time: float, shortest: float) -> None:
+    """Raise `SettingError` for numbers that a log gives no meaning to.
+
+    Parameters
+    ----------
+    settings : Settings
+        To check.
+    sample_time : float
+        Of the log, in s.
+    shortest : float
+        Length of its shortest piece in s.
+    """
+    length = settings.segment_duration
+    if length != "auto" and length < FEWEST_SAMPLES * sample_time:
+        raise SettingError(
+            "segment-duration",
+            f"{length:g} s is less than {FEWEST_SAMPLES} samples of this log: give "
+            f"{FEWEST_SAMPLES * sample_time:.3g} s or more",
+        )
+    rate = settings.filter_rate
+    if rate != "auto" and rate > pi / sample_time:
+        raise SettingError(
+            "filter-rate",
+            f"{rate:g} 1/s is beyond what samples every {sample_time:.3g} s hold: give "
+            f"{pi / sample_time:.3g} 1/s or less",
+        )
+    for name in ("input_delay", "link_delay"):
+        delay = getattr(settings, name)
+        if delay != "auto" and abs(delay) > _LARGEST_DELAY * shortest:
+            raise SettingError(
+                name.replace("_", "-"),
+                f"{delay:g} s is more than a tenth of the log, {shortest:.4g} s: give it in seconds",
+            )
 
 
 def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:
