@@ -149,11 +149,21 @@ def test_every_log_has_its_own_offset():
     assert result.parameters["link_offset_torque[2]"].value == pytest.approx(-0.5, rel=1e-3)
 
 
-def test_coefficient_ends_at_its_bound(clean):
+def test_coefficient_ends_at_its_bound(clean, alone):
     """Assert that a coefficient that wants to leave its bounds ends there, and that it says so."""
-    result = identify([clean], replace(SETTINGS, bounds={"alpha2": (1.0, 2.0)}))
+    found = alone.coefficients["alpha2"]
+    least = found.value + found.std
+    result = identify([clean], replace(SETTINGS, bounds={"alpha2": (least, 2.0)}))
     alpha2 = result.coefficients["alpha2"]
-    assert (alpha2.value, alpha2.std, alpha2.reason) == (1.0, 0.0, "at its bound")
+    assert (alpha2.value, alpha2.std, alpha2.reason) == (least, 0.0, "at its bound")
+
+
+def test_bound_that_the_log_contradicts(clean):
+    """Assert that a bound far from what the log says leaves nothing determined."""
+    result = identify([clean], replace(SETTINGS, bounds={"alpha2": (1.0, 2.0)}))
+    assert result.coefficients["alpha2"].value == 1.0
+    assert result.verdict == "undetermined"
+    assert any("alpha2 is bounded by 1, which contradicts the log" in w for w in result.warnings)
 
 
 def test_knowledge_narrows_and_shifts(clean, alone):

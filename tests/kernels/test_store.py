@@ -150,6 +150,37 @@ def test_changed_recipe_is_built_anew(cache: Path) -> None:
     assert len(names) == 4
 
 
+FULL = """
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (50, 50))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of processes")
+def test_a_full_cache_stops_nothing(tmp_path: Path) -> None:
+    """Assert that a kernel that cannot be written computes the same, and leaves no half a file."""
+    full = run(FULL + SIMULATE, tmp_path)
+    value = full.communicate(timeout=300)[0].split()[0]
+    assert full.returncode == 0
+    assert not [path for path in tmp_path.rglob("*") if path.suffix in {".py", ".tmp"}]
+    assert run(SIMULATE, tmp_path).communicate(timeout=300)[0].split()[0] == value
+
+
+def test_what_cannot_be_saved_is_compiled_all_the_same(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Assert that a disk that fills up before numba saves stops nothing."""
+
+    def full(*_: object) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", full)
+    text = "from numba import njit\n\n\n@njit(cache=True)\ndef twice(x):\n    return 2.0 * x\n"
+    kernel = store.load_kernel("test", ["full disk"], lambda: text)
+    assert kernel.twice(1.5) == 3.0
+    assert not list(cache.rglob("*.nbc"))
+
+
 def test_failed_build_leaves_nothing(cache: Path) -> None:
     """Assert that a build that fails neither leaves a file nor a module behind."""
 

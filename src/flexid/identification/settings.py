@@ -163,7 +163,7 @@ def check_against(settings: Settings, sample_time: float, shortest: float) -> No
         if delay != "auto" and abs(delay) > _LARGEST_DELAY * shortest:
             raise SettingError(
                 name.replace("_", "-"),
-                f"{delay:g} s is more than a tenth of the log, {shortest:.4g} s: give it in seconds",
+                f"{delay:g} s is more than a tenth of the log, {shortest:.4g} s: give seconds",
             )
 
 

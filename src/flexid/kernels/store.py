@@ -70,24 +70,55 @@ def load_kernel(
     """
     directory = cache_directory()
     with _LOADING:
-        text = _derived(directory, task, declarations, build)
+        try:
+            text = _derived(directory, task, declarations, build)
+        except OSError:  # a full disk
+            text = _unsaved(task, declarations, build)
         source = "\n\n".join((text, *(template(name) for name in templates)))
         name = f"flexid_{task}_{_digest(source)}"
         if name in sys.modules:
             return sys.modules[name]
         path = directory / f"{name}.py"
-        made = False
-        _mark_used(path)
-        if not (_is_whole(path) and _compiled_is_whole(path)):
-            with _one_writer(path):
-                if not _compiled_is_whole(path):
-                    _discard_compiled(path)
-                if not _is_whole(path):  # nobody else has made it in the meantime
-                    _write_atomically(path, source + _END)
-                    made = True
-        if made:
-            _evict(directory)
+        try:
+            _provide(path, source + _END)
+        except OSError:
+            return _in_memory(name, source)
         return _import(name, path)
+
+
+def _provide(path: Path, source: str) -> None:
+    """Write a kernel's source unless it is there, whole, with its compiled functions."""
+    _mark_used(path)
+    if _is_whole(path) and _compiled_is_whole(path):
+        return
+    made = False
+    with _one_writer(path):
+        if not _compiled_is_whole(path):
+            _discard_compiled(path)
+        if not _is_whole(path):  # nobody else has made it in the meantime
+            _write_atomically(path, source)
+            made = True
+    if made:
+        _evict(path.parent)
+
+
+_UNSAVED: dict[tuple[str, ...], str] = {}
+
+
+def _unsaved(task: str, declarations: Sequence[str], build: Callable[[], str]) -> str:
+    """The generated part of a kernel that cannot be written, derived once in this process."""
+    key = (task, *declarations)
+    if key not in _UNSAVED:
+        _UNSAVED[key] = build()
+    return _UNSAVED[key]
+
+
+def _in_memory(name: str, source: str) -> ModuleType:
+    """A kernel for this process alone, where nothing can be written: compiled, but not kept."""
+    module = ModuleType(name)
+    exec(compile(source.replace("cache=True, ", ""), f"<{name}>", "exec"), vars(module))
+    sys.modules[name] = module
+    return module
 
 
 def _derived(
@@ -188,7 +219,8 @@ def _save_one_at_a_time(module: ModuleType, path: Path) -> None:
 
     def alone(save: Callable[..., None]) -> Callable[..., None]:
         def save_alone(*arguments: object) -> None:
-            with _one_writer(path):
+            # On a full disk what was compiled serves this process all the same.
+            with _one_writer(path), suppress(OSError):
                 save(*arguments)
 
         return save_alone
@@ -250,10 +282,15 @@ def _write_atomically(path: Path, source: str) -> None:
     with tempfile.NamedTemporaryFile(
         "w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8"
     ) as file:
-        file.write(source)
-        file.flush()
-        os.fsync(file.fileno())  # or a power failure may leave an empty kernel for good
-    Path(file.name).replace(path)
+        written = Path(file.name)
+        try:
+            file.write(source)
+            file.flush()
+            os.fsync(file.fileno())  # or a power failure may leave an empty kernel for good
+        except BaseException:
+            written.unlink()
+            raise
+    written.replace(path)
 
 
 def _import(name: str, path: Path) -> ModuleType:

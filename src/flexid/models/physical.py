@@ -274,7 +274,7 @@ _RIGID_RATIOS: tuple[PhysicalParameter, ...] = (
 PARAMETER_NAMES: tuple[str, ...] = tuple(
     dict.fromkeys(
         p.name
-        for table in (_WITH_TORQUE, _RATIOS, _RIGID_WITH_TORQUE, _RIGID_RATIOS)
+        for table in (_WITH_TORQUE, _RATIOS, _LINK_RATIOS, _RIGID_WITH_TORQUE, _RIGID_RATIOS)
         for p in table
     )
 )

@@ -8,7 +8,12 @@ from matplotlib.figure import Figure
 
 from flexid.identification.estimate import Estimate
 from flexid.identification.result import Identification, ParameterEstimate
-from flexid.models.physical import PhysicalParameter, physical_parameters, rigid_parameters
+from flexid.models.physical import (
+    PhysicalParameter,
+    link_parameters,
+    physical_parameters,
+    rigid_parameters,
+)
 from flexid.report.digits import format_with_interval
 from flexid.report.style import BLUE, INK, ORANGE, STATUS_COLOURS, new_figure
 
@@ -98,15 +103,17 @@ def _functions(result: Identification) -> Mapping[str, PhysicalParameter]:
     """The function behind each parameter; of those that each log has its own of, none."""
     values = {name: c.value for name, c in result.coefficients.items()}
     found = {}
-    for table in (physical_parameters, rigid_parameters):
-        for torque in (True, False):
-            for function in table(values, torque):
-                stated = result.parameters.get(function.name)
-                if stated is None:
-                    continue
-                apart = abs(function.value(values) - stated.value)
-                if apart <= _SAME * abs(stated.value):
-                    found[function.name] = function
+    makers = (physical_parameters, rigid_parameters)
+    tables = [make(values, torque) for make in makers for torque in (True, False)]
+    for function in (
+        function for table in (*tables, link_parameters(values)) for function in table
+    ):
+        stated = result.parameters.get(function.name)
+        if stated is None:
+            continue
+        apart = abs(function.value(values) - stated.value)
+        if apart <= _SAME * abs(stated.value):
+            found[function.name] = function
     return found
 
 
