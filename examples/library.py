@@ -42,7 +42,7 @@ def from_arrays(log: Path) -> flexid.Log:
             "time [s]": recorded.time,
             "link_position [deg]": np.rad2deg(recorded.needed_link_position),
             "motor_position [rad]": recorded.motor_position,
-            "motor_torque [N m]": recorded.input,
+            "motor_torque [N m]": recorded.needed_input,
         }
     )
 

@@ -70,8 +70,8 @@ def run_here(*arguments: str, status: int) -> None:
         (("flexible-joint", "--terms", "joint_damping"), ("theta_damping", "x4", "least squares")),
         (("flexible-joint", "--terms", "magnets"), ("magnets", "gravity")),
         (("missing.toml",), ("missing.toml", "no such file")),
-        (("model.toml", "--terms", "gravity"), ("--terms",)),
-        (("model.toml", "--unknown-input-gain"), ("--unknown-input-gain",)),
+        (("model.toml", "--terms", "gravity"), ("terms: belongs",)),
+        (("model.toml", "--unknown-input-gain"), ("unknown-input-gain: belongs",)),
     ],
 )
 def test_bad_input_is_one_sentence(

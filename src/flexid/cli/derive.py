@@ -1,18 +1,11 @@
 """``flexid derive MODEL``: the observer's equations of a model."""
 
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from flexid.errors import SettingError
-
-if TYPE_CHECKING:
-    from flexid.models.parametric_system import ParametricSystem
-
-SHIPPED = "flexible-joint"
-"""Name of the model that needs no file."""
-
+from flexid.library.derive import SHIPPED, declared, derived_observer, observer_text
 
 EXAMPLES = (
     "derive flexible-joint --to latex",
@@ -51,12 +44,7 @@ def derive(
 
     Exit status: 0 when it is done, 2 for bad input, which includes a model that has no observer.
     """
-    from flexid.derivation.observer import derive_observer
-    from flexid.derivation.printing_c import c_observer
-    from flexid.derivation.printing_latex import latex_observer
-    from flexid.derivation.printing_python import python_observer
-
-    observer = derive_observer(_declared(model, terms, unknown_input_gain))
+    observer = derived_observer(declared(model, terms, unknown_input_gain))
     if observer.quadratures:
         typer.echo(
             f"note: no sound closed form for the immersion of {', '.join(observer.quadratures)}; "
@@ -70,26 +58,4 @@ def derive(
             "least squares (flexid identify) does not",
             err=True,
         )
-    printers = {
-        Target.LATEX: latex_observer,
-        Target.PYTHON: python_observer,
-        Target.C: c_observer,
-    }
-    typer.echo(printers[to](observer), nl=False)
-
-
-def _declared(model: str, terms: str | None, unknown_input_gain: bool) -> "ParametricSystem":
-    if model != SHIPPED:
-        if terms is not None or unknown_input_gain:
-            raise SettingError(
-                "--unknown-input-gain" if terms is None else "--terms",
-                f"belongs to {SHIPPED}; a model file states its own terms",
-            )
-        from flexid.models.model_file import read_model
-
-        return read_model(model)
-    from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
-
-    chosen = PAPER_TERMS if terms is None else [t.strip() for t in terms.split(",") if t.strip()]
-    # The equations hold for every value of a known beta1, which stays a symbol in them.
-    return flexible_joint(chosen, known=None if unknown_input_gain else {"beta1": 1.0})
+    typer.echo(observer_text(observer, to), nl=False)

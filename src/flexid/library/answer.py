@@ -3,12 +3,13 @@
 import base64
 import html
 import io
+import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from flexid.library.logs import as_path
+from flexid.library.checks import as_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,10 +30,16 @@ class Answer(ABC):
     def _parts(self) -> "Iterable[Part]":
         """Tables and sentences of the answer."""
 
-    @property
     @abstractmethod
+    def _document(self) -> Mapping[str, Any]:
+        """Everything but the time series; numbers that JSON does not have may be in it."""
+
+    @property
     def document(self) -> Mapping[str, Any]:
         """Everything but the time series, as the command's ``--json`` has it."""
+        from flexid.report.documents import to_json
+
+        return json.loads(to_json(self._document()))
 
     def summary(self) -> str:
         """The answer as text: what the command of the same name prints."""

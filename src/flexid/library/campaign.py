@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
 from flexid.library.answer import Answer, data_frame
+from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
-from flexid.library.logs import as_path, kind_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -44,9 +44,7 @@ class CampaignResult(Answer):
         """Whether every run has its row."""
         return self.result.complete
 
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Everything but the single runs, as a ``summary.json`` has it."""
+    def _document(self) -> Mapping[str, Any]:
         from flexid.report.campaign_document import campaign_document
 
         return campaign_document(self.result)

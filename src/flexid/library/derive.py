@@ -5,8 +5,8 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, SettingError
+from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import did_you_mean, entrance
-from flexid.library.logs import as_path, kind_of
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) 
         return flexible_joint(PAPER_TERMS if terms is None else _names(terms), known=known)
     if terms is not None or unknown_input_gain:
         raise SettingError(
-            "unknown_input_gain" if terms is None else "terms",
+            "unknown-input-gain" if terms is None else "terms",
             f"belongs to {SHIPPED}; a model states its own terms",
         )
     if isinstance(model, ParametricSystem):

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.progress import Progress, silent
 from flexid.library.answer import Answer, data_frame, html_figure
+from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
-from flexid.library.logs import as_path, kind_of
 from flexid.library.options import as_number
 from flexid.library.threads import in_one_thread
 from flexid.library.validation import stored_estimate
@@ -48,9 +48,7 @@ class ExperimentDesign(Answer):
         """Whether every coefficient would be determined to 10 % or better."""
         return self.result.supported
 
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Everything but the time series, as a ``design.json`` has it."""
+    def _document(self) -> Mapping[str, Any]:
         from flexid.report.design_files import design_document
 
         return design_document(self.result)

@@ -106,7 +106,7 @@ class EstimatePlots:
         SettingError
             If it cannot be written, or the estimate was loaded.
         """
-        from flexid.library.logs import as_path
+        from flexid.library.checks import as_path
         from flexid.report.documents import output_directory
         from flexid.report.identification_figures import save_identification_figures
 

@@ -66,9 +66,7 @@ class LogExcitation(Answer):
         """What one should know before trusting the numbers."""
         return self.result.identification.warnings
 
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Everything but the spectrum, as an ``excitation.json`` has it."""
+    def _document(self) -> Mapping[str, Any]:
         from flexid.report.design_documents import excitation_document
 
         return excitation_document(self.result)

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.progress import Progress, silent
+from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.joint_estimate import JointEstimate
-from flexid.library.logs import all_logs, as_path
+from flexid.library.logs import all_logs
 from flexid.library.options import joint_settings
 from flexid.library.threads import in_one_thread
 

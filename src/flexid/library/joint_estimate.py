@@ -1,6 +1,5 @@
 """What `flexid.identify` returns: an estimate to look at, to compute with, to keep, to test."""
 
-import json
 from collections.abc import Mapping
 from functools import cached_property
 from os import PathLike
@@ -52,7 +51,7 @@ class JointEstimate(Answer):
 
     def __init__(self, result: Identification, document: Mapping[str, Any] | None = None) -> None:
         self.result = result
-        self._document: Mapping[str, Any] | None = document
+        self._stored = document
 
     @property
     def model(self) -> str:
@@ -224,16 +223,15 @@ class JointEstimate(Answer):
         """Figures: ``plot.fit()``, ``plot.residuals()``, ``plot.regions()`` and others."""
         return EstimatePlots(self.result)
 
+    def _document(self) -> Mapping[str, Any]:
+        from flexid.report.documents import identification_document
+
+        return identification_document(self.result)
+
     @property
     def document(self) -> Mapping[str, Any]:
         """Everything but the time series, as an ``estimate.json`` has it."""
-        document = self._document
-        if document is None:
-            from flexid.report.documents import identification_document, to_json
-
-            document = json.loads(to_json(identification_document(self.result)))
-            self._document = document
-        return document
+        return super().document if self._stored is None else self._stored
 
     def predict(self, log: "OneLog", *, columns: "Columns | None" = None) -> "Prediction":
         """Predict a log from its input, with the first state from its first half second.

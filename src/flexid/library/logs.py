@@ -3,12 +3,12 @@
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from flexid.errors import ArgumentError
+from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.recording.recording import CHANNELS, Log, Recording
 
@@ -138,23 +138,6 @@ def one_log(function: str, log: Any, columns: Any) -> Log:
     if isinstance(log, Mapping):
         return log_of_table(table_of_arrays(log), column_map)
     raise ArgumentError(function, "log", f"is {kind_of(log)}: give {_WANTED}")
-
-
-def as_path(function: str, argument: str, value: Any) -> Path:
-    """A path, if it is one; else an `ArgumentError`."""
-    if isinstance(value, str | os.PathLike):
-        text = os.fspath(value)
-        if isinstance(text, str):
-            return Path(text)
-    raise ArgumentError(function, argument, f"is {kind_of(value)}: give a path")
-
-
-def kind_of(value: object) -> str:
-    """What a value is, with its article."""
-    if value is None:
-        return "None"
-    name = type(value).__name__
-    return f"{'an' if name[0].lower() in 'aeiou' else 'a'} {name}"
 
 
 def _log_of(recording: Recording) -> Log:

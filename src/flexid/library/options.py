@@ -6,7 +6,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from flexid.errors import ArgumentError
-from flexid.library.logs import kind_of
+from flexid.library.checks import kind_of
 
 if TYPE_CHECKING:
     from flexid.identification.settings import Settings

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.identification.progress import Progress, silent
 from flexid.library.answer import Answer
+from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
-from flexid.library.logs import as_path
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
@@ -35,9 +35,7 @@ class PaperReproduction(Answer):
         """The paper's claims, decided."""
         return self.result.claims
 
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Everything but the time series, as a ``result.json`` has it."""
+    def _document(self) -> Mapping[str, Any]:
         from flexid.report.huang2003_document import reproduction_document
 
         return reproduction_document(self.result)

@@ -6,8 +6,9 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexid.library.answer import Answer, data_frame, html_figure
+from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
-from flexid.library.logs import all_logs, as_path
+from flexid.library.logs import all_logs
 from flexid.library.options import as_mapping, as_number
 
 if TYPE_CHECKING:
@@ -44,9 +45,7 @@ class SimulatedRun(Answer):
 
         return measure(self.result)
 
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Everything but the time series, as a ``run.json`` has it."""
+    def _document(self) -> Mapping[str, Any]:
         from flexid.report.run_document import run_document
 
         return run_document(self.experiment, self.result, self.measures)

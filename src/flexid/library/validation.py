@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 from flexid.errors import ArgumentError
 from flexid.identification import validate_estimate as worker
 from flexid.library.answer import Answer, data_frame, html_figure, html_paragraph
+from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
-from flexid.library.logs import all_logs, as_path, kind_of
+from flexid.library.logs import all_logs
 from flexid.library.threads import in_one_thread
 from flexid.library.validation_plots import ValidationPlots
 
@@ -64,9 +65,7 @@ class EstimateValidation(Answer):
         """Figures: ``plot.fit()`` and ``plot.residuals()``."""
         return ValidationPlots(self.result)
 
-    @property
-    def document(self) -> Mapping[str, Any]:
-        """Everything but the time series, as a ``validation.json`` has it."""
+    def _document(self) -> Mapping[str, Any]:
         from flexid.report.validation_document import validation_document
 
         return validation_document(self.result)

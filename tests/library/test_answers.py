@@ -1,0 +1,124 @@
+"""What the other functions return: what the commands say, as text, frames, figures and files."""
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+from matplotlib.figure import Figure
+
+import flexid
+
+ROOT = Path(__file__).parents[2]
+CAMPAIGN = """
+[campaign]
+kind = "grid"
+
+[campaign.vary]
+controller.proportional = [40.0, 50.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    """A tenth of a second of a closed loop, and two runs of it as a campaign."""
+    path = tmp_path_factory.mktemp("experiment") / "tiny.toml"
+    text = (ROOT / "experiments" / "sampled_joint.toml").read_text()
+    assert "duration = 30.0" in text
+    path.write_text(text.replace("duration = 30.0", "duration = 0.1") + CAMPAIGN)
+    return path
+
+
+@pytest.fixture
+def command(request):
+    """The command, under a name that leaves the library's to the library."""
+    return request.getfixturevalue("flexid")
+
+
+def test_a_run(experiment, command, tmp_path):
+    """Assert that a run is the command's, with the numbers that were set, and is a log."""
+    run = flexid.simulate(experiment, set={"controller.proportional": 45})
+    printed = command("simulate", experiment, "--set", "controller.proportional=45", "--json")
+    run.save(tmp_path / "run.json")
+    assert json.loads((tmp_path / "run.json").read_text()) == json.loads(printed.stdout)
+    frame = run.to_dataframe()
+    assert len(frame) == len(run.result.time)
+    (piece,) = run.log().pieces
+    assert piece.input_unit == "N m"
+    assert isinstance(run.plot_motion(), Figure)
+    assert isinstance(run.plot_estimates(), Figure)
+    assert "<img" in run._repr_html_()
+    assert "0.1 s" in repr(run)
+
+
+def test_a_campaign(experiment, tmp_path):
+    """Assert that rows are there for every run, also of one that is only summarised."""
+    reached = []
+    found = flexid.campaign(
+        experiment, out=tmp_path / "rows", workers=1, progress=lambda *n: reached.append(n)
+    )
+    assert reached[-1] == (2, 2)
+    assert found.complete
+    assert found.statuses == {"finished": 2}
+    frame = found.to_dataframe()
+    assert frame["controller.proportional"].to_list() == [40.0, 50.0]
+    again = flexid.campaign(summary=tmp_path / "rows")
+    assert again.document == found.document
+    assert again.summary() == found.summary()
+    assert pl.DataFrame(again.to_dataframe("pandas")).shape == frame.shape
+    found.save_figures(tmp_path / "figures")
+    assert "2 of 2 runs" in repr(found)
+
+
+def test_a_derivation(command):
+    """Assert that the text is the command's, from the name, a file, or a model."""
+    model = ROOT / "examples" / "models" / "pendulum.toml"
+    assert flexid.derive(model, to="c") == command("derive", model, "--to", "c").stdout
+    assert flexid.derive(flexid.read_model(model)) == flexid.derive(model)
+    shipped = command("derive", "flexible-joint", "--terms", "gravity", "--to", "python").stdout
+    assert flexid.derive("flexible-joint", terms=["gravity"], to="python") == shipped
+
+
+def test_a_design(examples, command, tmp_path):
+    """Assert that the design is the command's, and the frame what a drive can play."""
+    text = (examples / "drive.toml").read_text().replace("duration = 10.0", "duration = 2.0")
+    drive = tmp_path / "drive.toml"
+    drive.write_text(text.replace("sample_time = 0.001", "sample_time = 0.004\nharmonics = 3"))
+    steps = []
+    design = flexid.design(drive, criterion="D", progress=steps.append)
+    printed = command("design", drive, "--criterion", "D", "--json")
+    design.save(tmp_path / "design.json")
+    assert json.loads((tmp_path / "design.json").read_text()) == json.loads(printed.stdout)
+    assert steps
+    frame = design.to_dataframe()
+    assert frame.columns == ["time [s]", "motor_torque [N m]"]
+    assert isinstance(design.plot(), Figure)
+    assert max(design.deviations.values()) == design.result.prediction.worst
+    assert "multisine of 2 s" in repr(design)
+
+
+def test_an_excitation(examples):
+    """Assert that it has the estimate of `identify`, with what confuses each coefficient."""
+    options = {"terms": ["gravity", "motor_viscous"], "hold": "zero", "segment_duration": 2.0}
+    found = flexid.excitation(examples / "flexible_joint.csv", **options)
+    estimate = flexid.identify(examples / "flexible_joint.csv", **options)
+    assert found.estimate.coefficients == estimate.coefficients
+    assert {name: c.verdict for name, c in found.coefficients.items()} == {
+        name: c.verdict for name, c in estimate.coefficients.items()
+    }
+    assert found.supports(strict=True)
+    assert found.advice is None
+    assert isinstance(found.plot(), Figure)
+    assert "5 of 5 coefficients determined" in repr(found)
+    assert "theta2" in found.summary()
+
+
+def test_a_reproduction(reproduction):
+    """Assert that the claims are those of the study, as text and as a document."""
+    from flexid.library.reproduce import PaperReproduction
+
+    found = PaperReproduction(reproduction)
+    assert found.claims == reproduction.claims
+    assert f"of {len(found.claims)} claims" in repr(found)
+    assert found.summary()
+    assert found.document
