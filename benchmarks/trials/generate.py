@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.trials.arrays import FloatArray
 from benchmarks.trials.drafts import Draft, Size, acting, realised, truth
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
@@ -20,7 +21,6 @@ from benchmarks.trials.sensors import (
     faint,
     with_losses,
 )
-from flexid.arrays import FloatArray
 
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 

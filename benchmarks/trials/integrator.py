@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit  # pyright: ignore[reportMissingTypeStubs]
 
-from flexid.arrays import FloatArray
+from benchmarks.trials.arrays import FloatArray
 
 _BISECTIONS = 45  # of a step: to the last digits
 _BEFORE = 1e-3  # s, from rest to the first sample

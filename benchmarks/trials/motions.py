@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexid.arrays import FloatArray
+from benchmarks.trials.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.trials.arrays import FloatArray
 from benchmarks.trials.drafts import Draft
-from flexid.arrays import FloatArray
 
 _RATES = (500, 625, 800, 1000, 1250, 1600, 2000)  # samples per second
 

@@ -1,0 +1,6 @@
+"""The type of arrays of the trials' logs, which are made without flexid."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
