@@ -15,8 +15,7 @@ release = importlib.metadata.version("flexid")
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
-    "sphinx.ext.napoleon",
+    "numpydoc",
     "sphinx_copybutton",
     "mathml",
 ]
@@ -45,5 +44,7 @@ copybutton_prompt_is_regexp = True
 
 # The interface, in the order in which it is written.
 autodoc_member_order = "bysource"
-autodoc_typehints = "description"
-autodoc_typehints_description_target = "documented"
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+# A name between single backticks is a link, if there is anything of that name.
+default_role = "py:obj"
