@@ -85,7 +85,7 @@ def render(results: Mapping[str, Any]) -> str:
         "### Effort",
         "",
         *markdown(
-            ["", "version", "lines", "told beside log and model", "logs of a kind", "run", "load"],
+            ["", "version", "lines", "given beside log and model", "logs of a kind", "run", "load"],
             effort,
         ),
         "",

@@ -1,4 +1,4 @@
-"""How Sphinx builds these pages: ``sphinx-build -W docs site``."""
+"""How Sphinx builds these pages: ``sphinx-build -W docs site/html``."""
 
 import importlib.metadata
 import sys

@@ -108,7 +108,7 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
         "Intervals",
         "Nominal 95 % intervals that hold the truth. Removed: parameters of terms that were taken "
         "out of the model. Width: of the determined core parameters, over the width with terms, "
-        "hold and delays told; median.",
+        "hold and delays given; median.",
         (
             ("all", lambda one: _share(one.coverage["all"])),
             ("determined", lambda one: _share(one.coverage["determined"])),
@@ -121,12 +121,12 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
     (
         "Errors and times",
         "Relative errors of the determined core parameters in percent: median / 90th percentile / "
-        "largest; beside them those of the same parameters with terms, hold and delays told, and "
-        "those of filtered least squares told the same. Seconds for one log: median / largest.",
+        "largest; beside them those of the same parameters with terms, hold and delays given, and "
+        "those of filtered least squares given the same. Seconds for one log: median / largest.",
         (
             ("error", lambda one: _spread(one.error)),
-            ("told", lambda one: _spread(one.told_error)),
-            ("told least squares", lambda one: _spread(one.least_squares_error)),
+            ("given", lambda one: _spread(one.told_error)),
+            ("least squares, given", lambda one: _spread(one.least_squares_error)),
             ("seconds", lambda one: _seconds(one.seconds)),
         ),
     ),
@@ -165,7 +165,7 @@ def _wrong(records: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
     if not lines:
         return ["None."]
-    headings = ["family", "seed", "parameter", "truth", "value", "interval", "off", "told, off"]
+    headings = ["family", "seed", "parameter", "truth", "value", "interval", "off", "given, off"]
     return markdown(headings, lines)
 
 

@@ -174,7 +174,7 @@ def test_bounded_stiffness(flexid, examples, bounds, value, verdict, reason):
 
 
 def test_small_single_sine_is_undetermined(flexid, tmp_path):
-    """Assert that a log that cannot tell gravity from stiffness exits 1 and calls no value known.
+    """Assert that a log with gravity and stiffness confused exits 1 and calls no value known.
 
     None is wrong, and gravity may be any.
     """

@@ -46,7 +46,7 @@ def cart_samples() -> Samples:
 
 
 def cart(unknowns: Unknowns) -> LeastSquaresFit:
-    """Least squares of the cart, whose gain and its twin cannot be told apart."""
+    """Least squares of the cart, whose gain and its twin cannot be distinguished."""
     return filtered_least_squares([cart_samples()], CART, unknowns=unknowns)
 
 

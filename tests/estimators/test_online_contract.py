@@ -68,7 +68,7 @@ def test_converges_on_clean_data(build: Builder, hold: Hold, known: float | None
     history = estimator.replay(estimator.init(), estimator.pack(oscillator_motion(80.0, hold)))
     expected = {name: TRUE[name] for name in system.coefficients}
     assert as_values(system, history.coefficients[-1]) == pytest.approx(expected, rel=2e-4)
-    knows = not isinstance(estimator, ParametricObserver)  # whether the data have told it
+    knows = not isinstance(estimator, ParametricObserver)  # whether it can know what is determined
     assert history.status[-1] == (Status.USED if knows else Status.STARTING)
 
 
@@ -103,7 +103,7 @@ def test_a_bad_sample_is_rejected(build: Builder, bad: float, place: int):
 
 @every
 def test_a_start_ten_times_wrong(build: Builder):
-    """Assert that a start ten times too high or low ends right, or is not called told."""
+    """Assert that a start ten times too high or low ends right, or is not called determined."""
     system = oscillator()
     for factor in (10.0, 0.1):
         estimator = build(system, "linear")

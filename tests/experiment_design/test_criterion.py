@@ -21,7 +21,7 @@ def test_d_is_the_geometric_mean():
 
 @pytest.mark.parametrize("criterion", ["E", "D"])
 def test_nothing_known_is_infinite_but_searchable(criterion):
-    """Assert that a singular matrix tells nothing, and that the search still sees a number."""
+    """Assert that a singular matrix determines nothing, and that the search still sees a number."""
     singular = np.diag([1.0, 0.0])
     assert np.isinf(deviation(singular, criterion))
     assert np.isfinite(smooth_cost(singular, criterion))

@@ -176,7 +176,7 @@ def test_limits_that_leave_nothing(flexid, tiny_drive, tmp_path):
 
 
 def test_a_drive_too_small_to_tell(flexid, tiny_drive, tmp_path):
-    """Assert that a design that cannot tell every coefficient says so by status 1."""
+    """Assert that a design that does not determine every coefficient says so by status 1."""
     text = tiny_drive.read_text().replace("position_noise = 1e-4", "position_noise = 0.3")
     path = tmp_path / "noisy.toml"
     path.write_text(text)

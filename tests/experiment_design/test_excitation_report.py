@@ -94,7 +94,7 @@ def test_a_fifth_of_the_advice_is_not_enough(faint, tmp_path):
 
 
 def test_a_small_sine_loses_the_values(still_sine, tmp_path):
-    """Assert that 0.05 rad on one sine is not told, and that what is advised mends it."""
+    """Assert that 0.05 rad on one sine does not determine it, and that what is advised mends it."""
     torque, start, path = still_sine
     report = examine([read_log(path)], ON_TIME)
     assert report.assessment.coefficients["theta1"].verdict != "determined"
@@ -189,8 +189,8 @@ def test_a_cut_gets_the_status_of_identify(flexid, tmp_path, size):
         assert second["coefficients"][name]["value"] == c["value"]
     for row, e in first["excitation"].items():
         assert second["excitation"][row]["condition_number"] == e["condition_number"]
-    told = all(c["verdict"] == "determined" for c in first["coefficients"].values())
-    assert (second["advice"] is None) == told
+    determined = all(c["verdict"] == "determined" for c in first["coefficients"].values())
+    assert (second["advice"] is None) == determined
 
 
 def test_command_says_it_all(flexid, faint, tmp_path):

@@ -35,7 +35,7 @@ def said(data: Data, given: dict[str, float], **changed: float) -> tuple[str, ..
 
 
 def test_inertia_twice_the_truth_is_told(data):
-    """Assert that a motor inertia that the log contradicts is told as one, beside the log's own."""
+    """Assert that a motor inertia that the log contradicts is called one, beside the log's own."""
     (sentence,) = said(data, {"beta1": 1.0 / 0.6})
     assert sentence.startswith("motor_inertia is known as 0.6")
     assert "it says 0.3 ±" in sentence
@@ -63,10 +63,10 @@ def test_each_wrong_value_is_told(data):
     assert sorted(sentence.split()[0] for sentence in found) == ["theta1", "theta2"]
 
 
-@pytest.mark.parametrize(("off", "told"), [(0.008, False), (0.012, True)])
-def test_less_than_a_hundredth_is_no_contradiction(data, off, told):
+@pytest.mark.parametrize(("off", "said_so"), [(0.008, False), (0.012, True)])
+def test_less_than_a_hundredth_is_no_contradiction(data, off, said_so):
     """Assert that what is known to a per cent passes however sharp the log is."""
-    assert bool(said(data, {"theta2": 100.0 * (1.0 + off)})) == told
+    assert bool(said(data, {"theta2": 100.0 * (1.0 + off)})) == said_so
 
 
 def test_threshold_is_the_one_given(data):
@@ -110,14 +110,14 @@ def test_inertia_is_known_as_a_parameter():
     assert found.values[1] == pytest.approx(1.0 / 0.335, rel=1e-5)
 
 
-@pytest.mark.parametrize(("limit", "told"), [(3.0, True), (12.0, False)])
-def test_contradicting_knowledge_spans_both(limit, told):
+@pytest.mark.parametrize(("limit", "said_so"), [(3.0, True), (12.0, False)])
+def test_contradicting_knowledge_spans_both(limit, said_so):
     """Assert that beyond the limit the estimate reaches from the joined value back to the log's.
 
     3.3 known and 3 from the log, each ± 0.03, are seven of their common deviations apart, and
     0.15 from what joins them.
     """
     found, contradicted = joined({"beta1": 3.3}, {"beta1": 0.03}, limit)
-    assert bool(contradicted) == told
-    variance = 0.00045 + (0.15**2 if told else 0.0)
+    assert bool(contradicted) == said_so
+    variance = 0.00045 + (0.15**2 if said_so else 0.0)
     assert found.covariance[1, 1] == pytest.approx(variance, rel=1e-6)

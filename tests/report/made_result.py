@@ -27,7 +27,7 @@ CHOICES = Choices(
         "zero",
         Delay(0.00302, 1e-4, (0.00287, 0.00317), "found"),
         Delay(0.0, 1e-4, (-2e-4, 3e-4), "none"),
-        "the log cannot tell the holds apart; this one needs the least delay",
+        "the log does not distinguish the holds; this one needs the least delay",
     ),
     hold="zero",
     coulomb_velocity=0.0123,

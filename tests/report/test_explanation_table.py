@@ -52,13 +52,13 @@ def test_delays_are_shown_with_their_interval(lines):
 @pytest.mark.parametrize(
     "words",
     [
-        ("Input hold zero", "cannot tell the holds apart"),
+        ("Input hold zero", "does not distinguish the holds"),
         ("filter rate", "31.4"),
         ("Coulomb friction", "0.0123"),
     ],
 )
 def test_every_other_choice_is_named(lines, words):
-    """Assert that hold, filter rate and a given smoothing are told too."""
+    """Assert that hold, filter rate and a given smoothing are said too."""
     page = " ".join(lines)
     assert all(word in page for word in words)
 

@@ -63,7 +63,7 @@ def test_a_channel_at_rest_has_no_horizons(printed):
 def test_what_the_model_does_without_is_bounded(printed):
     """Assert that a removed parameter shows the far end of its interval, or that none is known."""
     page = " ".join(printed(made_result()).split())
-    assert "Without: joint_damping below 0.0005 N m s/rad, gravity_angle, of which" in page
+    assert "Without: joint_damping below 0.0005 N m s/rad, gravity_angle, on which" in page
 
 
 def test_a_model_error_is_told(printed):

@@ -1,1 +1,1 @@
-"""What a run or a recording can tell: excitation and Lyapunov monitors."""
+"""What a run or a recording shows: excitation and Lyapunov monitors."""

@@ -54,7 +54,7 @@ def _connect(scheduler: str) -> "Client":
         raise CampaignError(
             "--scheduler", "needs the package distributed: pip install 'flexid[dask]'"
         ) from None
-    # What goes wrong is told in one sentence; the package would add a traceback
+    # What goes wrong is said in one sentence; the package would add a traceback
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with suppress(OSError, ValueError, TypeError):

@@ -1,4 +1,4 @@
-"""What a campaign tells: statuses, distributions, and which input matters."""
+"""What a campaign shows: statuses, distributions, and which input matters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a campaign tells, finished or not.
+    """What a campaign shows, finished or not.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Estimators that need starting values, with least squares beside them, which needs none.
 
 Least squares on filtered positions runs all the time. It starts the other estimator once it can
-tell the coefficients, and is asked at the end of every block of samples whether the other's can be
-true. If not, that is said, and the other is started anew: a wrong number is never returned
+determine the coefficients, and is asked at the end of every block of samples whether the other's
+can be true. If not, that is said, and the other is started anew: a wrong number is never returned
 silently.
 """
 

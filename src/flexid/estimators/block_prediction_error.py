@@ -212,7 +212,7 @@ def block_prediction_error(
     memory_time : float, optional
         Time in s after which a block weighs 1/e as much; infinite: nothing is forgotten.
     block_duration : float, optional
-        In s. Longer blocks tell more, forgive less, and come in longer bursts.
+        In s. Longer blocks hold more information, forgive less, and come in longer bursts.
 
     Returns
     -------

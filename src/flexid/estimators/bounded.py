@@ -20,7 +20,7 @@ Bounds = Mapping[str, tuple[float, float]]
 
 
 class Fit(Protocol):
-    """What a fit has to tell: values of what is sought, and the information on it."""
+    """What a fit has to have: values of what is sought, and the information on it."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -61,7 +61,7 @@ def approach(problem: SegmentedMotion, point: Point, tolerance: float) -> Minimu
     """As `minimise`; where that fails, by way of segments of half the length.
 
     Over a long segment a wrong start leads far from the measured motion, and the sum of squares
-    has other minima there. What a shorter segment tells starts a longer one well.
+    has other minima there. What shorter segments find starts longer ones well.
     """
     return _approach(problem, point, tolerance, _HALVINGS)
 

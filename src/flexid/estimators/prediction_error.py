@@ -56,7 +56,7 @@ class PredictionErrorFit:
     undetermined : tuple of str
         Coefficients that the data leave free.
     information : array, shape (k, k)
-        What residuals of the size `noise` tell about the coefficients, the initial states unknown.
+        What residuals of the size `noise` say about the coefficients, the initial states unknown.
     noise : array, shape (n_outputs,)
         Standard deviation of the residuals of each position (and velocity, if fitted, in turn).
     initial_states : array, shape (n_segments, n_states)
@@ -119,8 +119,8 @@ def prediction_error(
         Where to start: a least-squares fit of the same record, or a value for each unknown. The
         second is fitted from least squares as well, which must not explain the record better.
     segment_duration : float, optional
-        Wanted length of a segment in s. Longer segments tell more and forgive less: what the model
-        leaves out adds up over a segment.
+        Wanted length of a segment in s. Longer segments hold more information and forgive
+        less: what the model leaves out adds up over a segment.
     hold : {"linear", "zero", "cubic"}, optional
         Whether the inputs run linearly between samples, are constant until the next one, or smooth.
     use_velocities : bool, optional

@@ -32,7 +32,9 @@ INPUT = "input_delay"
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
 _MOST_SUBSTEPS = 100.0  # per sample; a model still faster is fitted badly, and then refused
 _LARGEST = 1e100  # sensitivities squared; beyond it their products overflow
-_SEEN_SAMPLES = 3.0  # times what one sample tells of a velocity; twenty tell 2500 times that
+_SEEN_SAMPLES = (
+    3.0  # times the information of one sample on a velocity; twenty have 2500 times that
+)
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _NOT_SOUGHT = -1
 _ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to

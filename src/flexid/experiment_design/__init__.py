@@ -1,1 +1,1 @@
-"""What a motion can tell about a drive, and the input whose motion tells more."""
+"""What a motion determines of a drive, and the input whose motion determines more."""

@@ -1,10 +1,10 @@
-"""What to add to an input so that its motion tells every coefficient.
+"""What to add to an input so that its motion determines every coefficient.
 
 The identified model runs under the recorded input with one sine more, or under a multiple of the
-input, and what that motion would tell is judged like the log itself. The smallest addition after
-which every coefficient counts as determined, and a margin, is the advice. Where the log does not
-even yield a model that could be run, a rule of thumb takes its place; where it is not the motion
-that is lacking, that is said instead.
+input, and what that motion would determine is judged like the log itself. The smallest addition
+after which every coefficient counts as determined, and a margin, is the advice. Where the log does
+not even yield a model that could be run, a rule of thumb takes its place; where it is not the
+motion that is lacking, that is said instead.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from flexid.identification.judgement import THRESHOLDS, verdict
 from flexid.identification.result import Identification
 
 _FREQUENCIES = 12  # tried, evenly spaced on a logarithmic scale
-_LONGEST = 20.0  # s of the record that are run; the rest tells as much per second
+_LONGEST = 20.0  # s of the record that are run; the rest holds as much information per second
 _PERIODS = 4.0  # of the slowest sine in the record
 _BEYOND_RESONANCE = 2.0  # times the fastest pole, for the fastest sine
 _SAMPLES_PER_PERIOD = 20.0
@@ -151,7 +151,7 @@ def advise(
         return None
     impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
     if impossible or not all(np.isfinite(c.std) for c in lacking):
-        return rule_of_thumb(pieces)  # a model of guessed values tells nothing of other inputs
+        return rule_of_thumb(pieces)  # a model of guessed values says nothing of other inputs
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         return Advice(None, None, None, 0.0, caution=_capital(lacking[0].reason))
     try:

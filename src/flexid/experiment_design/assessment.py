@@ -1,4 +1,4 @@
-"""How well a log tells each coefficient: the estimate of `identify`, and what it is confused with.
+"""How well a log determines each coefficient: the estimate of `identify`, and what confuses it.
 
 Value, interval and verdict are those of the identification; added is what the other unknowns,
 delays among them, cost each one.

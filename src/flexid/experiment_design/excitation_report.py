@@ -1,8 +1,8 @@
-"""From logs to what they can tell: the work of ``flexid excitation``.
+"""From logs to what they determine: the work of ``flexid excitation``.
 
 The question is that of `identify`, and so is the answer: the logs are identified, with the terms,
 delays and noise that they show. What comes on top is what confuses the coefficients, and which
-input would tell them apart.
+input would distinguish them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,12 +27,12 @@ from flexid.recording.recording import Log
 
 @dataclass(frozen=True)
 class ExcitationReport:
-    """What logs can tell about a joint.
+    """What logs determine of a joint.
 
     Parameters
     ----------
     identification : Identification
-        What they do tell.
+        What they do determine.
     assessment : Assessment
         Per coefficient and row.
     advice : Advice or None
@@ -56,7 +56,7 @@ class ExcitationReport:
 def examine(
     logs: Sequence[Log], settings: Settings, progress: Progress = silent
 ) -> ExcitationReport:
-    """Say how well logs tell each coefficient, and what to add where they do not.
+    """Say how well logs determine each coefficient, and what to add where they do not.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def examine(
     settings : Settings
         As of an identification.
     progress : callable, optional
-        Told of each step in words.
+        Called with each step in words.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Tones whose motion tells the most within limits.
+"""Tones whose motion determines the most within limits.
 
 The weights of the tones are sought by a quasi-Newton method (SciPy's L-BFGS-B) from several random
 starts. Small for it is log(σ U), with σ the criterion as a standard deviation and U the largest use
@@ -112,7 +112,7 @@ class Search:
         step = self.step
         run = rehearse(self.nominal, self.command(self.coarse, self.start(0)), step)
         segments = divide([run.samples()], SEGMENT_DURATION)
-        # Fewer samples tell less each by as much as there are fewer.
+        # Fewer samples weigh less each by as much as there are fewer.
         noise = self.drive.position_noise * np.sqrt(self.drive.sample_time / step)
         point = Point(self.nominal.values, run.states[segments.starts])
         problem = segmented_motion(self.nominal.system, segments, Timing("zero"))

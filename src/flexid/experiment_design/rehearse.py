@@ -1,4 +1,4 @@
-"""Play a command on a believed drive: how far it moves, and what its positions would tell."""
+"""Play a command on a believed drive: how far it moves, and what its positions would determine."""
 
 from dataclasses import dataclass
 
@@ -61,7 +61,7 @@ class Rehearsed:
         return Samples(self.states[:, ::2], None, self.torque[:, None], self.sample_time)
 
     def information(self, case: Case, noise: float) -> Information:
-        """What two encoders with white noise of a standard deviation in rad would tell."""
+        """What two encoders with white noise of a standard deviation in rad would determine."""
         segments = divide([self.samples()], SEGMENT_DURATION)
         states = self.states[segments.starts]
         return segmented_information(

@@ -14,7 +14,7 @@ from flexid.simulation.played_run import Command
 
 @dataclass(frozen=True)
 class Prediction:
-    """What an input would tell about the drive as it is believed to be.
+    """What an input would determine of the drive as it is believed to be.
 
     Parameters
     ----------
@@ -73,11 +73,11 @@ class Design:
     run : Rehearsed
         What the drive, as believed, does then.
     prediction : Prediction
-        What that tells.
+        What that determines.
     references : tuple of Prediction
-        What other inputs of the same peak torque would tell.
+        What other inputs of the same peak torque would determine.
     kept_references : tuple of Prediction
-        What they would tell if they were as large as all drives can bear within the limits.
+        What they would determine if they were as large as all drives can bear within the limits.
     largest_use : mapping of str to Extreme
         Largest use of each limit over all drives that are wrong by 30 %.
     largest_deviations : mapping of str to Extreme

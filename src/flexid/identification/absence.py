@@ -1,6 +1,6 @@
 """What may hide behind the terms that a model does without.
 
-That a term is not seen does not mean that it is not there: where the log cannot tell it from
+That a term is not seen does not mean that it is not there: where the log cannot distinguish it from
 others, these may have taken its part. Before the log was seen, a term may be absent or there, the
 one as likely as the other, and of about the size of its row's acceleration, τ. With x ± s what the
 log says of it beside the reported model,

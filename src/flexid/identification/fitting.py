@@ -24,7 +24,7 @@ SHORTEST = 0.1
 """Length in s of the segments that a fit begins with: any start is good enough for these."""
 
 LONGEST = 10.0
-"""Length in s beyond which segments tell hardly more."""
+"""Length in s beyond which segments hold hardly more information."""
 
 START_RATES = (20.0, 60.0, 7.0)
 """Rates in 1/s of the filters whose least squares a fit may start from, in this order."""

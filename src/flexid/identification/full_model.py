@@ -31,7 +31,7 @@ ROUGH, FINE = 1.0, 1e-2
 
 _MARGIN = 0.03  # s at both ends of a piece in which late channels have no partner
 _LARGEST_MARGIN = 0.05  # of a piece
-_FINEST = 1e-9  # noise over the largest position that is still told from none
+_FINEST = 1e-9  # noise over the largest position that still counts as some
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,7 +48,7 @@ class StoredFit(_Part):
 
 
 class StoredExcitation(_Part):
-    """How well the coefficients of a row are told apart."""
+    """How well the coefficients of a row are distinguished."""
 
     coefficients: list[str]
     singular_values: list[float]

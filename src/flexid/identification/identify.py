@@ -83,7 +83,7 @@ def identify(
     settings : Settings, optional
         Choices; see there.
     progress : callable, optional
-        Told of each step in words.
+        Called with each step in words.
     thresholds : Thresholds, optional
         What is decided by.
 

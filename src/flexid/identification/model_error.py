@@ -6,7 +6,7 @@ coefficient does not show at all, and is its bias. If both are alike in size, th
 coefficient is its standard deviation for noise of unit size, times the root of the residuals'
 weighted sum of squares beyond noise.
 
-Noise of the torque makes residuals large, too, without any bias. It is told apart by how they grow:
+Noise of the torque makes residuals large, too, without any bias. How they grow distinguishes it:
 the variance of a motion under white noise grows with the cube of the time since its known start,
 that of an error which turns round with the motion more slowly, that of a slow one faster.
 """

@@ -22,7 +22,7 @@ def stream(pieces: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> Observe
     pieces : sequence of Samples
         With velocities. The estimates at the end of one are where the next begins.
     unknowns : Unknowns
-        What is sought. What is fixed keeps its value; the observer does not tell logs apart.
+        What is sought. What is fixed keeps its value; the observer does not distinguish logs.
     hold : {"zero", "linear"}
         Behaviour of the input between samples.
 

@@ -51,9 +51,9 @@ def identify_stream(
     settings : Settings, optional
         Choices.
     progress : callable, optional
-        Told of each step in words.
+        Called with each step in words.
     advance : callable, optional
-        Told of rows done and rows in all.
+        Called with rows done and rows in all.
     workers : int, optional
         Threads that filter, beside the one that reads. They change no digit of the answer.
 
@@ -112,11 +112,11 @@ def _pass(task: StreamTask, stream: LogStream, advance: Advance, workers: int) -
 
 def _with_marks(stretches: Iterable[Window], rows: int) -> Iterator[tuple[Window, bool]]:
     """Each window, and whether a stretch at its end is kept out: `_FREE_RUNS` of them, evenly."""
-    told = 0
+    reported = 0
     for window in stretches:
         reached = (window.row + window.stop) * _FREE_RUNS // rows
-        yield window, reached > told
-        told = max(told, reached)
+        yield window, reached > reported
+        reported = max(reported, reached)
 
 
 def _products(task: StreamTask, window: Window, kept_out: bool) -> tuple[Products, HeldOut | None]:

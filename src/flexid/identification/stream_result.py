@@ -1,4 +1,4 @@
-"""What the sums of a stream tell, beside what its head does.
+"""What the sums of a stream determine, beside what its head does.
 
 Least squares takes no account of what the prediction error does: friction that is dry, noise in the
 regressors, terms beyond the usual ones. How far that matters the head shows: there least squares at
@@ -48,7 +48,7 @@ from flexid.recording.stream import LogStream
 # biases the answer.
 _RATES = (0.125, 0.25, 0.5, 2.0)
 
-_MATTERS = 0.01  # of a coefficient's value, from which on it is told that it moves
+_MATTERS = 0.01  # of a coefficient's value, from which on a warning says that it moves
 _SEGMENT_DURATION = 1.0  # s over which the model has to follow what was kept out, if none is chosen
 
 
@@ -59,7 +59,7 @@ def stream_result(
     settings: Settings,
     held_out: Sequence[HeldOut],
 ) -> Identification:
-    """Everything that the sums tell, beside what the head does."""
+    """Everything that the sums determine, beside what the head does."""
     joint, structure = task.joint, task.structure
     input_unit = stream.head.pieces[0].input_unit
     sought = set(task.problem.unknowns.names)
@@ -217,7 +217,7 @@ def _stream_warnings(
     left_out: Sequence[str], fit: StreamedFit, shifts: FloatArray, changes: FloatArray
 ) -> Iterator[str]:
     """Warn of what least squares does not have, and of what moves."""
-    advice = "a shorter part of the log without --stream tells more"
+    advice = "a shorter part of the log without --stream determines more"
     if left_out:
         yield (
             f"the head of the log shows {', '.join(left_out)}, which least squares of a stream "

@@ -32,7 +32,7 @@ from flexid.models.flexible_joint import DISSIPATIVE
 from flexid.recording.recording import Hold
 
 _ROUNDS = 2  # of taking away and fitting over longer segments
-_HOLD_DURATION = 0.5  # s of segments from which on the holds of an input are told apart
+_HOLD_DURATION = 0.5  # s of segments from which on the holds of an input are distinguished
 _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
 _CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
 
@@ -103,7 +103,7 @@ def choose_structure(
     durations : tuple of float
         The length of the segments in s, if it is given; empty where it is to be chosen.
     progress : callable
-        Told of each step in words.
+        Called with each step in words.
     thresholds : Thresholds, optional
         What counts as chance.
 
@@ -263,7 +263,7 @@ def _best_hold(found: Mapping[Hold, list[Fitted]]) -> tuple[Hold, str]:
     return nearest[0], TIED
 
 
-TIED = "the log cannot tell the holds apart; this one needs the least delay"
+TIED = "the log does not distinguish the holds; this one needs the least delay"
 """Why a hold was taken where none is better: half a sample of delay stands for the other."""
 
 _TIE = 9.0  # fall of the weighted sum of squares that chance gives in one log of 400
@@ -343,7 +343,7 @@ def eliminate(
         }
         if not candidates:
             break
-        # Of terms that the log cannot tell apart the less usual ones go first.
+        # Of terms that the log does not distinguish the less usual ones go first.
         gone = max(free or candidates, key=lambda i: (base[i] in joint.shapes, ratio[i], i))
         left[gone] = False
         tests[names[gone]] = replace(tests[names[gone]], kept=False)

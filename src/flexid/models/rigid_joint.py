@@ -1,4 +1,4 @@
-"""The rigid joint: link and motor turn as one, and one encoder tells all there is to tell.
+"""The rigid joint: link and motor turn as one, and one encoder shows all there is to see.
 
     x1' = x2
     x2' = -gamma1 sin x1 - gamma_viscous x2 - gamma_coulomb tanh(x2/w) + gamma_offset + beta1 u

@@ -2,7 +2,7 @@
 
 Two intervals side by side suggest that every pair of values within them is possible. Where the
 estimates correlate that is wrong: the region of both together is a narrow ellipse across the
-rectangle of the intervals, and its long axis is the combination that the log cannot tell.
+rectangle of the intervals, and its long axis is the combination that the log does not determine.
 """
 
 from collections.abc import Mapping, Sequence

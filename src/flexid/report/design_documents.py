@@ -1,4 +1,4 @@
-"""What logs tell and what to play, as plain documents for JSON."""
+"""What logs determine and what to play, as plain documents for JSON."""
 
 from dataclasses import asdict
 from typing import Any

@@ -1,4 +1,4 @@
-"""Figure of a design: what is played, its tones, and what it tells beside other inputs."""
+"""Figure of a design: what is played, its tones, and what it determines beside other inputs."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The printed answer to what a log can tell."""
+"""The printed answer to what a log determines."""
 
 from collections.abc import Iterator
 from math import isfinite, isnan, pi

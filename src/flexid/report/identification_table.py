@@ -90,7 +90,7 @@ def _at_most(parameter: ParameterEstimate) -> str:
     """How large something could be that the model does without."""
     largest = max(map(abs, parameter.interval))
     if not isfinite(largest):
-        return f"{parameter.name}, of which the log tells nothing"
+        return f"{parameter.name}, on which the log holds nothing"
     return f"{parameter.name} below {largest:.2g} {parameter.unit}"
 
 

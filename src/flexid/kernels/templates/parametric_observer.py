@@ -29,7 +29,7 @@ def take_in(current, sample, fixed):
     if not is_finite(sample):
         return (0.0,) + current[1:], NO_INNOVATION, REJECTED
     current, innovation = advance(current, sample, fixed)
-    # A constant gain cannot know whether the data tell the coefficients.
+    # A constant gain cannot know whether the data determine the coefficients.
     return current, innovation, STARTING
 
 
