@@ -25,7 +25,7 @@ MANIFEST = Manifest(
     runs=7,
     inputs=PLAN.inputs,
     keep=("tracking",),
-    runs_per_piece=3,
+    runs_per_part=3,
     text="the file",
 )
 RESULTS = {"tracking_rms": pl.Float64()}
@@ -38,50 +38,50 @@ def rows(runs):
 
 @pytest.fixture
 def full(tmp_path):
-    """A directory with all pieces."""
+    """A directory with all parts."""
     with open_store(tmp_path / "out", MANIFEST) as store:
-        for piece in MANIFEST.pieces:
-            store.write(piece, rows(MANIFEST.runs_of(piece)), None)
+        for part in MANIFEST.parts:
+            store.write(part, rows(MANIFEST.runs_of(part)), None)
         assert store.missing(PLAN, RESULTS) == []
     return tmp_path / "out"
 
 
 def missing(directory):
-    """Return the numbers of the pieces that would be run."""
+    """Return the numbers of the parts that would be run."""
     with open_store(directory, MANIFEST) as store:
         return store.missing(PLAN, RESULTS)
 
 
-def test_pieces_hold_all_runs_once():
-    """Assert that the last piece has what is left over."""
-    assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.pieces] == [[0, 1, 2], [3, 4, 5], [6]]
+def test_parts_hold_all_runs_once():
+    """Assert that the last part has what is left over."""
+    assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.parts] == [[0, 1, 2], [3, 4, 5], [6]]
 
 
 def test_a_new_directory_lacks_everything(tmp_path):
-    """Assert that the manifest is there before the first piece."""
+    """Assert that the manifest is there before the first part."""
     assert missing(tmp_path / "a" / "b") == [0, 1, 2]
     assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
 
 
 @pytest.mark.parametrize("size", [0, 3, 200, -1])
-def test_a_cut_piece_is_run_again(full, size):
-    """Assert that a piece cut anywhere counts as missing, and only that one."""
+def test_a_cut_part_is_run_again(full, size):
+    """Assert that a part cut anywhere counts as missing, and only that one."""
     path = full / "runs" / "part-000001.parquet"
     path.write_bytes(path.read_bytes()[:size])
     assert missing(full) == [1]
 
 
 def test_a_file_that_never_got_its_name_does_no_harm(full):
-    """Assert that what a killed process left under a temporary name is no piece."""
-    piece = full / "runs" / "part-000002.parquet"
-    piece.rename(piece.with_name(".part-000002.parquet.tmp"))
+    """Assert that what a killed process left under a temporary name is no part."""
+    part = full / "runs" / "part-000002.parquet"
+    part.rename(part.with_name(".part-000002.parquet.tmp"))
     assert missing(full) == [2]
 
 
-def test_pieces_in_the_wrong_place_are_run_again(full):
-    """Assert that a piece with other runs, or other values, is not taken for the right one."""
-    piece = full / "runs" / "part-000001.parquet"
-    piece.write_bytes((full / "runs" / "part-000000.parquet").read_bytes())
+def test_parts_in_the_wrong_place_are_run_again(full):
+    """Assert that a part with other runs, or other values, is not taken for the right one."""
+    part = full / "runs" / "part-000001.parquet"
+    part.write_bytes((full / "runs" / "part-000000.parquet").read_bytes())
     changed = rows(range(6, 7)).with_columns(pl.lit(99.0).alias("controller.k"))
     changed.write_parquet(full / "runs" / "part-000002.parquet")
     assert missing(full) == [1, 2]
@@ -95,15 +95,15 @@ def test_pieces_in_the_wrong_place_are_run_again(full):
     ],
     ids=["extra", "retyped"],
 )
-def test_a_piece_with_other_columns_is_run_again(full, change):
-    """Assert that a piece that the summary could not join to the others is not kept."""
+def test_a_part_with_other_columns_is_run_again(full, change):
+    """Assert that a part that the summary could not join to the others is not kept."""
     rows(range(3, 6)).with_columns(change).write_parquet(full / "runs" / "part-000001.parquet")
     assert missing(full) == [1]
 
 
-def test_a_directory_keeps_its_piece_size(full):
-    """Assert that a file that asks for other pieces goes on with those that are there."""
-    with open_store(full, replace(MANIFEST, runs_per_piece=2)) as store:
+def test_a_directory_keeps_its_part_size(full):
+    """Assert that a file that asks for other parts goes on with those that are there."""
+    with open_store(full, replace(MANIFEST, runs_per_part=2)) as store:
         assert store.manifest == MANIFEST
         assert store.missing(PLAN, RESULTS) == []
 
@@ -178,7 +178,7 @@ def test_a_directory_that_cannot_be_is_refused(tmp_path, name):
 
 
 def test_a_full_disk_is_one_sentence(full, monkeypatch):
-    """Assert that a piece for which there is no room leaves no piece, and a remedy."""
+    """Assert that a part for which there is no room leaves no part, and a remedy."""
 
     def no_room(_):
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -20,7 +20,7 @@ CAMPAIGN = """
 [campaign]
 kind = "latin-hypercube"
 runs = 60
-runs_per_piece = 2
+runs_per_part = 2
 vary.controller.proportional = { uniform = [10.0, 50.0] }
 """
 

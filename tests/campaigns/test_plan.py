@@ -88,11 +88,11 @@ def test_a_number_of_runs_that_makes_no_indices_is_refused():
     st.integers(0, 2**63),
     st.integers(1, 70),
 )
-def test_a_run_has_its_values_whatever_the_piece(kind, runs, seed, size):
-    """Assert that tables of any pieces, put together, are the plan, and that values are finite."""
+def test_a_run_has_its_values_whatever_the_part(kind, runs, seed, size):
+    """Assert that tables of any parts, put together, are the plan, and that values are finite."""
     plan = make_plan(variation(kind, runs, seed, a=UNIFORM, b=NORMAL), sampled=True)
-    pieces = [plan.table(range(i, min(i + size, runs))) for i in range(0, runs, size)]
-    rows = [row for piece in pieces for row in piece.iter_rows()]
+    parts = [plan.table(range(i, min(i + size, runs))) for i in range(0, runs, size)]
+    rows = [row for part in parts for row in part.iter_rows()]
     assert rows == list(plan.table(range(runs)).iter_rows())
     assert np.isfinite(plan.values).all()
     again = make_plan(variation(kind, runs, seed, a=UNIFORM, b=NORMAL), sampled=True)

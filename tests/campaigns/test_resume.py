@@ -60,17 +60,17 @@ def test_threads_of_a_new_process_load_the_kernel_once(experiment, whole, tmp_pa
     assert same_bits(rows_of(tmp_path), whole)
 
 
-def test_the_piece_size_changes_no_bit(whole, tmp_path):
-    """Assert that pieces of five leave the rows of pieces of three."""
+def test_the_part_size_changes_no_bit(whole, tmp_path):
+    """Assert that parts of five leave the rows of parts of three."""
     path = write_experiment(tmp_path / "tiny.toml")
-    path.write_text(path.read_text().replace("runs_per_piece = 3", "runs_per_piece = 5"))
+    path.write_text(path.read_text().replace("runs_per_part = 3", "runs_per_part = 5"))
     run_campaign(read_experiment(path), tmp_path / "out")
     assert len(list(tmp_path.glob("out/runs/*.parquet"))) == 3
     assert same_bits(rows_of(tmp_path / "out"), whole)
 
 
-def test_kill_9_loses_the_piece_at_hand_alone(experiment, whole, tmp_path):
-    """Assert that a campaign killed while it writes its third piece goes on from the second."""
+def test_kill_9_loses_the_part_at_hand_alone(experiment, whole, tmp_path):
+    """Assert that a campaign killed while it writes its third part goes on from the second."""
     out = tmp_path / "out"
     killed = subprocess.run([sys.executable, "-c", KILLED, experiment.path, str(out)], timeout=300)
     assert killed.returncode == -signal.SIGKILL
@@ -82,13 +82,13 @@ def test_kill_9_loses_the_piece_at_hand_alone(experiment, whole, tmp_path):
 
 
 def test_what_is_done_is_not_done_again(experiment, whole, tmp_path):
-    """Assert that only a damaged piece of a finished campaign is written anew."""
+    """Assert that only a damaged part of a finished campaign is written anew."""
     run_campaign(experiment, tmp_path)
-    pieces = sorted(tmp_path.glob("runs/*.parquet"))
-    before = {path: path.stat().st_ino for path in pieces}
-    pieces[1].write_bytes(pieces[1].read_bytes()[:-9])
+    parts = sorted(tmp_path.glob("runs/*.parquet"))
+    before = {path: path.stat().st_ino for path in parts}
+    parts[1].write_bytes(parts[1].read_bytes()[:-9])
     run_campaign(experiment, tmp_path)
-    assert [path for path in pieces if path.stat().st_ino != before[path]] == [pieces[1]]
+    assert [path for path in parts if path.stat().st_ino != before[path]] == [parts[1]]
     assert same_bits(rows_of(tmp_path), whole)
 
 
@@ -104,9 +104,9 @@ def test_another_experiment_finds_the_directory_taken(experiment, tmp_path):
 
 
 def test_control_c_keeps_what_is_done(tmp_path):
-    """Assert that an interrupt exits 130 with one sentence that counts the pieces kept."""
+    """Assert that an interrupt exits 130 with one sentence that counts the parts kept."""
     text = EXPERIMENT.replace("duration = 0.1", "duration = 60.0")
-    campaign = "[campaign]\nkind = 'latin-hypercube'\nruns = 2000\nruns_per_piece = 2\n"
+    campaign = "[campaign]\nkind = 'latin-hypercube'\nruns = 2000\nruns_per_part = 2\n"
     campaign += "vary.observer.link = { uniform = [1.0, 2.0] }\n"
     path, out = write_experiment(tmp_path / "slow.toml", campaign, text), tmp_path / "out"
     command = [sys.executable, "-c", "from flexid.cli.main import main; main()"]

@@ -37,13 +37,13 @@ def made_up_rows(plan: Plan, runs: range) -> pl.DataFrame:
     )
 
 
-def write_campaign(out, kind: Kind = "sobol", runs=400, pieces=None):
-    """Write a campaign of made-up rows, or some of its pieces."""
+def write_campaign(out, kind: Kind = "sobol", runs=400, parts=None):
+    """Write a campaign of made-up rows, or some of its parts."""
     plan = make_plan(Variation(kind, runs, 0, INPUTS, (), None), sampled=False)
     manifest = Manifest("1.0", "0123", plan.digest, kind, runs, plan.inputs, (), 50, "the file")
     with open_store(out, manifest) as store:
-        for piece in manifest.pieces if pieces is None else pieces:
-            store.write(piece, made_up_rows(plan, manifest.runs_of(piece)), None)
+        for part in manifest.parts if parts is None else parts:
+            store.write(part, made_up_rows(plan, manifest.runs_of(part)), None)
     return out
 
 
@@ -98,21 +98,21 @@ def test_sobol_indices_where_the_plan_is_for_them(tmp_path):
 
 
 def test_an_unfinished_campaign_says_so(tmp_path):
-    """Assert that the pieces that are there are summarised."""
-    found = summarise(write_campaign(tmp_path, pieces=[0, 3]))
+    """Assert that the parts that are there are summarised."""
+    found = summarise(write_campaign(tmp_path, parts=[0, 3]))
     assert not found.complete
     assert (found.done, found.manifest.runs) == (100, 400)
     assert sum(found.statuses.values()) == 100
 
 
 def test_an_unfinished_plan_for_indices_has_some(tmp_path):
-    """Assert that points that lie across a missing piece do no harm."""
-    found = summarise(write_campaign(tmp_path, "sobol-indices", 256 * 4, pieces=[0, 2, 3, 5, 6]))
+    """Assert that points that lie across a missing part do no harm."""
+    found = summarise(write_campaign(tmp_path, "sobol-indices", 256 * 4, parts=[0, 2, 3, 5, 6]))
     assert result(found, "tracking_rms").indices[0].total == pytest.approx(1.0, abs=0.2)
 
 
-def test_a_damaged_piece_is_named(tmp_path):
-    """Assert that a cut piece is left out and named."""
+def test_a_damaged_part_is_named(tmp_path):
+    """Assert that a cut part is left out and named."""
     write_campaign(tmp_path)
     path = tmp_path / "runs" / "part-000002.parquet"
     path.write_bytes(path.read_bytes()[:100])
@@ -122,10 +122,10 @@ def test_a_damaged_piece_is_named(tmp_path):
 
 
 def test_nothing_to_summarise_is_one_sentence(tmp_path):
-    """Assert that a campaign without a piece, or with one that is not like the others, says so."""
+    """Assert that a campaign without a part, or with one that is not like the others, says so."""
     with pytest.raises(CampaignError, match="has no rows yet"):
-        summarise(write_campaign(tmp_path, pieces=[]))
-    write_campaign(tmp_path, pieces=[0, 1])
+        summarise(write_campaign(tmp_path, parts=[]))
+    write_campaign(tmp_path, parts=[0, 1])
     path = tmp_path / "runs" / "part-000001.parquet"
     pl.read_parquet(path).drop("steps").write_parquet(path)
     with pytest.raises(CampaignError, match="do not belong together"):

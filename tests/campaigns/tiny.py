@@ -49,7 +49,7 @@ CAMPAIGN = """
 kind = "sobol"
 runs = 12
 seed = 3
-runs_per_piece = 3
+runs_per_part = 3
 
 [campaign.vary]
 controller.proportional = { uniform = [10.0, 50.0] }

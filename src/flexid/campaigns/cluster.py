@@ -1,4 +1,4 @@
-"""The same pieces on a Dask cluster, where a lost worker's pieces go to another one."""
+"""The same parts on a Dask cluster, where a lost worker's parts go to another one."""
 
 import gc
 import logging
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 import flexid
-from flexid.campaigns.piece import Piece, run_piece
+from flexid.campaigns.part import Part, run_part
 from flexid.errors import CampaignError
 from flexid.experiments import Experiment
 
@@ -22,14 +22,14 @@ _TIMEOUT = 10.0  # s, to reach the scheduler
 
 
 def run_on_cluster(
-    experiment: Experiment, pieces: Iterable[Piece], scheduler: str
+    experiment: Experiment, parts: Iterable[Part], scheduler: str
 ) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
-    """Run pieces on the workers of a Dask scheduler, and yield each when it is done.
+    """Run parts on the workers of a Dask scheduler, and yield each when it is done.
 
     Parameters
     ----------
     experiment : Experiment
-    pieces : iterable of Piece
+    parts : iterable of Part
     scheduler : str
         Its address, for example ``tcp://host:8786``.
 
@@ -37,12 +37,12 @@ def run_on_cluster(
     ------
     CampaignError
         If the package is missing, the scheduler cannot be reached or is lost, it has no workers,
-        a worker has no flexid or another version, or a piece killed every worker that took it.
+        a worker has no flexid or another version, or a part killed every worker that took it.
     """
     client = _connect(scheduler)
     try:
         _check_workers(client, scheduler)
-        yield from _results(client, experiment, pieces, scheduler)
+        yield from _results(client, experiment, parts, scheduler)
     finally:
         client.close(timeout=_TIMEOUT)  # whatever was not done is not run any more
 
@@ -87,30 +87,30 @@ def _version() -> str:
 
 
 def _run(
-    version: str, experiment: Experiment, piece: Piece
+    version: str, experiment: Experiment, part: Part
 ) -> tuple[int, pl.DataFrame, pl.DataFrame | None]:
     """What a worker does; one that came later may have another version."""
     if flexid.__version__ != version:
         raise CampaignError(
             "a worker", f"has flexid {flexid.__version__}: install {version} there, as here"
         )
-    return run_piece(experiment, piece)
+    return run_part(experiment, part)
 
 
 def _results(
-    client: "Client", experiment: Experiment, pieces: Iterable[Piece], scheduler: str
+    client: "Client", experiment: Experiment, parts: Iterable[Part], scheduler: str
 ) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
     from distributed import KilledWorker, as_completed
 
     job = partial(_run, flexid.__version__, experiment)
-    futures = client.map(job, list(pieces), pure=False)
+    futures = client.map(job, list(parts), pure=False)
     for future in as_completed(futures, loop=client.loop):
         try:
             yield future.result()
         except KilledWorker:
             raise CampaignError(
                 scheduler,
-                "lost every worker that took one of the pieces: see their logs, for memory above "
+                "lost every worker that took one of the parts: see their logs, for memory above "
                 "all; the same command goes on",
             ) from None
         except (CancelledError, OSError):

@@ -32,7 +32,7 @@ class Manifest:
         Dotted paths of what varies.
     keep : tuple of str
         What is kept of each run.
-    runs_per_piece : int
+    runs_per_part : int
         How many runs share a file.
     text : str
         The experiment file as it was.
@@ -45,18 +45,18 @@ class Manifest:
     runs: int
     inputs: tuple[str, ...]
     keep: tuple[str, ...]
-    runs_per_piece: int
+    runs_per_part: int
     text: str
 
     @property
-    def pieces(self) -> range:
-        """Numbers of all pieces."""
-        return range(-(-self.runs // self.runs_per_piece))
+    def parts(self) -> range:
+        """Numbers of all parts."""
+        return range(-(-self.runs // self.runs_per_part))
 
-    def runs_of(self, piece: int) -> range:
-        """Numbers of the runs in a piece."""
-        first = piece * self.runs_per_piece
-        return range(first, min(first + self.runs_per_piece, self.runs))
+    def runs_of(self, part: int) -> range:
+        """Numbers of the runs in a part."""
+        first = part * self.runs_per_part
+        return range(first, min(first + self.runs_per_part, self.runs))
 
 
 def write_manifest(manifest: Manifest, directory: Path) -> None:
@@ -94,7 +94,7 @@ def _manifest(content: dict[str, Any]) -> Manifest:
         if field.type in (str, int) and type(value) is not field.type:
             raise TypeError(field.name)
         values[field.name] = value if field.type in (str, int) else _names(value)
-    if not 1 <= values["runs"] <= MOST_RUNS or values["runs_per_piece"] < 1:
+    if not 1 <= values["runs"] <= MOST_RUNS or values["runs_per_part"] < 1:
         raise ValueError("runs")
     return Manifest(**values)
 
@@ -108,7 +108,7 @@ def _names(value: object) -> tuple[str, ...]:
 def refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:
     """Refuse a directory whose rows would not be those that are wanted.
 
-    The number of runs per piece may differ: it changes no row.
+    The number of runs per part may differ: it changes no row.
 
     Raises
     ------

@@ -34,13 +34,13 @@ class Stopped(Exception):  # noqa: N818 - no error: it was asked for
     """The runs were asked to stop before their end."""
 
 
-def piece_rows(
+def part_rows(
     experiment: Experiment,
     table: pl.DataFrame,
     keep: Sequence[str],
     stopped: Callable[[], bool] = lambda: False,
 ) -> pl.DataFrame:
-    """Run a piece of a campaign.
+    """Run a part of a campaign.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def result_names(system: ParametricSystem, keep: Sequence[str]) -> list[str]:
 
 
 def result_schema(system: ParametricSystem, keep: Sequence[str]) -> dict[str, pl.DataType]:
-    """Columns that `piece_rows` adds to the plan's, in their order."""
+    """Columns that `part_rows` adds to the plan's, in their order."""
     of_all: dict[str, pl.DataType] = {STATUS: pl.String(), ERROR: pl.String()}
     numbers = {name: pl.Float64() for name in result_names(system, keep)}
     return of_all | numbers | {STEPS: pl.Int64()}

@@ -10,7 +10,7 @@ import polars as pl
 
 import flexid
 from flexid.campaigns.manifest import Manifest
-from flexid.campaigns.piece import Piece, run_piece
+from flexid.campaigns.part import Part, run_part
 from flexid.campaigns.plan import Plan, make_plan
 from flexid.campaigns.rows import STATUS, result_schema
 from flexid.campaigns.store import Store, open_store
@@ -54,13 +54,13 @@ def run_campaign(
 ) -> Campaign:
     """Run a campaign, or what is missing of it.
 
-    Rows are kept piece by piece, and whatever interrupts the campaign, the same call goes on with
+    Rows are kept part by part, and whatever interrupts the campaign, the same call goes on with
     it: every row is the same as if nothing had happened, wherever it is run.
 
     Parameters
     ----------
     experiment : Experiment
-        With a ``[campaign]`` part.
+        With a ``[campaign]`` table.
     out : str or Path
         Directory of the rows: new, empty, or of the same campaign.
     workers : int, optional
@@ -68,7 +68,7 @@ def run_campaign(
     scheduler : str, optional
         Address of a Dask scheduler whose workers are to run it instead.
     progress : callable, optional
-        Called after every piece.
+        Called after every part.
 
     Raises
     ------
@@ -108,12 +108,12 @@ def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manif
         variation.runs,
         plan.inputs,
         variation.keep,
-        variation.runs_per_piece or _runs_per_piece(experiment, variation),
+        variation.runs_per_part or _runs_per_part(experiment, variation),
         Path(experiment.path).read_text(encoding="utf-8"),
     )
 
 
-def _runs_per_piece(experiment: Experiment, variation: Variation) -> int:
+def _runs_per_part(experiment: Experiment, variation: Variation) -> int:
     """Small enough that little is lost and many workers have work, large enough for few files.
 
     Runs that go side by side are quick, and quicker the more of them there are.
@@ -133,18 +133,18 @@ def _complete(
 ) -> None:
     manifest = store.manifest
     missing = store.missing(plan, result_schema(experiment.loop.system, manifest.keep))
-    left = sum(len(manifest.runs_of(piece)) for piece in missing)
+    left = sum(len(manifest.runs_of(part)) for part in missing)
     if progress is not None:
         progress(manifest.runs - left, manifest.runs)
     if not missing:
         return
-    pieces = (Piece(n, plan.table(manifest.runs_of(n)), manifest.keep) for n in missing)
+    parts = (Part(n, plan.table(manifest.runs_of(n)), manifest.keep) for n in missing)
     if scheduler is None:
-        finished = run_here(experiment, pieces, workers)
+        finished = run_here(experiment, parts, workers)
     else:
         from flexid.campaigns.cluster import run_on_cluster
 
-        finished = run_on_cluster(experiment, pieces, scheduler)
+        finished = run_on_cluster(experiment, parts, scheduler)
     for number, rows, series in finished:
         store.write(number, rows, series)
         left -= len(rows)
@@ -153,9 +153,9 @@ def _complete(
 
 
 def run_here(
-    experiment: Experiment, pieces: Iterable[Piece], workers: int
+    experiment: Experiment, parts: Iterable[Part], workers: int
 ) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
-    """Run pieces on threads of this process, and yield each when it is done.
+    """Run parts on threads of this process, and yield each when it is done.
 
     Compiled code lets other threads run, so that these use all cores.
     """
@@ -163,8 +163,8 @@ def run_here(
     waiting: set[Future[tuple[int, pl.DataFrame, pl.DataFrame | None]]] = set()
     with ThreadPoolExecutor(workers) as pool:
         try:
-            for piece in pieces:
-                waiting.add(pool.submit(run_piece, experiment, piece, stop.is_set))
+            for part in parts:
+                waiting.add(pool.submit(run_part, experiment, part, stop.is_set))
                 if len(waiting) > 2 * workers:  # what is done does not pile up in memory
                     done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
                     yield from (future.result() for future in done)
@@ -178,7 +178,7 @@ def run_here(
 
 
 def _statuses(store: Store) -> dict[str, int]:
-    found = (store.path(piece) for piece in store.manifest.pieces)
+    found = (store.path(part) for part in store.manifest.parts)
     rows = pl.concat([pl.read_parquet(path, columns=[STATUS]) for path in found])
     counts = rows[STATUS].value_counts().sort(by=["count", STATUS], descending=[True, False])
     return dict(counts.iter_rows())

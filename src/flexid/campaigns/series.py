@@ -9,10 +9,10 @@ from flexid.experiments import Experiment
 from flexid.experiments.run_columns import run_columns
 
 
-def piece_series(
+def part_series(
     experiment: Experiment, rows: pl.DataFrame, stopped: Callable[[], bool] = lambda: False
 ) -> pl.DataFrame:
-    """Time series of the finished runs of a piece, one below the other.
+    """Time series of the finished runs of a part, one below the other.
 
     The runs are made once more: the measures are taken at the integrator's own steps, the series
     at the samples.
@@ -21,7 +21,7 @@ def piece_series(
     ----------
     experiment : Experiment
     rows : DataFrame
-        Of the piece.
+        Of the part.
     stopped : callable, optional
         Asked before every run whether to stop.
 

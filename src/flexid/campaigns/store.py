@@ -25,7 +25,7 @@ _LOCK = ".campaign.lock"
 
 @dataclass(frozen=True)
 class Store:
-    """The pieces of one campaign.
+    """The parts of one campaign.
 
     Parameters
     ----------
@@ -36,16 +36,16 @@ class Store:
     directory: Path
     manifest: Manifest
 
-    def path(self, piece: int) -> Path:
-        """File of a piece's rows."""
-        return self.directory / "runs" / f"part-{piece:06d}.parquet"
+    def path(self, part: int) -> Path:
+        """File of a part's rows."""
+        return self.directory / "runs" / f"part-{part:06d}.parquet"
 
-    def series_path(self, piece: int) -> Path:
-        """File of a piece's time series, where these are kept."""
-        return self.directory / "series" / f"part-{piece:06d}.parquet"
+    def series_path(self, part: int) -> Path:
+        """File of a part's time series, where these are kept."""
+        return self.directory / "series" / f"part-{part:06d}.parquet"
 
-    def write(self, piece: int, rows: pl.DataFrame, series: pl.DataFrame | None) -> None:
-        """Keep a piece: first its time series, so that rows never wait for theirs.
+    def write(self, part: int, rows: pl.DataFrame, series: pl.DataFrame | None) -> None:
+        """Keep a part: first its time series, so that rows never wait for theirs.
 
         Raises
         ------
@@ -54,8 +54,8 @@ class Store:
         """
         try:
             if series is not None:
-                _write_table(series, self.series_path(piece))
-            _write_table(rows, self.path(piece))
+                _write_table(series, self.series_path(part))
+            _write_table(rows, self.path(part))
         except OSError as error:
             raise CampaignError(
                 str(self.directory),
@@ -63,11 +63,11 @@ class Store:
                 f"same command goes on",
             ) from None
 
-    def read(self, piece: int) -> pl.DataFrame | None:
-        """Rows of a piece; None if it is missing or damaged."""
+    def read(self, part: int) -> pl.DataFrame | None:
+        """Rows of a part; None if it is missing or damaged."""
         try:
-            rows = pl.read_parquet(self.path(piece), memory_map=False)
-            complete = rows["run"].to_list() == list(self.manifest.runs_of(piece))
+            rows = pl.read_parquet(self.path(part), memory_map=False)
+            complete = rows["run"].to_list() == list(self.manifest.runs_of(part))
         except (OSError, pl.exceptions.PolarsError):
             return None
         return rows if complete else None
@@ -75,11 +75,11 @@ class Store:
     @property
     def kept(self) -> int:
         """Number of runs whose files are there, read or not."""
-        there = (piece for piece in self.manifest.pieces if self.path(piece).exists())
-        return sum(len(self.manifest.runs_of(piece)) for piece in there)
+        there = (part for part in self.manifest.parts if self.path(part).exists())
+        return sum(len(self.manifest.runs_of(part)) for part in there)
 
     def missing(self, plan: Plan, results: Mapping[str, pl.DataType]) -> list[int]:
-        """Numbers of the pieces that have to be run, damaged ones among them.
+        """Numbers of the parts that have to be run, damaged ones among them.
 
         Parameters
         ----------
@@ -87,18 +87,18 @@ class Store:
         results : mapping of str to DataType
             Columns that a row has beside those of the plan, in their order.
         """
-        return [piece for piece in self.manifest.pieces if not self._holds(piece, plan, results)]
+        return [part for part in self.manifest.parts if not self._holds(part, plan, results)]
 
-    def _holds(self, piece: int, plan: Plan, results: Mapping[str, pl.DataType]) -> bool:
-        rows = self.read(piece)
+    def _holds(self, part: int, plan: Plan, results: Mapping[str, pl.DataType]) -> bool:
+        rows = self.read(part)
         if rows is None:
             return False
-        planned = plan.table(self.manifest.runs_of(piece))
+        planned = plan.table(self.manifest.runs_of(part))
         if list(rows.schema.items()) != [*planned.schema.items(), *results.items()]:
             return False
         if not rows.select(planned.columns).equals(planned):
             return False
-        return "time_series" not in self.manifest.keep or _readable(self.series_path(piece))
+        return "time_series" not in self.manifest.keep or _readable(self.series_path(part))
 
 
 @contextmanager
@@ -109,7 +109,7 @@ def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
     ----------
     directory : Path
     wanted : Manifest
-        What is to be run; a directory that is there keeps its number of runs per piece.
+        What is to be run; a directory that is there keeps its number of runs per part.
 
     Raises
     ------

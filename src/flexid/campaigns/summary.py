@@ -144,23 +144,23 @@ def _finished() -> pl.Expr:
 
 
 def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
-    pieces, damaged = [], []
-    for piece in store.manifest.pieces:
-        rows = store.read(piece)
+    parts, damaged = [], []
+    for part in store.manifest.parts:
+        rows = store.read(part)
         if rows is not None:
-            pieces.append(rows)
-        elif store.path(piece).exists():
-            damaged.append(store.path(piece).name)
-    if not pieces:
+            parts.append(rows)
+        elif store.path(part).exists():
+            damaged.append(store.path(part).name)
+    if not parts:
         raise CampaignError(
-            str(store.directory), "has no rows yet: run the campaign, or wait for its first piece"
+            str(store.directory), "has no rows yet: run the campaign, or wait for its first part"
         )
     try:
-        return pl.concat(pieces), tuple(damaged)
+        return pl.concat(parts), tuple(damaged)
     except pl.exceptions.PolarsError:
         raise CampaignError(
             str(store.directory),
-            "holds pieces that do not belong together: run the campaign anew in another directory",
+            "holds parts that do not belong together: run the campaign anew in another directory",
         ) from None
 
 

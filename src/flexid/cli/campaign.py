@@ -89,7 +89,7 @@ def _run(path: Path, out: Path, workers: int | None, scheduler: str | None) -> N
     def report(done: int, total: int) -> None:
         reported.add(done)
         bar.update(task, completed=done, total=total)
-        if len(reported) > 1:  # the first report comes before the first piece
+        if len(reported) > 1:  # the first report comes before the first part
             bar.update(task, description="running")
 
     try:

@@ -175,7 +175,7 @@ class CampaignTable(_Table):
     runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
     seed: Annotated[int, Field(ge=0, le=2**63)] = 0
     keep: list[Kept] = list(MEASURES)
-    runs_per_piece: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
     vary: Annotated[dict[str, Any], Field(min_length=1)]
 
 

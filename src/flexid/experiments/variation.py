@@ -91,7 +91,7 @@ class Variation:
         By dotted path of the experiment's file; of several values each is equally likely.
     keep : tuple of str
         What is kept of each run.
-    runs_per_piece : int or None
+    runs_per_part : int or None
         How many runs share a file of the result; None leaves it to the campaign.
     """
 
@@ -100,7 +100,7 @@ class Variation:
     seed: int
     inputs: Mapping[str, tuple[float, ...] | Distribution]
     keep: tuple[Kept, ...]
-    runs_per_piece: int | None
+    runs_per_part: int | None
 
 
 def grid_size(inputs: Mapping[str, tuple[float, ...] | Distribution]) -> int:

@@ -54,7 +54,7 @@ def read_variation(campaign: Any, experiment: Experiment) -> Variation:
     elif runs is None:
         raise refuse("runs", "is missing: add it")
     return Variation(
-        content.kind, runs, content.seed, inputs, tuple(content.keep), content.runs_per_piece
+        content.kind, runs, content.seed, inputs, tuple(content.keep), content.runs_per_part
     )
 
 

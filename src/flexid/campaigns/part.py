@@ -1,19 +1,19 @@
-"""A piece of a campaign: what any worker, a thread or a machine, is given and gives back."""
+"""A part of a campaign: what any worker, a thread or a machine, is given and gives back."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import polars as pl
 
-from flexid.campaigns.rows import piece_rows
-from flexid.campaigns.series import piece_series
+from flexid.campaigns.rows import part_rows
+from flexid.campaigns.series import part_series
 from flexid.experiments import Experiment
 from flexid.simulation.ensemble import ensemble_kernel
 from flexid.simulation.sampled import sampled_kernel
 
 
 @dataclass(frozen=True)
-class Piece:
+class Part:
     """Some runs.
 
     Parameters
@@ -30,22 +30,22 @@ class Piece:
     keep: tuple[str, ...]
 
 
-def run_piece(
-    experiment: Experiment, piece: Piece, stopped: Callable[[], bool] = lambda: False
+def run_part(
+    experiment: Experiment, part: Part, stopped: Callable[[], bool] = lambda: False
 ) -> tuple[int, pl.DataFrame, pl.DataFrame | None]:
-    """Run a piece.
+    """Run a part.
 
     Parameters
     ----------
     experiment : Experiment
-    piece : Piece
+    part : Part
     stopped : callable, optional
         Asked every few runs whether to stop.
 
     Returns
     -------
     number : int
-        Of the piece.
+        Of the part.
     rows : DataFrame
         One row per run.
     series : DataFrame or None
@@ -59,9 +59,9 @@ def run_piece(
         If no run of this experiment is possible.
     """
     _check(experiment)
-    rows = piece_rows(experiment, piece.table, piece.keep, stopped)
-    wanted = "time_series" in piece.keep
-    return piece.number, rows, piece_series(experiment, rows, stopped) if wanted else None
+    rows = part_rows(experiment, part.table, part.keep, stopped)
+    wanted = "time_series" in part.keep
+    return part.number, rows, part_series(experiment, rows, stopped) if wanted else None
 
 
 def _check(experiment: Experiment) -> None:
