@@ -30,8 +30,8 @@ def validation_parts(result: EstimateValidation) -> Iterator[Part]:
     yield table
     count = len(result.runs)
     yield Text(
-        f"{count} piece{'s' if count > 1 else ''} of {result.model} joint; the first state of each "
-        f"prediction is taken from the half second before it."
+        f"{count} recording{'s' if count > 1 else ''} of {result.model} joint; the first state of "
+        f"each prediction is taken from the half second before it."
     )
 
 
