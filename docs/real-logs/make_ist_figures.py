@@ -13,13 +13,14 @@ from matplotlib.axes import Axes
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.fitting import START_RATES, climb, least_squares_start, lengths
+from flexid.identification.fitting import climb, lengths
 from flexid.identification.full_model import Data, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.joint import flexible
 from flexid.identification.preparation import prepare
 from flexid.identification.result import Identification
 from flexid.identification.settings import Settings
+from flexid.identification.starting import least_squares_start, starts
 from flexid.identification.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.identification_figures import fit_figure
@@ -54,13 +55,13 @@ def ways(result: Identification, log: Log, part: Recording) -> dict[str, Values]
     for rate in RATES:
         values, _ = least_squares_start(structure, data, rate)
         found[f"{rate:.3g} 1/s"] = values
-    for rate in START_RATES:
+    ladder = lengths(data)
+    for start in starts(structure, data, ladder[0]):
         try:
-            start, _ = least_squares_start(structure, data, rate)
-            climbed = climb(structure, data, start, lengths(data))
+            climbed = climb(structure, data, start, ladder)
             break
         except ConvergenceError as error:
-            print(f"from least squares at {rate:g} 1/s: {error}")
+            print(f"from one of the starts: {error}")
     else:
         return found
     pieces, _ = prepare([log], SHARE)

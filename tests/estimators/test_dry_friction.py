@@ -391,3 +391,22 @@ def test_order_of_the_steps(stick_slip):
         errors.append(np.abs(found - states[coarse][:, [0, 2]]).max())
     slope = np.polyfit(np.log([1.0, 0.5, 0.25]), np.log(errors), 1)[0]
     assert 3.6 < slope < 4.6
+
+
+def test_a_held_input_lets_go_between_its_samples():
+    """Assert that a side slips where its load exceeds friction only after each jump of the input.
+
+    The link draws the spring out of the way within every interval, so that at its end friction
+    holds again. Steps forty times as short see the same, and the side has moved by then.
+    """
+    values = {"theta2": 1.0, "alpha1": 12000.0, "alpha_coulomb": 10.0}
+    h, speed = 6e-4, -0.15
+    loads = 9.5 + np.minimum(0.05 * np.arange(40), 0.9)  # at the start of each interval
+    force = loads - 12000.0 * speed * h * np.arange(40)
+    sought = Unknowns(JOINT, {n: values.get(n, 0.0) for n in JOINT.coefficients if n != "beta1"})
+    problem = problem_of(sought, force, h, Timing("zero"))
+    start = point_of([1.0], 0.0, speed, 0.0, 0.0)
+    coarse = motion(replace(problem, substeps=1), start)
+    fine = motion(replace(problem, substeps=40), start)
+    assert fine[-1, 1] > 1e-8
+    assert coarse == pytest.approx(fine, abs=1e-2 * fine[-1, 1])

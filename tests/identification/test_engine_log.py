@@ -59,7 +59,6 @@ def test_friction_that_builds_up_is_no_dry_one(soft):
         assert soft.parameters[name].value == pytest.approx(value, rel=0.04), name
 
 
-@pytest.mark.xfail(reason="friction that builds up passes for half a sample of delay", strict=True)
 def test_held_torque_is_found_with_friction_that_builds_up(soft):
     """Assert that the torque is still seen to be held."""
     assert soft.choices.hold == "zero"

@@ -15,12 +15,12 @@ from flexid.identification.fitting import (
     SHORTEST,
     climb,
     fit_to,
-    least_squares_start,
     lengths,
     refit,
 )
 from flexid.identification.full_model import FINE, LINK, Data, Structure, data_of
 from flexid.identification.joint import flexible
+from flexid.identification.starting import least_squares_start
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities

@@ -99,6 +99,7 @@ def test_thresholds_are_these():
         "generous_chance": 0.1,
         "generous_gain": 0.05,
         "shape_chance": 0.001,
+        "hold_fall": 9.0,
         "friction_sign": 4.0,
         "sensor_excess": 1.1,
         "white_growth": 0.4,

@@ -16,7 +16,7 @@ from flexid.identification.fitting import fit_to
 from flexid.identification.full_model import Fitted, Structure, data_of
 from flexid.identification.joint import flexible
 from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.model_error import model_error, widened
+from flexid.identification.model_error import model_error, stand_in_covariance, widened
 from flexid.identification.result import ModelError
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.velocities import with_velocities
@@ -162,3 +162,41 @@ def test_error_is_what_residuals_beyond_noise_allow():
     expected = 9.0 * freedom * found.minimum.reduced.inverse
     assert more[0] == pytest.approx(expected, rel=1e-6)
     assert more[1] == pytest.approx(0.25 * expected, rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def stand_in():
+    """A gap in the spring, for which a cubic spring stands in."""
+    recording = with_velocities(made(3, 10.0, half_gap=1e-3))
+    structure = replace(PAPER, absent=PAPER.absent - {"alpha_cubic", "theta_cubic"})
+    data = data_of(JOINT, [recording], (0,))
+    found, rungs = fit_to(structure, data, COEFFICIENTS, 1.0)
+    return found, model_error(found, rungs, THRESHOLDS)
+
+
+def test_a_stand_in_is_as_doubtful_as_it_bends_the_others(stand_in):
+    """Assert that coefficients are uncertain by what they move when the stand-in is left out."""
+    found, error = stand_in
+    assert error.share == 1.0
+    added = stand_in_covariance(found, error)
+    bare, _ = fit_to(PAPER, found.data, found.by_name, found.duration)
+    place = found.names.index("theta2")
+    moved = bare.by_name["theta2"] - found.by_name["theta2"]
+    assert abs(moved) > 0.1
+    assert np.sqrt(added[place, place]) == pytest.approx(abs(moved), rel=0.02)
+    assert np.linalg.matrix_rank(added, tol=1e-9 * np.abs(added).max()) == 1
+
+
+def test_only_stand_ins_that_fail_are_doubted(stand_in):
+    """Assert that nothing is added without a model error, by half its share a quarter."""
+    found, error = stand_in
+    assert not stand_in_covariance(found, replace(error, share=0.0)).any()
+    whole = stand_in_covariance(found, error)
+    assert stand_in_covariance(found, replace(error, share=0.5)) == pytest.approx(0.25 * whole)
+
+
+def test_usual_terms_are_no_stand_ins():
+    """Assert that a model without curved or broken springs is not doubted for them."""
+    found, error = fitted(3, half_gap=1e-3)
+    assert error.share > 0.0
+    assert not stand_in_covariance(found, error).any()

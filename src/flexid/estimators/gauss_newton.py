@@ -13,12 +13,17 @@ from flexid.estimators.segments import FEWEST_SAMPLES, first_states
 FLAT = 2e-3
 """Part of the sum of squares that a step promises, below which none has to be found."""
 
-_ITERATIONS = 20  # far beyond the five or so that a good start takes
+ITERATIONS = 20
+"""Steps that may be taken: far more than the five or so that a good start needs."""
+
 _HALVINGS = 4  # of segments too long to be fitted from the start at once
 _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING = 1e-6  # less than this is none
 _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
+_POOR_STEPS = 2  # in turn, after which a bottom is too rough for better ones
+_NO_GAIN = 0.01  # the same of a step before something that none gets over
+_STUCK_STEPS = 4  # of these in turn, after which no more are taken
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 _FINEST = 1e-9  # noise over the largest output that is distinguished from none: a 30 bit encoder's
 
@@ -79,7 +84,12 @@ def _approach(problem: SegmentedMotion, point: Point, tolerance: float, halvings
 
 
 def minimise(
-    problem: SegmentedMotion, point: Point, tolerance: float, *, insist: bool = True
+    problem: SegmentedMotion,
+    point: Point,
+    tolerance: float,
+    *,
+    insist: bool = True,
+    iterations: int = ITERATIONS,
 ) -> Minimum:
     """Least sum of squares near a point.
 
@@ -93,6 +103,8 @@ def minimise(
         The iteration ends where the next step is shorter than this, in standard deviations.
     insist : bool, optional
         Whether it has to end there; if not, the least that was found is the answer.
+    iterations : int, optional
+        Steps that may be taken.
 
     Raises
     ------
@@ -106,26 +118,35 @@ def minimise(
             "the model's motion diverges from the starting values: start from a least-squares fit, "
             "or shorten the segments",
         )
-    damping, last_step = 0.0, np.inf
-    for iterations in range(_ITERATIONS):
+    damping, last_step, poor, stuck = 0.0, np.inf, 0, 0
+    for taken in range(iterations):
         reduced = problem.solve(equations)
         variance = equations.cost / problem.degrees_of_freedom
         last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
         if last_step <= tolerance or _is_rounding(reduced, point):
-            return Minimum(point, equations, reduced, iterations, float(last_step))
+            return Minimum(point, equations, reduced, taken, float(last_step))
+        flat = reduced.decrement <= FLAT * equations.cost
+        if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
+            return Minimum(point, equations, reduced, taken, float(last_step))
+        if stuck >= _STUCK_STEPS:
+            break
+        before = equations.cost
         try:
             point, equations, damping = _descend(problem, point, equations, reduced, damping)
         except ConvergenceError:
             # Dry friction makes the sum of squares rough; its bottom may be between two steps.
             if insist and reduced.decrement > FLAT * equations.cost:
                 raise
-            return Minimum(point, equations, reduced, iterations, float(last_step))
+            return Minimum(point, equations, reduced, taken, float(last_step))
+        gain = before - equations.cost
+        poor = poor + 1 if gain < _POOR_GAIN * reduced.decrement else 0
+        stuck = stuck + 1 if gain < _NO_GAIN * reduced.decrement else 0
     reduced = problem.solve(equations)
     if not insist or reduced.decrement <= FLAT * equations.cost:  # to and fro over a rough bottom
-        return Minimum(point, equations, reduced, _ITERATIONS, float(last_step))
+        return Minimum(point, equations, reduced, iterations, float(last_step))
     raise ConvergenceError(
         "prediction error",
-        f"the steps do not end within {_ITERATIONS}: start from a least-squares fit, shorten the "
+        f"the steps do not end within {iterations}: start from a least-squares fit, shorten the "
         f"segments, or drop terms that the record does not show",
     )
 

@@ -1,14 +1,17 @@
 """Is the compliance visible in this log? The rigid joint as a rival."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.fitting import climb, least_squares_start, lengths
+from flexid.identification.fitting import climb, lengths
 from flexid.identification.full_model import Structure, data_of
 from flexid.identification.joint import rigid
 from flexid.identification.preparation import Pieces
-from flexid.identification.result import Compliance, Validation
+from flexid.identification.result import CoefficientEstimate, Compliance, Validation
+from flexid.identification.starting import starts
 from flexid.identification.validation import validate
 from flexid.models.rigid_joint import rigid_terms
 from flexid.recording.velocities import position_noise
@@ -35,7 +38,7 @@ def compare_with_rigid(structure: Structure, pieces: Pieces, flexible: Validatio
     return _compliance(pieces, flexible, _rigid_fits(structure, pieces))
 
 
-def of_link_alone(pieces: Pieces, driven: Validation) -> Compliance:
+def of_link_alone(pieces: Pieces, driven: Validation, stiffness: CoefficientEstimate) -> Compliance:
     """Whether the spring explains the deflection that the motor's motion causes.
 
     There is no rigid joint to compare with, where no input drives it.
@@ -46,8 +49,14 @@ def of_link_alone(pieces: Pieces, driven: Validation) -> Compliance:
         With two encoders.
     driven : Validation
         Of the link alone over the held-out ends.
+    stiffness : CoefficientEstimate
+        Per link inertia. Where the log leaves it free, something else explains the deflection.
     """
-    return _compliance(pieces, driven, {})
+    found = _compliance(pieces, driven, {})
+    if found.visible and stiffness.verdict == "undetermined":
+        reason = f"the deflection moves by {found.deflection:.2g} rad, but for any stiffness"
+        return replace(found, visible=False, reason=reason)
+    return found
 
 
 def _compliance(pieces: Pieces, found: Validation, rigid_fits: dict[str, float]) -> Compliance:
@@ -71,8 +80,8 @@ def _rigid_fits(structure: Structure, pieces: Pieces) -> dict[str, float]:
     training = data_of(joint, pieces.fitted, pieces.groups)
     rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
     try:
-        start, _ = least_squares_start(rival, training, 20.0)
-        found = climb(rival, training, start, lengths(training, _DURATION, _DURATION))
+        ladder = lengths(training, _DURATION, _DURATION)
+        found = climb(rival, training, starts(rival, training, ladder[0])[0], ladder)
     except (ConvergenceError, SettingError):
         return dict.fromkeys(joint.channels, np.nan)
     whole = data_of(joint, pieces.whole, pieces.groups)

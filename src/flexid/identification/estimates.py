@@ -99,7 +99,7 @@ def _tied(
         unit = _unit(joint.units[name], input_unit)
         tied = propagated(Product(name, unit, {a: 1, b: 1, d: -1}), values, estimate)
         judged = verdict(tied.value, tied.interval, thresholds=thresholds)
-        if known[a].verdict == "determined":  # be it as none
+        if np.isfinite(tied.std) and known[a].verdict == "determined":  # be it as none
             judged = ("determined", "")
         found[name] = CoefficientEstimate(
             name,

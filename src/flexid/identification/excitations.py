@@ -7,7 +7,8 @@ import numpy as np
 from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.estimators.rowwise import RowSums
 
-_COUPLED = {"theta2", "alpha1", "beta1"}  # by the spring, which acts on both rows
+# By the spring, which acts on both rows, with how it is curved.
+_COUPLED = {"theta2", "alpha1", "beta1", "theta_cubic", "alpha_cubic"}
 
 
 def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:

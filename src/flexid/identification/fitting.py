@@ -11,90 +11,18 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
-from flexid.estimators.gauss_newton import Minimum, minimise
+from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
 from flexid.estimators.samples import FloatArray
-from flexid.estimators.segmented_motion import Point, segmented_motion
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
-from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model import FINE, ROUGH, Data, Fitted, Structure
-from flexid.models.flexible_joint import DISSIPATIVE
 
 SHORTEST = 0.1
 """Length in s of the segments that a fit begins with: any start is good enough for these."""
 
 LONGEST = 10.0
 """Length in s beyond which segments hold hardly more information."""
-
-START_RATES = (20.0, 60.0, 7.0)
-"""Rates in 1/s of the filters whose least squares a fit may start from, in this order."""
-
-_SPRINGS = ("theta2", "alpha1", "beta1")
-_CURVATURES = ("alpha_cubic", "theta_cubic")
-
-
-def least_squares_start(
-    structure: Structure, data: Data, filter_rate: float
-) -> tuple[dict[str, float], LeastSquaresFit]:
-    """Least squares of the data with smoothed friction, delays ignored: where a fit begins.
-
-    Parameters
-    ----------
-    structure : Structure
-        Terms that are on, and what is given.
-    data : Data
-        With velocities.
-    filter_rate : float
-        In 1/s.
-    """
-    unknowns = smooth_unknowns(structure, data.groups)
-    hold = "zero" if structure.timing.hold == "zero" else "linear"
-    fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
-    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-    return {**structure.timing.delays, **_passive(values)}, fit
-
-
-def _passive(values: Mapping[str, float]) -> dict[str, float]:
-    """Values of a joint that no motion can run away from: where a fit may begin.
-
-    Least squares of channels that do not match in time has frictions that feed energy in, and
-    springs that push.
-    """
-    found = {}
-    for name, value in values.items():
-        base = name.partition("[")[0]
-        if base in DISSIPATIVE:
-            found[name] = max(value, 0.0)
-        elif base in _SPRINGS:
-            found[name] = abs(value)
-        else:
-            found[name] = 0.0 if base in _CURVATURES else value
-    return found
-
-
-def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
-    """What least squares seeks of a structure: friction smoothed, and each coefficient for itself.
-
-    Parameters
-    ----------
-    structure : Structure
-        Terms that are on, and what is given.
-    groups : sequence of int
-        The log of each piece.
-    """
-    joint = structure.joint
-    smooth = joint.smooth
-    absent = structure.absent
-    given = {c: v for c, v in structure.fixed.items() if c in smooth.coefficients}
-    off = {c: 0.0 for c in smooth.coefficients if c in absent}
-    # Where the source of a tie is off, so is what follows from it.
-    off |= {
-        c: 0.0
-        for c, (source, _, _) in joint.ties.items()
-        if c in smooth.coefficients and source in absent
-    }
-    sought = structure.unknowns(groups)
-    return Unknowns(smooth, {**off, **given}, sought.per_group, tuple(groups))
 
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
@@ -116,6 +44,7 @@ def climb(
     ladder: Sequence[Segments],
     states: FloatArray | None = None,
     insist: bool = True,
+    iterations: int = ITERATIONS,
 ) -> list[Fitted]:
     """Fit over segments of growing length, each from where the one before it ended.
 
@@ -133,6 +62,8 @@ def climb(
         Where the states of the first length begin, if not near the measured positions.
     insist : bool, optional
         Whether the shortest segments have to be fitted well; if not, as well as may be.
+    iterations : int, optional
+        Steps that the shortest segments may take.
 
     Returns
     -------
@@ -152,7 +83,14 @@ def climb(
             states = before[:: len(before) // len(segments)]
         try:
             fitted = _fit_segments(
-                structure, data, segments, values, states, ROUGH, insist=insist or bool(found)
+                structure,
+                data,
+                segments,
+                values,
+                states,
+                ROUGH,
+                insist=insist or bool(found),
+                iterations=ITERATIONS if found else iterations,
             )
         except ConvergenceError:
             if not found:
@@ -272,6 +210,25 @@ def refit(
     return replace(fitted, structure=structure, at_bound=at_bound)
 
 
+def motion_at(
+    structure: Structure,
+    data: Data,
+    segments: Segments,
+    start: Mapping[str, float],
+    states: FloatArray | None,
+) -> tuple[SegmentedMotion, Point]:
+    """A structure's motion over segments, and where to begin: from values and states.
+
+    Without states, of all segments, it begins near the measured positions.
+    """
+    unknowns = structure.unknowns(data.groups)
+    timing = replace(structure.timing, relative_to=data.relative_to)
+    problem = segmented_motion(unknowns.system, segments, timing, unknowns)
+    states = first_states(segments) if states is None or len(states) != len(segments) else states
+    point = Point(np.array([start.get(name, 0.0) for name in problem.names]), states)
+    return problem.at(point, 1.0 / data.noise), point
+
+
 def _fit_segments(
     structure: Structure,
     data: Data,
@@ -281,13 +238,9 @@ def _fit_segments(
     tolerance: float,
     *,
     insist: bool = True,
+    iterations: int = ITERATIONS,
 ) -> Fitted:
-    unknowns = structure.unknowns(data.groups)
-    timing = replace(structure.timing, relative_to=data.relative_to)
-    problem = segmented_motion(unknowns.system, segments, timing, unknowns)
-    states = first_states(segments) if states is None or len(states) != len(segments) else states
-    point = Point(np.array([start.get(name, 0.0) for name in problem.names]), states)
-    problem = problem.at(point, 1.0 / data.noise)
-    found = minimise(problem, point, tolerance, insist=insist)
+    problem, point = motion_at(structure, data, segments, start, states)
+    found = minimise(problem, point, tolerance, insist=insist, iterations=iterations)
     duration = float(np.mean(segments.lengths * segments.sample_times))
     return Fitted(structure, data, problem, found, duration)

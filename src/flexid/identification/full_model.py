@@ -124,8 +124,9 @@ class Structure:
         )
 
     def without(self, names: Iterable[str]) -> "Structure":
-        """The same with some coefficients and delays taken to be zero."""
+        """The same with some coefficients and delays zero, and what follows from them."""
         gone = {name.partition("[")[0] for name in names}
+        gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
         timing = replace(
             self.timing,
             sought=tuple(name for name in self.timing.sought if name not in gone),

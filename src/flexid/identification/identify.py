@@ -14,6 +14,7 @@ from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.absence import hidden_covariance
 from flexid.identification.alignment import Alignment, Delay, aligned
+from flexid.identification.climbing import hold_covariance
 from flexid.identification.compliance import compare_with_rigid, of_link_alone, one_encoder
 from flexid.identification.estimate import Estimate
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
@@ -21,9 +22,7 @@ from flexid.identification.excitations import row_excitation, unexcited
 from flexid.identification.fitting import (
     expanded,
     fit_to,
-    least_squares_start,
     refit,
-    smooth_unknowns,
 )
 from flexid.identification.full_model import FINE, LINK, Data, Fitted, Structure, data_of
 from flexid.identification.intervals import interval
@@ -32,13 +31,14 @@ from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.link_delay import confused_covariance, in_doubt
 from flexid.identification.measured_input import input_noise
-from flexid.identification.model_error import model_error, widened
+from flexid.identification.model_error import model_error, stand_in_covariance, widened
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import Pieces, prepare
 from flexid.identification.progress import Progress, silent
 from flexid.identification.provenance import provenance
 from flexid.identification.result import (
     Choices,
+    CoefficientEstimate,
     Compliance,
     Identification,
     ModelError,
@@ -48,6 +48,7 @@ from flexid.identification.result import (
     Validation,
 )
 from flexid.identification.settings import Settings
+from flexid.identification.starting import least_squares_start, smooth_unknowns
 from flexid.identification.structure import Choice
 from flexid.identification.summary import summary
 from flexid.identification.warnings import (
@@ -112,12 +113,15 @@ def identify(
     progress("what the model does without")
     full = _full(choice, whole, reported)
     filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
-    scales = _scales(full, reported, pieces, filter_rate)
+    timely = _timely(reported, pieces)
+    scales = _scales(full, _least_squares(full.structure, timely, reported, filter_rate))
     estimate = _widened(reported, error).widened(hidden_covariance(reported, full, scales))
+    estimate = estimate.widened(hold_covariance(reported, choice.climbed.tied))
+    estimate = estimate.widened(stand_in_covariance(reported, error))
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
     heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))
-    rows = _least_squares(heavy, pieces, reported, filter_rate).rows
+    rows = _least_squares(heavy, timely, reported, filter_rate).rows
     unknown = (
         unexcited(rows, thresholds.lost_condition) if reported.converged else {*reported.names}
     )
@@ -131,7 +135,7 @@ def identify(
         *contradictions(job.stated.given, reported.at_bound, choice.full, whole, thresholds),
         *joined.contradicted,
     )
-    squares = _least_squares(choice.structure, pieces, reported, filter_rate)
+    squares = _least_squares(choice.structure, timely, reported, filter_rate)
     unknowns = reported.problem.unknowns
     coefficients = coefficient_estimates(
         estimate,
@@ -149,8 +153,8 @@ def identify(
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
         parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
-    compliance = _compliance(choice.structure, pieces, validation, progress)
-    choices = _choices(choice, reported, full, settings, filter_rate)
+    compliance = _compliance(choice.structure, coefficients, pieces, validation, progress)
+    choices = _choices(choice, full, estimate, settings, filter_rate)
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, estimate))
     return Identification(
@@ -214,14 +218,18 @@ def _widened(fitted: Fitted, error: ModelError) -> Estimate:
 
 
 def _compliance(
-    structure: Structure, pieces: Pieces, validation: Validation, progress: Progress
+    structure: Structure,
+    coefficients: Mapping[str, CoefficientEstimate],
+    pieces: Pieces,
+    validation: Validation,
+    progress: Progress,
 ) -> Compliance:
     """Whether the log shows that the joint is flexible."""
     kind = structure.joint.kind
     if kind == "rigid":
         return one_encoder()
     if kind == "link":
-        return of_link_alone(pieces, validation)
+        return of_link_alone(pieces, validation, coefficients["theta2"])
     progress("the rigid joint as a rival")
     return compare_with_rigid(structure, pieces, validation)
 
@@ -274,24 +282,26 @@ def _gravity(full: Structure) -> frozenset[str]:
     return frozenset({"theta1", "gamma1"} - full.absent)
 
 
-def _scales(full: Fitted, reported: Fitted, pieces: Pieces, filter_rate: float) -> dict[str, float]:
+def _scales(full: Fitted, squares: LeastSquaresFit) -> dict[str, float]:
     """How large each coefficient may be: as much as moves its row as it does move; and delays."""
-    rows = _least_squares(full.structure, pieces, reported, filter_rate).rows
-    sizes = row_sizes(rows)
+    sizes = row_sizes(squares.rows)
     scales = {name: 1.0 / size for name, size in sizes.items() if size > 0.0}
     return scales | dict.fromkeys(full.structure.timing.sought, full.data.margin)
 
 
+def _timely(reported: Fitted, pieces: Pieces) -> Data:
+    """All data with the channels' delays corrected."""
+    alignment = _alignment(reported.structure, reported.delays)
+    recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
+    return data_of(reported.structure.joint, recordings, pieces.groups)
+
+
 def _least_squares(
-    structure: Structure, pieces: Pieces, reported: Fitted, filter_rate: float
+    structure: Structure, timely: Data, reported: Fitted, filter_rate: float
 ) -> LeastSquaresFit:
     """Least squares of the same unknowns on aligned data: what each does to its row."""
-    alignment = _alignment(structure, reported.delays)
-    recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
-    joint = structure.joint
-    data = data_of(joint, recordings, pieces.groups)
     bare = replace(structure, fixed={**structure.fixed, **reported.at_bound})
-    return least_squares_start(bare, data, filter_rate)[1]
+    return least_squares_start(bare, timely, filter_rate)[1]
 
 
 def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
@@ -332,15 +342,19 @@ def without_estimate(
 
 
 def _choices(
-    choice: Choice, reported: Fitted, full: Fitted, settings: Settings, filter_rate: float
+    choice: Choice,
+    full: Fitted,
+    estimate: Estimate,
+    settings: Settings,
+    filter_rate: float,
 ) -> Choices:
-    delays = {name: _delay(name, settings, reported, full) for name in (INPUT, LINK)}
+    delays = {name: _delay(name, settings, estimate, full) for name in (INPUT, LINK)}
     joint = choice.structure.joint
     smooth = settings.coulomb_velocity
     return Choices(
         terms=choice.structure.terms,
         alignment=Alignment(
-            choice.structure.timing.hold, delays[INPUT], delays[LINK], choice.hold_reason
+            choice.structure.timing.hold, delays[INPUT], delays[LINK], choice.climbed.hold_reason
         ),
         hold=choice.structure.timing.hold,
         coulomb_velocity=joint.smooth.constants[SMOOTHING] if smooth != "auto" else None,
@@ -360,18 +374,17 @@ def _evidence(choice: Choice) -> tuple[TermEvidence, ...]:
     return tuple(replace(e, kept=e.name.partition("[")[0] in kept) for e in choice.terms)
 
 
-def _delay(name: str, settings: Settings, reported: Fitted, full: Fitted) -> Delay:
+def _delay(name: str, settings: Settings, estimate: Estimate, full: Fitted) -> Delay:
     """A delay as it was found, or, of one that is none, as large as it could be."""
     asked = settings.input_delay if name == INPUT else settings.link_delay
     if not isinstance(asked, str):
         return Delay(asked, 0.0, (asked, asked), "given")
-    found = reported if name in reported.names else full
+    found = estimate if name in estimate.names else Estimate.of(full.fit)
     if name not in found.names:
         return Delay(0.0, 0.0, (0.0, 0.0), "none")
     place = found.names.index(name)
-    fit = found.fit
-    value, std = float(fit.values[place]), float(fit.standard_deviations[place])
-    ends = interval(value, std, fit.degrees_of_freedom[place])
-    if found is reported:
+    value, std = float(found.values[place]), float(found.deviations[place])
+    ends = interval(value, std, found.degrees_of_freedom[place])
+    if found is estimate:
         return Delay(value, std, ends, "found")
     return Delay(0.0, std, ends, "none")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.identification.climbing import Climb, climb_full
 from flexid.identification.full_model import LINK, Data, Structure
 from flexid.identification.joint import Joint, Kind, joint_of
 from flexid.identification.judgement import Thresholds
@@ -63,40 +64,23 @@ class Job:
             return False
         return settings.terms == "auto" or {*CONFUSED} <= self.kept
 
-    def chosen(
-        self,
-        training: Data,
-        progress: Progress,
-        thresholds: Thresholds,
-        rival_of: Choice | None = None,
-    ) -> Choice:
-        """The structure that some data show; as a rival of another, without its unusual terms."""
+    def climbed(self, training: Data, progress: Progress, thresholds: Thresholds) -> Climb:
+        """The full model, fitted to some data."""
         settings = self.settings
-        stay = self.kept
         holds: Sequence[Hold] = _HOLDS if settings.hold == "auto" else (settings.hold,)
         if self.joint.kind == "link":
             holds = (MEASURED_HOLD,)
-        if rival_of is not None:
-            holds = (rival_of.structure.timing.hold,)
         smooth = settings.coulomb_velocity
         joint = self.joint.scaled(training.samples)
         if smooth != "auto":
             joint = joint.with_coulomb_velocity(smooth)
-        absent = joint.shapes if settings.terms == "auto" else joint.optional - stay
+        absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
         given, bounds = self.stated.given, self.stated.bounds
         base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
         base = base.without(self.left_out)
         duration = settings.segment_duration
-        return choose_structure(
-            base,
-            training,
-            holds,
-            stay,
-            settings.terms == "auto" and rival_of is None,
-            () if duration == "auto" else (duration,),
-            progress,
-            thresholds,
-        )
+        durations = () if duration == "auto" else (duration,)
+        return climb_full(base, training, holds, durations, progress, thresholds)
 
     @property
     def kept(self) -> set[str]:
@@ -170,17 +154,19 @@ def _predicting(
     progress: Progress,
     thresholds: Thresholds,
 ) -> tuple[Choice, Validation]:
-    choice = job.chosen(training, progress, thresholds)
+    climb = job.climbed(training, progress, thresholds)
+    auto = job.settings.terms == "auto"
+    choice = choose_structure(climb, job.kept, auto, progress, thresholds)
     progress("predicting the held-out data")
     choice, validation = _preferred(choice, whole, pieces, thresholds)
-    if job.settings.terms != "auto" or choice.structure.joint.shapes <= choice.structure.absent:
+    if not auto or choice.structure.joint.shapes <= choice.structure.absent:
         return choice, validation
     progress("the usual terms alone as a rival")
-    rival = job.chosen(training, progress, thresholds, choice)
+    rival = choose_structure(climb, job.kept, False, progress, thresholds)
     rival, other = _preferred(rival, whole, pieces, thresholds)
     if misprediction(validation) < misprediction(other):
         return choice, validation
-    return replace(rival, hold_reason=choice.hold_reason), other
+    return rival, other
 
 
 def _preferred(

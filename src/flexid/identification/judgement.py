@@ -56,6 +56,12 @@ class Thresholds:
     shape_chance: float = _threshold(
         0.001, "1", "the same for terms beyond the usual ones, of which there are many"
     )
+    hold_fall: float = _threshold(
+        9.0,
+        "1",
+        "fall of the residuals' weighted sum of squares, over their mean square, up to which one "
+        "hold is no better than another: chance gives as much in one log of 400",
+    )
     friction_sign: float = _threshold(
         4.0, "standard deviations", "below zero, up to which a negative friction is none"
     )

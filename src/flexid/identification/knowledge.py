@@ -7,11 +7,12 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.identification.estimate import Estimate
-from flexid.identification.fitting import START_RATES, climb, least_squares_start, lengths
+from flexid.identification.fitting import climb, lengths
 from flexid.identification.full_model import Data, Structure
 from flexid.identification.joint import Joint
 from flexid.identification.judgement import Thresholds
 from flexid.identification.prior_knowledge import Known, contradiction_warning, informed
+from flexid.identification.starting import starts
 from flexid.identification.stated import Stated
 
 _DURATION = 1.0  # s, segments of a fit that says whether something known is wrong altogether
@@ -48,8 +49,8 @@ def contradictions(
         return ()
     free = replace(full, fixed={}, bounds={})
     try:
-        start, _ = least_squares_start(free, data, START_RATES[0])
-        found = climb(free, data, start, lengths(data, _DURATION))[-1]
+        ladder = lengths(data, _DURATION)
+        found = climb(free, data, starts(free, data, ladder[0])[0], ladder)[-1]
     except ConvergenceError:
         return ()
     deviations = found.fit.standard_deviations

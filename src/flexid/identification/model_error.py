@@ -16,12 +16,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.identification.estimate import Estimate
-from flexid.identification.full_model import Fitted
+from flexid.identification.fitting import refit
+from flexid.identification.full_model import ROUGH, Fitted
 from flexid.identification.judgement import Thresholds
 from flexid.identification.result import ModelError
 
 _WHITE = 3.0  # power of time with which the variance of a motion under white noise grows
+_CURVATURES = ("alpha_cubic", "theta_cubic")
 _CHANCE = 3.0  # standard deviations of a sum of squares
 
 
@@ -81,6 +84,37 @@ def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.
     estimate = estimate.scaled(scale)
     beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
     return estimate.widened(error.share**2 * beyond * fitted.minimum.reduced.inverse)
+
+
+def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
+    """Covariance, shape (k, k), from terms that may stand for something else.
+
+    A curved spring, a gap or an eccentric gear that leaves a model error behind is hardly what the
+    drive has, and another stand-in would leave other values: they are as uncertain as they move
+    without any.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        What is reported; k values.
+    error : ModelError
+        What it leaves.
+    """
+    none = np.zeros((len(fitted.names), len(fitted.names)))
+    joint = fitted.structure.joint
+    stand_ins = {*joint.shapes, *_CURVATURES} - fitted.structure.absent - {*joint.ties}
+    stand_ins -= {*fitted.structure.fixed}
+    if error.share == 0.0 or not stand_ins:
+        return none
+    try:
+        point, segments = fitted.minimum.point, fitted.problem.segments
+        without = fitted.structure.without(stand_ins)
+        bare = refit(without, fitted.data, fitted.by_name, segments, ROUGH, point.initial_states)
+    except ConvergenceError:
+        return none
+    found = {**fitted.by_name, **bare.by_name}
+    moved = np.array([found[name] for name in fitted.names]) - fitted.values
+    return error.share**2 * np.outer(moved, moved)
 
 
 def _beyond(fitted: Fitted, floor: float, shortest: Fitted) -> float:

@@ -15,12 +15,12 @@ from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_le
 from flexid.estimators.streamed_least_squares import Products, StreamedProblem, StreamedSums
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.alignment import Alignment, aligned
-from flexid.identification.fitting import smooth_unknowns
 from flexid.identification.full_model import Structure
 from flexid.identification.joint import Joint, joint_of
 from flexid.identification.preparation import prepare
 from flexid.identification.result import Choices, Identification
 from flexid.identification.settings import Settings
+from flexid.identification.starting import smooth_unknowns
 from flexid.identification.stated import stated
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Recording

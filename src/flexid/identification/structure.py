@@ -6,37 +6,29 @@ give one as large, the residuals' correlation counted, and goes if it has a sign
 has.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtr
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segmented_motion import INPUT
-from flexid.estimators.segments import Segments
+from flexid.identification.climbing import Climb
 from flexid.identification.fitting import (
-    START_RATES,
-    climb,
-    least_squares_start,
-    lengths,
     onward,
     refit,
 )
-from flexid.identification.full_model import FINE, Data, Fitted, Structure
+from flexid.identification.full_model import FINE, ROUGH, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
+from flexid.identification.progress import Progress
 from flexid.identification.result import SegmentEvidence, TermEvidence
 from flexid.models.flexible_joint import DISSIPATIVE
-from flexid.recording.recording import Hold
 
 _ROUNDS = 2  # of taking away and fitting over longer segments
-_HOLD_DURATION = 0.5  # s of segments from which on the holds of an input are distinguished
-_FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
 _CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +47,8 @@ class Choice:
         What was kept and what was not.
     lengths : tuple of SegmentEvidence
         The segments that were tried.
-    hold_reason : str
-        Why the input was taken to behave as it does.
+    climbed : Climb
+        How the full model was fitted.
     rivals : tuple of Fitted
         With terms that chance might explain, and, where the model leaves more than noise, over
         segments of other lengths: held-out data may prefer one of these.
@@ -67,7 +59,7 @@ class Choice:
     fitted: Fitted
     terms: tuple[TermEvidence, ...]
     lengths: tuple[SegmentEvidence, ...]
-    hold_reason: str
+    climbed: Climb
     rivals: tuple[Fitted, ...] = ()
 
     @property
@@ -77,46 +69,31 @@ class Choice:
 
 
 def choose_structure(
-    base: Structure,
-    data: Data,
-    holds: Sequence[Hold],
+    climbed: Climb,
     kept: Collection[str],
     with_shapes: bool,
-    durations: tuple[float, ...],
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Choice:
-    """Fit the full model and take away what a log does not show.
+    """Take away from the full model what a log does not show.
 
     Parameters
     ----------
-    base : Structure
-        With every usual term that is to be considered; its hold is of no account.
-    data : Data
-        To fit.
-    holds : sequence of Hold
-        Behaviours of the input to choose from.
+    climbed : Climb
+        Of the full model.
     kept : collection of str
         Coefficients and delays that stay whatever the log says.
     with_shapes : bool
         Whether terms beyond the usual ones are considered.
-    durations : tuple of float
-        The length of the segments in s, if it is given; empty where it is to be chosen.
     progress : callable
         Called with each step in words.
     thresholds : Thresholds, optional
         What counts as chance.
-
-    Raises
-    ------
-    ConvergenceError
-        If no start leads anywhere.
     """
-    ladder = lengths(data, *durations)
-    found, hold_reason = _climbed(base, data, holds, ladder, progress)
-    if hold_reason == TIED:  # the delay that is left stands for the other hold
+    found, ladder = list(climbed.found), climbed.ladder
+    if climbed.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
-    best = found[-1] if durations else _best(found)
+    best = _best(found) if climbed.free_length else found[-1]
     progress("taking away what the log does not show")
     wider = _wider(best, with_shapes)
     structure, evidence = eliminate(wider, kept, thresholds)
@@ -126,11 +103,11 @@ def choose_structure(
         if leaner is None:
             break
         found = [leaner, *onward(leaner, ladder)]
-        longer = found[-1] if durations else _best(found)
+        longer = _best(found) if climbed.free_length else found[-1]
         if longer is leaner:
             best = leaner
             break
-        wider = _fit_like(wider.structure, longer) or wider
+        wider = _fit_like(wider.structure, longer, ROUGH) or wider
         best = longer
         if len(wider.problem.segments) != len(longer.problem.segments):
             break  # the wider model does not follow; what it said of shorter segments stands
@@ -143,15 +120,15 @@ def choose_structure(
         if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
             break
         structure, fitted = leaner, _fit_like(leaner, fitted)
-    tests = tuple(_length_test(one) for one in found)
+    tests = tuple(SegmentEvidence(f.duration, f.excess, relative_deviation(f)) for f in found)
     if fitted is None:
         structure, fitted = best.structure, best
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
     generous = None if more.absent >= structure.absent else _fit_like(more, fitted)
     rivals = [] if generous is None else [generous]
-    if fitted.excess > thresholds.sensor_excess and not durations:
+    if fitted.excess > thresholds.sensor_excess and climbed.free_length:
         rivals += [other for other in found if other.duration != fitted.duration]
-    return Choice(wider.structure, structure, fitted, evidence, tests, hold_reason, tuple(rivals))
+    return Choice(wider.structure, structure, fitted, evidence, tests, climbed, tuple(rivals))
 
 
 def _latest(
@@ -166,61 +143,10 @@ def _wider(best: Fitted, with_shapes: bool) -> Fitted:
     if not with_shapes or not best.structure.joint.shapes:
         return best
     extended = replace(best.structure, absent=best.structure.absent - best.structure.joint.shapes)
-    return _fit_like(extended, best) or best
+    return _fit_like(extended, best, ROUGH) or best
 
 
-def _climbed(
-    base: Structure,
-    data: Data,
-    holds: Sequence[Hold],
-    ladder: Sequence[Segments],
-    progress: Progress,
-) -> tuple[list[Fitted], str]:
-    """The full model over segments of growing length, with the hold that suits the log."""
-    short = [s for s in ladder if float(np.mean(s.lengths * s.sample_times)) <= _HOLD_DURATION]
-    first = max(1, len(short))
-    found: dict[Hold, list[Fitted]] = {}
-    for hold in holds:
-        progress(f"the full model, input {_HOLD_WORDS[hold]}")
-        found[hold] = _started(
-            replace(base, timing=replace(base.timing, hold=hold)), data, ladder[:first]
-        )
-    hold, reason = _best_hold(found)
-    progress("the full model over longer segments")
-    climbed = found[hold]
-    if len(climbed[-1].problem.segments) == len(ladder[first - 1]):
-        climbed = climbed + onward(climbed[-1], ladder)
-    return climbed, reason
-
-
-def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> list[Fitted]:
-    """Climb from least squares; where the full model finds no way, by way of a small one."""
-    start, _ = least_squares_start(structure, data, START_RATES[0])
-    try:
-        return climb(structure, data, start, ladder)
-    except ConvergenceError:
-        pass
-    few = structure.without({*(structure.joint.optional - _FEW), *structure.timing.sought})
-    for rate in START_RATES:
-        start, _ = least_squares_start(few, data, rate)
-        try:
-            found = climb(few, data, start, ladder)
-        except ConvergenceError:
-            continue
-        for wider in (structure, replace(few, timing=structure.timing)):
-            last = found[-1]
-            states = last.minimum.point.initial_states
-            try:
-                return climb(wider, data, last.by_name, [last.problem.segments], states=states)
-            except ConvergenceError:
-                continue
-        return found
-    # No drive of this kind: be the fit as bad as it may.
-    start, _ = least_squares_start(few, data, START_RATES[0])
-    return climb(few, data, start, ladder, insist=False)
-
-
-def _fit_like(structure: Structure, fitted: Fitted) -> Fitted | None:
+def _fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> Fitted | None:
     """Another structure over the same segments, from where a fit ended; None if it fails."""
     try:
         return refit(
@@ -228,45 +154,11 @@ def _fit_like(structure: Structure, fitted: Fitted) -> Fitted | None:
             fitted.data,
             fitted.by_name,
             fitted.problem.segments,
-            FINE,
+            tolerance,
             fitted.minimum.point.initial_states,
         )
     except ConvergenceError:
         return None
-
-
-_HOLD_WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
-
-
-def _best_hold(found: Mapping[Hold, list[Fitted]]) -> tuple[Hold, str]:
-    """The hold that explains the log best; where none does, the one that needs least delay."""
-    if len(found) == 1:
-        return next(iter(found)), "as given"
-    farthest = min(len(fits[-1].problem.segments) for fits in found.values())
-    last: list[tuple[Hold, Fitted]] = [
-        (hold, fits[-1])
-        for hold, fits in found.items()
-        if len(fits[-1].problem.segments) == farthest
-    ]
-    last.sort(key=lambda pair: pair[1].minimum.equations.cost)
-    (best, fitted), others = last[0], last[1:]
-    if not others:
-        return best, f"{_HOLD_WORDS[best]}; otherwise the model follows no long segments"
-    scale = max(1.0, fitted.excess)
-    fall = (others[0][1].minimum.equations.cost - fitted.minimum.equations.cost) / scale
-    if fall > _TIE:
-        return best, (
-            f"{_HOLD_WORDS[best]}, the residuals' weighted sum of squares is {fall:.3g} less than "
-            f"otherwise"
-        )
-    nearest = min(last, key=lambda pair: abs(pair[1].delays[INPUT]))
-    return nearest[0], TIED
-
-
-TIED = "the log does not distinguish the holds; this one needs the least delay"
-"""Why a hold was taken where none is better: half a sample of delay stands for the other."""
-
-_TIE = 9.0  # fall of the weighted sum of squares that chance gives in one log of 400
 
 
 def relative_deviation(fitted: Fitted) -> float:
@@ -283,18 +175,15 @@ def relative_deviation(fitted: Fitted) -> float:
 
 def _best(found: Sequence[Fitted]) -> Fitted:
     """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
-    best = found[0]
-    for fitted in found[1:]:
-        if relative_deviation(fitted) < _ALIKE * relative_deviation(best):
-            best = fitted
+    best, narrowest = found[0], np.inf
+    for fitted in found:
+        width = relative_deviation(fitted)
+        if width <= _ALIKE * narrowest:
+            best, narrowest = fitted, width
     return best
 
 
 _ALIKE = 1.05  # ratio of widths that two lengths may differ by at random
-
-
-def _length_test(fitted: Fitted) -> SegmentEvidence:
-    return SegmentEvidence(fitted.duration, fitted.excess, relative_deviation(fitted))
 
 
 def eliminate(

@@ -132,14 +132,22 @@ def first_modes(z, h, trace, motion, rate):
 
 @njit(cache=True, error_model="numpy")
 def leaving_row(z, end, place, span, motion, rate):
-    """The row whose mode ends first within a span, by linear interpolation; or -1."""
+    """The row whose mode ends first within a span, by linear interpolation; or -1.
+
+    A held input jumps between two intervals: it may let go of a row that stuck, and hold it again
+    before the interval ends.
+    """
     chosen, earliest = -1, 2.0
     for row in range(N_ROWS):
         if motion.dry[row]:
             last = margin(end, row, place + span, motion, rate)
-            if last < 0.0:
+            if last < 0.0 or motion.modes[row] == 0.0:
                 first = margin(z, row, place, motion, rate)
-                when = max(first, 0.0) / (max(first, 0.0) - last)
+                when = 2.0
+                if first < 0.0:
+                    when = 0.0
+                elif last < 0.0:
+                    when = first / (first - last)
                 if when < earliest:
                     chosen, earliest = row, when
     return chosen
@@ -150,8 +158,19 @@ def span_to_change(z, row, place, span, h, motion, work):
     """Span after which the margin of a row is used up (regula falsi after Illinois)."""
     end, rate, _ = work
     low, high = 0.0, span
-    at_low = max(margin(z, row, place, motion, rate), 0.0)
+    at_low = margin(z, row, place, motion, rate)
     at_high = margin(end, row, place + span, motion, rate)
+    if at_low <= 0.0:
+        side = motion.modes[row]
+        gain = side * pull(z, row, side, place, motion, rate)
+        if side == 0.0 or gain <= 0.0:
+            return 0.0
+        # It has just been let go and comes to rest again: at constant jerk, not before this.
+        low = 0.5 * span * gain * span * h / (gain * span * h - at_high)
+        runge_kutta(z, place, low, h, motion, work)
+        at_low = margin(end, row, place + low, motion, rate)
+        if at_low <= 0.0:
+            return low
     found = high
     for _ in range(MOST_TRIALS):
         found = low + (high - low) * at_low / (at_low - at_high)

@@ -1,0 +1,81 @@
+"""When Gauss-Newton's steps end, on sums of squares that are made up."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.gauss_newton import FLAT, ITERATIONS, minimise
+from flexid.estimators.segmented_motion import Point
+
+
+@dataclass
+class _Rough:
+    """A sum of squares that promises with each step what it does not hold.
+
+    Every step is promised to save a share of the cost, and saves a part of that.
+    """
+
+    promised: float
+    kept: float
+    degrees_of_freedom: int = 10_000
+    counted: list[float] = field(default_factory=list)
+
+    def equations(self, point: Point) -> Any:
+        steps = point.values[0]
+        self.counted.append(steps)
+        cost = self.degrees_of_freedom * (1.0 - self.promised * self.kept) ** steps
+        return SimpleNamespace(cost=cost)
+
+    def solve(self, equations: Any, _damping: float = 0.0) -> Any:
+        step = np.array([1.0])
+        decrement = self.promised * equations.cost
+        return SimpleNamespace(values_step=step, states_step=np.zeros((1, 2)), decrement=decrement)
+
+
+def steps_of(problem: _Rough, tolerance: float = 1.0, **options: Any) -> int:
+    """Steps that were taken."""
+    point = Point(np.zeros(1), np.zeros((1, 2)))
+    return minimise(cast("Any", problem), point, tolerance, **options).iterations
+
+
+def test_a_rough_bottom_ends_the_steps():
+    """Assert that two steps in turn that hold less than a quarter are the last, if all is flat."""
+    assert steps_of(_Rough(0.5 * FLAT, 0.24)) == 2
+
+
+def test_steps_that_hold_enough_go_on():
+    """Assert that a quarter of what was promised is worth a further step."""
+    assert steps_of(_Rough(0.5 * FLAT, 0.3)) == ITERATIONS
+
+
+def test_a_slope_is_no_bottom():
+    """Assert that where more is promised than chance gives, poor steps go on, and do not end."""
+    with pytest.raises(ConvergenceError, match=f"within {ITERATIONS}"):
+        steps_of(_Rough(2.0 * FLAT, 0.24))
+
+
+@pytest.mark.parametrize(("tolerance", "steps"), [(1e-2, ITERATIONS), (1.0, 2)])
+def test_fine_steps_end_nearer_to_the_bottom(tolerance, steps):
+    """Assert that three standard deviations are near enough on the way, and not at the end."""
+    problem = _Rough(0.5 * FLAT, 0.24)
+    problem.degrees_of_freedom = round(9.0 / (0.5 * FLAT))
+    assert steps_of(problem, tolerance) == steps
+
+
+def test_what_nothing_gets_over_is_given_up():
+    """Assert that four steps in turn that hold less than a hundredth are the last."""
+    problem = _Rough(0.5, 1e-4)
+    with pytest.raises(ConvergenceError):
+        steps_of(problem)
+    assert len(problem.counted) == 5
+    assert steps_of(_Rough(0.5, 0.02), insist=False) == ITERATIONS
+
+
+def test_steps_are_counted():
+    """Assert that no more are taken than are allowed."""
+    with pytest.raises(ConvergenceError, match="within 3"):
+        steps_of(_Rough(0.5, 0.9), iterations=3)

@@ -1,0 +1,178 @@
+"""Where a fit begins: least squares on a stiff drive with dry friction, and the way from there."""
+
+from dataclasses import replace
+
+import pytest
+from made_joint import COEFFICIENTS, made
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.identification.climbing import climb_full, held_otherwise, hold_covariance
+from flexid.identification.fitting import climb, lengths
+from flexid.identification.full_model import LINK, Data, Structure, data_of
+from flexid.identification.joint import flexible
+from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.starting import least_squares_start, starts
+from flexid.models.flexible_joint import PAPER_TERMS
+from flexid.recording.recording import Hold
+from flexid.recording.velocities import with_velocities
+
+JOINT = flexible()
+TERMS = (*PAPER_TERMS, "motor_coulomb")
+ON = {c for term in TERMS for c in JOINT.terms[term]}
+DELAYS = (INPUT, LINK)
+
+STIFF = {
+    "link_inertia": 2.5,
+    "motor_inertia": 1.0,
+    "joint_stiffness": 10000.0,
+    "gravity_torque": 35.0,
+    "motor_viscous": 3.7,
+    "motor_coulomb_up": 13.7,
+    "motor_coulomb_down": 13.7,
+}
+"""A harmonic drive, whose motor sticks for much of the time under the tones' torque."""
+
+
+def silent(_: str) -> None:
+    """Say nothing."""
+
+
+def structure(data: Data, hold: Hold = "zero", sought: tuple[str, ...] = DELAYS) -> Structure:
+    """The usual terms of a joint with friction in the motor."""
+    joint = JOINT.scaled(data.samples)
+    return Structure(joint, frozenset(joint.optional - ON), Timing(hold, {}, sought))
+
+
+@pytest.fixture(scope="module")
+def stiff():
+    """A log of the harmonic drive, with its torque held."""
+    piece = made(3, 12.0, held=True, size=1.5, **STIFF)
+    return data_of(JOINT, [with_velocities(piece)], (0,))
+
+
+def data(**more) -> Data:
+    """A log of the paper's joint."""
+    return data_of(JOINT, [with_velocities(made(5, 6.0, **more))], (0,))
+
+
+def test_input_explained_starts_better_than_acceleration(stiff):
+    """Assert that a sticking motor misleads its acceleration's least squares, but not the start.
+
+    Least squares finds less than half of every coefficient of the motor's row.
+    """
+    base = structure(stiff)
+    truth = {"alpha1": 10000.0, "beta1": 1.0, "alpha_coulomb": 13.7}
+    plain, _ = least_squares_start(base, stiff, 20.0)
+    first = starts(base, stiff, lengths(stiff)[0])[0]
+    for name, value in truth.items():
+        assert plain[name] < 0.5 * value
+        assert first[name] == pytest.approx(value, rel=0.35)
+
+
+def test_both_ways_agree_where_nothing_sticks():
+    """Assert that each start of a joint without friction is near the truth."""
+    plain = data(held=True)
+    base = replace(structure(plain), absent=JOINT.optional - {"theta1", "alpha2"})
+    for start in starts(base, plain, lengths(plain)[0]):
+        found = {name: start[name] for name in COEFFICIENTS}
+        assert found == pytest.approx(COEFFICIENTS, rel=0.05)
+
+
+def test_a_known_gain_needs_one_way(stiff):
+    """Assert that a row whose input has a known coefficient is solved for its acceleration only."""
+    base = structure(stiff)
+    known = replace(base, fixed={"beta1": 1.0})
+    segments = lengths(stiff)[0]
+    assert len(starts(base, stiff, segments)) == 2 * len(starts(known, stiff, segments))
+
+
+def test_full_model_climbs_to_the_whole_log(stiff):
+    """Assert that from the first start the fit reaches long segments and noise."""
+    base = structure(stiff)
+    ladder = lengths(stiff)
+    last = climb(base, stiff, starts(base, stiff, ladder[0])[0], ladder)[-1]
+    assert last.duration > 0.5 * stiff.duration
+    assert last.excess < THRESHOLDS.sensor_excess
+    assert last.by_name["alpha1"] == pytest.approx(10000.0, rel=1e-2)
+    assert last.by_name["alpha_coulomb"] == pytest.approx(13.7, rel=1e-3)
+
+
+def test_first_steps_may_be_few(stiff):
+    """Assert that the shortest segments may be given so few steps that they are not fitted."""
+    base = structure(stiff)
+    ladder = lengths(stiff)[:1]
+    with pytest.raises(ConvergenceError):
+        climb(base, stiff, {"theta2": 100.0, "alpha1": 300.0, "beta1": 3.0}, ladder, iterations=1)
+
+
+def test_another_hold_is_half_a_sample_of_delay():
+    """Assert that a held torque passes for one on straight lines that acts half a sample later."""
+    held = data(held=True)
+    base = structure(held)
+    fitted = climb(base, held, COEFFICIENTS, lengths(held)[:3])[-1]
+    other = held_otherwise(fitted, "linear")
+    assert other is not None
+    later = other.delays[INPUT] - fitted.delays[INPUT]
+    assert later == pytest.approx(0.5 * held.samples[0].sample_time, rel=0.05)
+    assert held_otherwise(fitted, "zero") is None
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_long_segments_know_the_hold(held):
+    """Assert that the hold is found where short segments take either for the other."""
+    log = data(held=held, noise=2e-7)
+    found = climb_full(structure(log), log, ("zero", "cubic", "linear"), (), silent)
+    assert found.found[-1].structure.timing.hold == ("zero" if held else "cubic")
+    assert found.tied == ()
+    assert abs(found.found[-1].delays[INPUT]) < 1e-5
+    assert "less than otherwise" in found.hold_reason
+
+
+def test_tied_holds_are_all_in_the_interval():
+    """Assert that a delay reaches to where another hold would put it, if noise hides the hold.
+
+    The torque is late, so that each hold needs a delay.
+    """
+    log = data(held=True, noise=3e-4, input_delay=2.7e-3)
+    found = climb_full(structure(log), log, ("zero", "cubic", "linear"), (), silent)
+    assert {*found.tied} == {"cubic", "linear"}
+    last = found.found[-1]
+    assert last.structure.timing.hold == "zero"  # it needs the least delay
+    place = last.names.index(INPUT)
+    more = hold_covariance(last, found.tied)[place, place] ** 0.5
+    half = 0.5 * log.samples[0].sample_time
+    assert 0.6 * half < more < 0.9 * half  # root of two thirds, if all three are alike
+    assert not hold_covariance(last, ()).any()
+
+
+def test_a_delay_of_half_a_sample_is_a_coincidence():
+    """Assert that a torque without delay is held, where noise hides what else tells the holds."""
+    log = data(held=True, noise=3e-4)
+    found = climb_full(structure(log), log, ("zero", "cubic", "linear"), (), silent)
+    assert found.found[-1].structure.timing.hold == "zero"
+    assert found.tied == ()
+
+
+def test_a_fall_decides_on_the_hold():
+    """Assert that the threshold says when holds are alike."""
+    log = data(held=True, noise=2e-7)
+    thresholds = replace(THRESHOLDS, hold_fall=1e9)
+    found = climb_full(structure(log), log, ("zero", "linear"), (), silent, thresholds)
+    assert found.tied == ("linear",)
+
+
+def test_given_hold_is_not_tried():
+    """Assert that one hold is taken as given."""
+    log = data(held=True)
+    found = climb_full(structure(log), log, ("linear",), (), silent)
+    assert found.hold_reason == "as given"
+    assert found.found[-1].structure.timing.hold == "linear"
+
+
+def test_shapes_that_go_take_their_ties_along():
+    """Assert that nothing is left of a term whose sought coefficient is gone."""
+    on = replace(structure(data()), absent=frozenset())
+    gone = on.without(["alpha_backlash"])
+    assert {"alpha_backlash", "theta_backlash"} <= gone.absent
+    assert "backlash" not in gone.terms
