@@ -99,7 +99,9 @@ def test_skewed_axis_gives_no_confident_stiffness(axis):
     assert not axis.compliance.visible
 
 
-@pytest.mark.xfail(reason="a interval allows for the error of a model without the gear", strict=True)
+@pytest.mark.xfail(
+    reason="an interval allows for the error of a model without the gear", strict=True
+)
 def test_skew_is_found(axis):
     """Assert that the link's encoder is found about 3 ms late, zero being out of the question."""
     skew = axis.choices.alignment.link_delay
