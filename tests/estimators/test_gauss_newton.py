@@ -69,9 +69,10 @@ def test_fine_steps_end_nearer_to_the_bottom(tolerance, steps):
 def test_what_nothing_gets_over_is_given_up():
     """Assert that four steps in turn that hold less than a hundredth are the last."""
     problem = _Rough(0.5, 1e-4)
-    with pytest.raises(ConvergenceError):
+    with pytest.raises(ConvergenceError, match="4 steps in turn brought next to nothing"):
         steps_of(problem)
     assert len(problem.counted) == 5
+    assert steps_of(_Rough(0.5, 1e-4), insist=False) == 4
     assert steps_of(_Rough(0.5, 0.02), insist=False) == ITERATIONS
 
 

@@ -2,14 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, made
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.identification.climbing import climb_full, held_otherwise, hold_covariance
-from flexid.identification.fitting import climb, lengths
-from flexid.identification.full_model import LINK, Data, Structure, data_of
+from flexid.identification.fitting import climb, lengths, refit
+from flexid.identification.full_model import FINE, LINK, Data, Structure, data_of
 from flexid.identification.joint import flexible
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.starting import least_squares_start, starts
@@ -102,8 +103,10 @@ def test_first_steps_may_be_few(stiff):
     """Assert that the shortest segments may be given so few steps that they are not fitted."""
     base = structure(stiff)
     ladder = lengths(stiff)[:1]
-    with pytest.raises(ConvergenceError):
-        climb(base, stiff, {"theta2": 100.0, "alpha1": 300.0, "beta1": 3.0}, ladder, iterations=1)
+    start = starts(base, stiff, ladder[0])[0]
+    assert climb(base, stiff, start, ladder)
+    with pytest.raises(ConvergenceError, match="within 1:"):
+        climb(base, stiff, start, ladder, iterations=1)
 
 
 def test_another_hold_is_half_a_sample_of_delay():
@@ -152,6 +155,32 @@ def test_a_delay_of_half_a_sample_is_a_coincidence():
     found = climb_full(structure(log), log, ("zero", "cubic", "linear"), (), silent)
     assert found.found[-1].structure.timing.hold == "zero"
     assert found.tied == ()
+    assert "half a sample by chance" in found.hold_reason
+
+
+def test_what_is_at_its_bound_stays_there_with_another_hold():
+    """Assert that a coefficient at its bound is not sought anew, and that shapes agree."""
+    log = data(held=True)
+    base = replace(structure(log), bounds={"alpha_coulomb": (0.5, np.inf)})
+    segments = lengths(log)[2]
+    fitted = refit(base, log, {**COEFFICIENTS, "alpha_coulomb": 0.5}, segments, FINE, None)
+    assert fitted.at_bound == {"alpha_coulomb": 0.5}
+    other = held_otherwise(fitted, "linear")
+    assert other is not None
+    assert other.names == fitted.names
+    assert hold_covariance(fitted, ("linear",)).shape == (len(fitted.names),) * 2
+
+
+@pytest.mark.parametrize("late", [0.0, 0.04])
+def test_a_given_delay_may_be_longer_than_the_margin(late):
+    """Assert that a delay that was given is no reason to doubt a fit, however long."""
+    log = data(held=True, link_delay=late)
+    timing = Timing("zero", {LINK: late}, (INPUT,))
+    base = replace(structure(log), timing=timing)
+    found = climb_full(base, log, ("zero",), (), silent).found[-1]
+    assert found.structure.absent == base.absent
+    assert found.delays[LINK] == late
+    assert found.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-2)
 
 
 def test_a_fall_decides_on_the_hold():

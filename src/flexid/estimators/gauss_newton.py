@@ -129,7 +129,13 @@ def minimise(
         if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
             return Minimum(point, equations, reduced, taken, float(last_step))
         if stuck >= _STUCK_STEPS:
-            break
+            if not insist:
+                return Minimum(point, equations, reduced, taken, float(last_step))
+            raise ConvergenceError(
+                "prediction error",
+                f"{stuck} steps in turn brought next to nothing: start from a least-squares fit, "
+                f"shorten the segments, or drop terms that the record does not show",
+            )
         before = equations.cost
         try:
             point, equations, damping = _descend(problem, point, equations, reduced, damping)

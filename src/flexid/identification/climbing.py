@@ -118,7 +118,11 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     hold : Hold
         Another than its own, or there is none.
     """
-    structure, before = fitted.structure, fitted.structure.timing.hold
+    # What ended at a bound stays there.
+    structure = replace(
+        fitted.structure, fixed={**fitted.structure.fixed, **fitted.at_bound}, bounds={}
+    )
+    before = structure.timing.hold
     if hold == before:
         return None
     half = 0.5 * float(fitted.problem.segments.sample_times.mean())
@@ -142,9 +146,10 @@ def _climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments])
     most, least = len(found[0].problem.segments), len(best.problem.segments)
     segments = [s for s in ladder if most >= len(s) >= least]
     try:
-        return climb(best.structure, best.data, best.by_name, segments, states)
+        climbed = climb(best.structure, best.data, best.by_name, segments, states)
     except ConvergenceError:
         return [best]
+    return climbed if len(climbed[-1].problem.segments) == least else [*climbed, best]
 
 
 def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> list[Fitted]:
@@ -158,20 +163,23 @@ def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> li
         return found
     few = structure.without(structure.joint.optional - _FEW)
     bare = few.without(structure.timing.sought)
-    for small in (few, few.without({INPUT}), bare):
+    late = {INPUT} & {*structure.timing.sought}
+    for small in (few, *([few.without(late)] if late else []), bare):
         try:
             found = climb(small, data, starts(small, data, ladder[0])[0], ladder)
         except ConvergenceError:
             continue
         if _has_partners(found[-1]):
-            return _widened((structure, structure.without({INPUT}), few), found) or found
+            wider = [structure, structure.without(late)] if late else [structure]
+            return _widened([*wider, *([few] if small is not few else [])], found) or found
     # No drive of this kind: be the fit as bad as it may.
     return climb(bare, data, full[0], ladder, insist=False)
 
 
 def _has_partners(fitted: Fitted) -> bool:
     """Whether no channel is so late that its samples have no partners in the data."""
-    return all(abs(delay) <= fitted.data.margin for delay in fitted.delays.values())
+    sought = fitted.structure.timing.sought
+    return all(abs(fitted.delays[name]) <= fitted.data.margin for name in sought)
 
 
 def _widened(structures: Sequence[Structure], found: Sequence[Fitted]) -> list[Fitted]:
@@ -200,16 +208,19 @@ def _best_hold(
     alike = [f for f, fall in zip(ordered, falls, strict=True) if fall <= thresholds.hold_fall]
     if len(alike) > 1:
         # Where no hold explains the log, which of them fails like the others says nothing.
-        moved = last in alike and ordered[0].excess > thresholds.sensor_excess
-        best = last if moved else min(alike, key=lambda fitted: abs(fitted.delays[INPUT]))
+        stays = last in alike and ordered[0].excess > thresholds.sensor_excess
+        best = last if stays else min(alike, key=lambda fitted: abs(fitted.delays[INPUT]))
         tied: tuple[Hold, ...] = tuple(f.structure.timing.hold for f in alike if f is not best)
         return best, _TIED, tied
     best = ordered[0]
     words = _WORDS[best.structure.timing.hold]
     if len(ordered) == 1:
         return best, f"{words}; otherwise the model does not follow", ()
-    fall = f"the residuals' weighted sum of squares is {falls[1]:.3g} less than otherwise"
-    return best, f"{words}, {fall}", ()
+    fall = (ordered[1].minimum.equations.cost - best.minimum.equations.cost) / max(1.0, best.excess)
+    if fall <= thresholds.hold_fall:
+        return best, f"{words}; otherwise a delay would be just half a sample by chance", ()
+    less = f"the residuals' weighted sum of squares is {fall:.3g} less than otherwise"
+    return best, f"{words}, {less}", ()
 
 
 def _misfits(found: Sequence[Fitted]) -> FloatArray:

@@ -53,7 +53,7 @@ def of_link_alone(pieces: Pieces, driven: Validation, stiffness: CoefficientEsti
         Per link inertia. Where the log leaves it free, something else explains the deflection.
     """
     found = _compliance(pieces, driven, {})
-    if found.visible and stiffness.verdict == "undetermined":
+    if found.visible and not np.isfinite(stiffness.std):
         reason = f"the deflection moves by {found.deflection:.2g} rad, but for any stiffness"
         return replace(found, visible=False, reason=reason)
     return found

@@ -59,8 +59,8 @@ class Thresholds:
     hold_fall: float = _threshold(
         9.0,
         "1",
-        "fall of the residuals' weighted sum of squares, over their mean square, up to which one "
-        "hold is no better than another: chance gives as much in one log of 400",
+        "fall of the residuals' weighted sum of squares, over their mean square, and of what a "
+        "delay costs, up to which one hold is no better: chance gives 9 in one log of 400",
     )
     friction_sign: float = _threshold(
         4.0, "standard deviations", "below zero, up to which a negative friction is none"

@@ -102,8 +102,7 @@ def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
     """
     none = np.zeros((len(fitted.names), len(fitted.names)))
     joint = fitted.structure.joint
-    stand_ins = {*joint.shapes, *_CURVATURES} - fitted.structure.absent - {*joint.ties}
-    stand_ins -= {*fitted.structure.fixed}
+    stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
     if error.share == 0.0 or not stand_ins:
         return none
     try:
