@@ -9,7 +9,7 @@ import pytest
 from flexid.identification.excitations import unexcited
 from flexid.identification.judgement import THRESHOLDS
 
-CURVED = ("theta_cubic", "alpha_cubic")
+SPRING = ("theta_cubic", "alpha_cubic", "theta_damping", "alpha_damping")
 
 
 def row(names, correlation) -> Any:
@@ -27,7 +27,7 @@ def test_a_condition_number_of_a_hundred_thousand_is_the_edge(condition, lost):
     rows = [cast(Any, row(("theta1", "theta2", "theta_viscous"), correlation))]
     found = unexcited(rows, THRESHOLDS.lost_condition)
     assert found == (
-        frozenset({"theta1", "theta2", "alpha1", "beta1", *CURVED}) if lost else frozenset()
+        frozenset({"theta1", "theta2", "alpha1", "beta1", *SPRING}) if lost else frozenset()
     )
 
 

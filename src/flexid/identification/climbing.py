@@ -119,9 +119,7 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
         Another than its own, or there is none.
     """
     # What ended at a bound stays there.
-    structure = replace(
-        fitted.structure, fixed={**fitted.structure.fixed, **fitted.at_bound}, bounds={}
-    )
+    structure = replace(fitted.structure, fixed={**fitted.structure.fixed, **fitted.at_bound})
     before = structure.timing.hold
     if hold == before:
         return None

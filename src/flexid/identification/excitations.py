@@ -7,8 +7,10 @@ import numpy as np
 from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.estimators.rowwise import RowSums
 
-# By the spring, which acts on both rows, with how it is curved.
-_COUPLED = {"theta2", "alpha1", "beta1", "theta_cubic", "alpha_cubic"}
+# By the spring, which acts on both rows, with how it is curved and damped.
+_COUPLED = {"theta2", "alpha1", "beta1"} | {
+    f"{row}_{law}" for row in ("theta", "alpha") for law in ("cubic", "damping")
+}
 
 
 def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
