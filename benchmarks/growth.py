@@ -121,16 +121,16 @@ def with_length() -> list[Growth]:
 
     unknowns = JOINT.unknowns(PAPER, {}, (0,))
     jobs: dict[str, Callable[[list[Samples]], object]] = {
-        "least squares with its covariance": lambda pieces: (
-            filtered_least_squares(pieces, JOINT.system, unknowns=unknowns).covariance
+        "least squares with its covariance": lambda recordings: (
+            filtered_least_squares(recordings, JOINT.system, unknowns=unknowns).covariance
         ),
-        "prediction error, 1 s": lambda pieces: prediction_error(
-            pieces, JOINT.system, _start(pieces), unknowns=unknowns
+        "prediction error, 1 s": lambda recordings: prediction_error(
+            recordings, JOINT.system, _start(recordings), unknowns=unknowns
         ),
     }
 
-    def _start(pieces: list[Samples]) -> object:
-        return filtered_least_squares(pieces, JOINT.system, unknowns=unknowns)
+    def _start(recordings: list[Samples]) -> object:
+        return filtered_least_squares(recordings, JOINT.system, unknowns=unknowns)
 
     grown = [
         Growth(job, LENGTHS, [least(lambda n=n, call=call: call(part(n))) for n in LENGTHS])
@@ -147,14 +147,14 @@ def with_length() -> list[Growth]:
 
 def with_coefficients() -> list[Growth]:
     """Estimators over the number of coefficients that are sought, 30 000 samples."""
-    pieces = [record(30_000)]
+    recordings = [record(30_000)]
     terms = list(JOINT.terms)
     chosen = [PAPER, *(tuple({*PAPER, *terms[:n]}) for n in range(3, len(terms) + 1, 2))]
     unknowns = [JOINT.unknowns(names, {}, (0,)) for names in chosen]
     sizes = [len(sought.names) for sought in unknowns]
 
     def start(sought):
-        return filtered_least_squares(pieces, JOINT.system, unknowns=sought)
+        return filtered_least_squares(recordings, JOINT.system, unknowns=sought)
 
     return [
         Growth(
@@ -166,7 +166,7 @@ def with_coefficients() -> list[Growth]:
             "prediction error, 1 s",
             sizes,
             [
-                least(lambda u=u: prediction_error(pieces, JOINT.system, start(u), unknowns=u))
+                least(lambda u=u: prediction_error(recordings, JOINT.system, start(u), unknowns=u))
                 for u in unknowns
             ],
         ),

@@ -1,9 +1,9 @@
-"""A long log of the paper's joint, written piece by piece: no more than a piece is in memory.
+"""A long log of the paper's joint, written part by part: no more than a part is in memory.
 
     python -m benchmarks.long_log FILE ROWS
 
 writes the Parquet file. The drive is a sum of sines that never repeats, the positions have white
-noise, and everything follows from the seed and the number of the piece.
+noise, and everything follows from the seed and the number of the part.
 """
 
 import sys
@@ -24,7 +24,7 @@ SEED = 0
 TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 """Coefficients of Huang (2003), Table I."""
 
-_PIECE = 1_000_000  # rows that are in memory
+_PART = 1_000_000  # rows that are in memory
 _RATES = np.array([1.0, 4.3166, 7.4162, 11.3, 17.9])  # rad/s, without a common period
 _SIZES = np.array([1.5, 3.0, 4.0, 5.0, 6.0])  # N m; the link swings, and never turns over
 
@@ -32,8 +32,8 @@ _SIZES = np.array([1.5, 3.0, 4.0, 5.0, 6.0])  # N m; the link swings, and never 
 def long_motion(
     number: int, count: int, state: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Noisy positions and torque of a piece, and the state that the next one begins with."""
-    # One sample more than is wanted: where the next piece begins.
+    """Noisy positions and torque of a part, and the state that the next one begins with."""
+    # One sample more than is wanted: where the next recording begins.
     torque = np.sin(np.outer(_times(number, count + 1), _RATES)) @ _SIZES
     states = free_run(flexible_joint(), TRUTH, state, torque, SAMPLE_TIME, "linear")
     generator = np.random.default_rng((SEED, number))
@@ -42,7 +42,7 @@ def long_motion(
 
 
 def _times(number: int, count: int) -> NDArray[np.float64]:
-    return SAMPLE_TIME * np.arange(number * _PIECE, number * _PIECE + count, dtype=np.float64)
+    return SAMPLE_TIME * np.arange(number * _PART, number * _PART + count, dtype=np.float64)
 
 
 def write_long_log(path: Path, rows: int) -> None:
@@ -50,8 +50,8 @@ def write_long_log(path: Path, rows: int) -> None:
     state = np.zeros(4)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         names = []
-        for number, first in enumerate(range(0, rows, _PIECE)):
-            count = min(_PIECE, rows - first)
+        for number, first in enumerate(range(0, rows, _PART)):
+            count = min(_PART, rows - first)
             positions, torque, state = long_motion(number, count, state)
             names.append(Path(folder) / f"{number:05d}.parquet")
             pl.DataFrame(

@@ -36,7 +36,7 @@ def resonance(estimate: flexid.JointEstimate) -> float:
 
 def from_arrays(log: Path) -> flexid.Log:
     """A log whose samples are arrays: names as columns have them, with their units."""
-    (recorded,) = flexid.read_log(log).pieces
+    (recorded,) = flexid.read_log(log).recordings
     return flexid.read_log(
         {
             "time [s]": recorded.time,

@@ -134,8 +134,8 @@ def free_run_figure(recording: Recording) -> None:
 def main() -> None:
     """Read the log, print what the page quotes, write the figures."""
     log = read_log(Path(sys.argv[1]), ROOT / "examples" / "columns_pendulum.toml")
-    (piece,) = log.pieces
-    recording = replace(piece, motor_velocity=None)
+    (recording,) = log.recordings
+    recording = replace(recording, motor_velocity=None)
     found = fit(recording)
     values = values_of(found)
     for parameter in rigid_parameters(values, input_is_torque=True):

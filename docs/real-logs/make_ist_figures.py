@@ -64,12 +64,12 @@ def ways(result: Identification, log: Log, part: Recording) -> dict[str, Values]
             print(f"from one of the starts: {error}")
     else:
         return found
-    pieces, _ = prepare([log], SHARE)
-    whole = data_of(flexible(), pieces.whole, pieces.groups)
+    recordings, _ = prepare([log], SHARE)
+    whole = data_of(flexible(), recordings.whole, recordings.groups)
     for fitted in climbed:
         way = f"{float(f'{fitted.duration:.1g}'):g} s"
         found[way] = fitted.by_name
-        fit = format_fits(validate(fitted, whole, pieces.starts).fit_percent)
+        fit = format_fits(validate(fitted, whole, recordings.starts).fit_percent)
         print(f"    {way}: residuals² {fitted.excess:.3g} of noise; over the second half {fit}")
     return found
 
@@ -100,8 +100,8 @@ def print_ways(parts: Mapping[str, Mapping[str, Values]]) -> None:
 def main() -> None:
     """Read the log, print what the page quotes, write the figures."""
     log = read_log(Path(sys.argv[1]), ROOT / "examples" / "columns_voltage_arm.toml")
-    (piece,) = log.pieces
-    half = len(piece) // 2
+    (recording,) = log.recordings
+    half = len(recording) // 2
     result = identify([log], Settings(validation_share=SHARE))
     print_identification(result, explain=True)
     for name, settings in {
@@ -113,9 +113,9 @@ def main() -> None:
         print(name)
         print_identification(identify([log], settings))
     windows = {
-        "first half": piece.window(0, half),
-        "second half": piece.window(half, len(piece)),
-        "all": piece,
+        "first half": recording.window(0, half),
+        "second half": recording.window(half, len(recording)),
+        "all": recording,
     }
     parts = {}
     for name, window in windows.items():

@@ -40,10 +40,10 @@ def read_axis(log: Path, axis: int) -> Log:
         return read_log(log, columns)
 
 
-def link_aligned(piece: Recording) -> Recording:
+def link_aligned(recording: Recording) -> Recording:
     """A log with its link's encoder on the motor's clock."""
     none, late = (Delay(value, 0.0, (value, value), "given") for value in (0.0, DELAY))
-    return aligned(piece, Alignment("linear", none, late, ""))
+    return aligned(recording, Alignment("linear", none, late, ""))
 
 
 def regressed_delays(recording: Recording) -> tuple[float, float]:
@@ -51,21 +51,21 @@ def regressed_delays(recording: Recording) -> tuple[float, float]:
 
     Alone, and beside a spring that the torque, friction and gravity wind.
     """
-    piece = with_velocities(recording)
-    speed, position = piece.motor_velocity, piece.motor_position
+    recording = with_velocities(recording)
+    speed, position = recording.motor_velocity, recording.motor_position
     assert speed is not None
     late = [np.ones_like(speed), speed]
-    wound = [piece.input, np.tanh(speed / SLOW), np.sin(position), np.cos(position)]
+    wound = [recording.input, np.tanh(speed / SLOW), np.sin(position), np.cos(position)]
     found = [
-        np.linalg.lstsq(np.column_stack(columns), piece.deflection, rcond=None)[0]
+        np.linalg.lstsq(np.column_stack(columns), recording.deflection, rcond=None)[0]
         for columns in (late, late + wound)
     ]
     return -float(found[0][1]), -float(found[1][1])
 
 
-def print_axis(label: str, piece: Recording, delays: tuple[float, float]) -> None:
+def print_axis(label: str, recording: Recording, delays: tuple[float, float]) -> None:
     """What the page quotes of the skew of one axis."""
-    before, after = (np.rad2deg(p.deflection.std()) for p in (piece, link_aligned(piece)))
+    before, after = (np.rad2deg(p.deflection.std()) for p in (recording, link_aligned(recording)))
     alone, beside = (1e3 * delay for delay in delays)
     print(
         f"{label}: {alone:.2f} ms, beside a spring {beside:.2f} ms; "
@@ -86,14 +86,16 @@ def print_identified(found: Identification) -> None:
     )
 
 
-def deflection_figure(pieces: dict[int, Recording]) -> None:
+def deflection_figure(recordings: dict[int, Recording]) -> None:
     """Deflection as logged and aligned, of the three axes of one log."""
     with mpl.rc_context(STYLE):
         figure = new_figure(7.2, 5.2)
-        for place, (axis, piece) in enumerate(pieces.items()):
+        for place, (axis, recording) in enumerate(recordings.items()):
             axes = figure.add_subplot(3, 1, place + 1)
-            after = link_aligned(piece)
-            axes.plot(piece.time, np.rad2deg(piece.deflection), color=GREY, label="as logged")
+            after = link_aligned(recording)
+            axes.plot(
+                recording.time, np.rad2deg(recording.deflection), color=GREY, label="as logged"
+            )
             axes.plot(after.time, np.rad2deg(after.deflection), color=BLUE, label="3 ms later")
             axes.set_title(f"Axis {axis}")
             axes.set_ylabel("link − motor, deg")
@@ -126,15 +128,15 @@ def main() -> None:
     delays: dict[str, tuple[float, float]] = {}
     for name, log in logs.items():
         read = {axis: read_axis(log, axis) for axis in GEAR}
-        pieces = {axis: one.pieces[0] for axis, one in read.items()}
-        for axis, piece in pieces.items():
+        recordings = {axis: one.recordings[0] for axis, one in read.items()}
+        for axis, recording in recordings.items():
             label = f"log {name}, axis {axis}"
-            delays[label] = regressed_delays(piece)
-            print_axis(label, piece, delays[label])
+            delays[label] = regressed_delays(recording)
+            print_axis(label, recording, delays[label])
             print_identified(identify([read[axis]]))
             print_identified(identify([read[axis]], Settings(link_delay=DELAY)))
         if name == "A":
-            deflection_figure(pieces)
+            deflection_figure(recordings)
     delay_figure(delays)
 
 

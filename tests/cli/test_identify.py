@@ -209,7 +209,7 @@ def test_gap_is_bridged(flexid, tmp_path):
         )
 
 
-def test_short_piece_is_left_out(flexid, tmp_path):
+def test_short_recording_is_left_out(flexid, tmp_path):
     """Assert that fifty samples after a last gap cost a warning, not the whole log."""
     log = write_log(tmp_path / "gap.csv", [4, 6, 5, 6], [0.7, 5.3, 17, 25], gap=(19.8, 19.9))
     outcome = flexid("identify", log)

@@ -49,10 +49,10 @@ def test_sampled_log_can_be_read_as_a_recording(flexid: Callable, tmp_path: Path
     whole = read_log(tmp_path / "run.parquet")
     run = read_experiment(SAMPLED).with_values({"run.duration": 1.0}).run()
     assert run.measured is not None
-    for piece in (log.pieces[0], whole.pieces[0]):
-        assert np.array_equal(piece.motor_position, run.measured[:, 2])
-        assert np.array_equal(piece.needed_input, run.inputs[:, 0])
-        assert piece.input_unit == "N m"
+    for recording in (log.recordings[0], whole.recordings[0]):
+        assert np.array_equal(recording.motor_position, run.measured[:, 2])
+        assert np.array_equal(recording.needed_input, run.inputs[:, 0])
+        assert recording.input_unit == "N m"
     truth = pl.read_parquet(tmp_path / "run.parquet")["true_motor_position [rad]"]
     assert np.array_equal(truth, run.states[:, 2])
 

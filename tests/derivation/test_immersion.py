@@ -75,14 +75,14 @@ def test_closed_form_agrees_with_adaptive_quadrature(text: str):
 
 
 def _integral(integrand: Callable[[float], float], velocity: float) -> float:
-    """Integrate from 0 in pieces that resolve what happens at small velocities."""
+    """Integrate from 0 in parts that resolve what happens at small velocities."""
     ends = [e for e in (0.0, 1.0, 10.0, 100.0) if e < abs(velocity)] + [abs(velocity)]
     side = math.copysign(1.0, velocity)
-    pieces = (
+    parts = (
         quad(integrand, side * a, side * b, epsabs=1e-12, epsrel=1e-10, limit=400)[0]
         for a, b in pairwise(ends)
     )
-    return sum(pieces)
+    return sum(parts)
 
 
 def test_large_regressor_is_left_to_quadrature():

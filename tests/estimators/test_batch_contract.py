@@ -1,4 +1,4 @@
-"""What every batch estimator must do, whichever it is: the same names, pieces and units."""
+"""What every batch estimator must do, whichever it is: the same names, recordings and units."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,20 +24,20 @@ BatchFit = RowwiseFit | PredictionErrorFit
 Estimator = Callable[[Sequence[Samples], Unknowns], BatchFit]
 
 
-def by_filter(pieces: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
+def by_filter(recordings: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
     """State-variable-filter least squares."""
-    return filtered_least_squares(pieces, unknowns.system, unknowns=unknowns)
+    return filtered_least_squares(recordings, unknowns.system, unknowns=unknowns)
 
 
-def by_integrals(pieces: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
+def by_integrals(recordings: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
     """Segmented integral least squares."""
-    return integral_least_squares(pieces, unknowns.system, unknowns=unknowns)
+    return integral_least_squares(recordings, unknowns.system, unknowns=unknowns)
 
 
-def by_motion(pieces: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
+def by_motion(recordings: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
     """Segmented prediction error, from the filter."""
-    start = filtered_least_squares(pieces, unknowns.system, unknowns=unknowns)
-    return prediction_error(pieces, unknowns.system, start, unknowns=unknowns)
+    start = filtered_least_squares(recordings, unknowns.system, unknowns=unknowns)
+    return prediction_error(recordings, unknowns.system, start, unknowns=unknowns)
 
 
 estimators = pytest.mark.parametrize("estimate", [by_filter, by_integrals, by_motion])
@@ -90,8 +90,8 @@ def test_results_speak_of_what_is_sought(estimate: Estimator):
 
 
 @estimators
-def test_indifferent_to_the_order_of_pieces(estimate: Estimator):
-    """Assert that pieces in another order, with their groups, give each group the same."""
+def test_indifferent_to_the_order_of_recordings(estimate: Estimator):
+    """Assert that recordings in another order, with their groups, give each group the same."""
     ordered = estimate(RUNS, Unknowns(OSCILLATOR, {}, ("spring",), (0, 1)))
     turned = estimate(RUNS[::-1], Unknowns(OSCILLATOR, {}, ("spring",), (1, 0)))
     assert turned.values == pytest.approx(ordered.values, rel=1e-6)
@@ -101,7 +101,7 @@ def test_indifferent_to_the_order_of_pieces(estimate: Estimator):
 @estimators
 def test_units_of_the_input_change_its_gain_alone(estimate: Estimator):
     """Assert that an input a thousand times larger has a gain a thousand times smaller."""
-    milli = [replace(piece, inputs=1e3 * piece.inputs) for piece in RUNS]
+    milli = [replace(recording, inputs=1e3 * recording.inputs) for recording in RUNS]
     fit, other = estimate(RUNS, Unknowns(OSCILLATOR)), estimate(milli, Unknowns(OSCILLATOR))
     assert other.values * [1.0, 1.0, 1e3] == pytest.approx(fit.values, rel=1e-6)
     assert np.sqrt(np.diag(other.covariance)) * [1.0, 1.0, 1e3] == pytest.approx(
@@ -127,8 +127,8 @@ def test_a_wrong_fixed_value_is_not_made_right(estimate: Estimator):
 
 
 @estimators
-def test_pieces_too_short_are_left_out(estimate: Estimator):
-    """Assert that a piece of three samples changes nothing, whatever its group."""
+def test_recordings_too_short_are_left_out(estimate: Estimator):
+    """Assert that a recording of three samples changes nothing, whatever its group."""
     crumb = replace(RUNS[0], positions=RUNS[0].positions[:3], inputs=RUNS[0].inputs[:3])
     whole = estimate(RUNS, Unknowns(OSCILLATOR, {}, ("spring",), (0, 1)))
     with_crumb = estimate(

@@ -90,8 +90,8 @@ def test_slow_filters_get_longer_blocks():
     assert len(block_lengths([30_000], [1e-3], 5.0, 3)) == 15
 
 
-def test_blocks_keep_to_their_piece():
-    """Assert that no block crosses from one piece to the next."""
+def test_blocks_keep_to_their_recording():
+    """Assert that no block crosses from one recording to the next."""
     edges = np.cumsum(block_lengths([1500, 7, 4000], [1e-3] * 3, 20.0, 3))
     assert {1500, 1507, 5507} <= set(edges.tolist())
 

@@ -131,7 +131,7 @@ def test_fixed_is_known():
     assert fixed.covariance == pytest.approx(known.covariance, rel=1e-6)
 
 
-def test_segments_keep_to_their_pieces():
+def test_segments_keep_to_their_recordings():
     """Assert that a record with a hole, and a run with an offset of its own, are fitted as well."""
     force = np.random.default_rng(3).standard_normal((2, 400))
     first, second = (pushed_cart(f, f) for f in force)

@@ -199,14 +199,14 @@ def test_a_wrong_fit_to_start_from_is_refused():
         prediction_error([joint_samples(0)], JOINT, wrong)
 
 
-def test_pieces_need_not_follow_each_other():
-    """Assert that a record in two pieces with a hole between them is fitted as well."""
+def test_recordings_need_not_follow_each_other():
+    """Assert that a record in two recordings with a hole between them is fitted as well."""
     samples = replace(joint_samples(), velocities=None)
-    pieces = [
+    recordings = [
         replace(samples, positions=samples.positions[part], inputs=samples.inputs[part])
         for part in (slice(0, 9000), slice(14000, None))
     ]
-    found = prediction_error(pieces, JOINT, filtered_least_squares(pieces, JOINT))
+    found = prediction_error(recordings, JOINT, filtered_least_squares(recordings, JOINT))
     assert worst_error(found.values) < 1e-3
     assert len(found.initial_states) == len(found.start_times) == 25
 

@@ -17,8 +17,8 @@ def record(n: int, sample_time: float = 0.01, start_time: float = 0.0) -> Sample
     return Samples(position, 10.0 * position, np.zeros((n, 1)), sample_time, start_time)
 
 
-def test_segments_cover_every_piece_and_cross_none():
-    """Assert that segments follow each other without a gap, and that pieces are borders."""
+def test_segments_cover_every_recording_and_cross_none():
+    """Assert that segments follow each other without a gap, and that recordings are borders."""
     segments = divide([record(1050), record(250, start_time=100.0)], 3.0)
     assert segments.lengths.sum() == 1300
     assert np.array_equal(segments.starts[1:], np.cumsum(segments.lengths)[:-1])
@@ -27,10 +27,10 @@ def test_segments_cover_every_piece_and_cross_none():
     assert segments.start_times[-1] == 100.0
 
 
-def test_short_pieces_are_left_out():
-    """Assert that a piece of too few samples is left out, and one of enough is one segment."""
-    pieces = [record(FEWEST_SAMPLES - 1), record(FEWEST_SAMPLES)]
-    segments = divide(pieces, 1.0)
+def test_short_recordings_are_left_out():
+    """Assert that a recording of too few samples is left out, and one of enough is one segment."""
+    recordings = [record(FEWEST_SAMPLES - 1), record(FEWEST_SAMPLES)]
+    segments = divide(recordings, 1.0)
     assert segments.lengths.tolist() == [FEWEST_SAMPLES]
     assert len(segments.outputs) == FEWEST_SAMPLES
 
@@ -76,7 +76,7 @@ def test_a_duration_that_is_none(duration):
 
 
 def test_too_short_a_record():
-    """Assert that a record without any usable piece is refused, with the number it lacks."""
+    """Assert that a record without any usable recording is refused, with the number it lacks."""
     with pytest.raises(SettingError, match=str(FEWEST_SAMPLES)):
         divide([record(5)], 1.0)
 
@@ -88,16 +88,16 @@ def test_missing_velocities():
 
 
 def test_margins_belong_to_no_segment():
-    """Assert that both ends of every piece stay out of the segments, but are still there."""
+    """Assert that both ends of every recording stay out of the segments, but are still there."""
     segments = divide([record(300), record(200, start_time=50.0)], 1.0, margin=0.05)
     assert len(segments.outputs) == 500
     edges = [(5, 295), (305, 495)]
-    for (first, stop), piece in zip(edges, (0, 1), strict=True):
-        own = segments.pieces == piece
+    for (first, stop), recording in zip(edges, (0, 1), strict=True):
+        own = segments.recordings == recording
         assert segments.starts[own].min() == first
         assert (segments.starts + segments.lengths)[own].max() == stop
     assert segments.lengths.sum() == 480
-    assert segments.start_times[segments.pieces == 1].min() == pytest.approx(50.05)
+    assert segments.start_times[segments.recordings == 1].min() == pytest.approx(50.05)
 
 
 def test_samples_within_segments():
@@ -109,19 +109,19 @@ def test_samples_within_segments():
     assert np.array_equal(segments.halved().within, expected)
 
 
-def test_a_piece_that_its_margins_use_up_is_left_out():
+def test_a_recording_that_its_margins_use_up_is_left_out():
     """Assert that what is left between the margins has to be long enough."""
-    pieces = [record(FEWEST_SAMPLES + 9), record(FEWEST_SAMPLES + 10)]
-    segments = divide(pieces, 1.0, margin=0.05)
-    assert segments.pieces.tolist() == [1]
+    recordings = [record(FEWEST_SAMPLES + 9), record(FEWEST_SAMPLES + 10)]
+    segments = divide(recordings, 1.0, margin=0.05)
+    assert segments.recordings.tolist() == [1]
     assert segments.lengths.tolist() == [FEWEST_SAMPLES]
 
 
-def test_samples_of_each_piece():
-    """Assert that pieces are told with their margins and their own sample times."""
-    pieces = [record(300, 0.01), record(10, 0.03), record(200, 0.02)]
-    segments = divide(pieces, 1.0, margin=0.1)
-    assert segments.by_piece() == [(slice(0, 300), 0.01), (slice(300, 500), 0.02)]
+def test_samples_of_each_recording():
+    """Assert that recordings are told with their margins and their own sample times."""
+    recordings = [record(300, 0.01), record(10, 0.03), record(200, 0.02)]
+    segments = divide(recordings, 1.0, margin=0.1)
+    assert segments.by_recording() == [(slice(0, 300), 0.01), (slice(300, 500), 0.02)]
 
 
 def test_merging_undoes_halving():
@@ -129,6 +129,6 @@ def test_merging_undoes_halving():
     segments = divide([record(400), record(250, start_time=9.0)], 1.0, margin=0.05)
     whole = segments.halved().merged()
     assert whole is not None
-    for name in ("starts", "lengths", "sample_times", "start_times", "pieces"):
+    for name in ("starts", "lengths", "sample_times", "start_times", "recordings"):
         assert np.array_equal(getattr(whole, name), getattr(segments, name))
     assert divide([record(400), record(300)], 1.0).merged() is None

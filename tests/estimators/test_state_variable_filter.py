@@ -106,16 +106,16 @@ def test_known_part_moves_to_the_other_side():
     assert fit.values == pytest.approx(VALUES[:4], rel=2e-5)
 
 
-def test_pieces_need_not_follow_each_other():
-    """Assert that a record in two pieces with a hole between them is fitted as well."""
+def test_recordings_need_not_follow_each_other():
+    """Assert that a record in two recordings with a hole between them is fitted as well."""
     samples = positions_only(joint_samples())
-    pieces = [
+    recordings = [
         replace(samples, positions=samples.positions[part], inputs=samples.inputs[part])
         for part in (slice(0, 9000), slice(14000, None))
     ]
-    fit = filtered_least_squares(pieces, JOINT)
+    fit = filtered_least_squares(recordings, JOINT)
     assert worst_error(fit.values) < 1e-3
-    assert len(fit.rows[0].time) == len(pieces[0]) + len(pieces[1]) - 4
+    assert len(fit.rows[0].time) == len(recordings[0]) + len(recordings[1]) - 4
 
 
 def test_equal_columns_are_undetermined():

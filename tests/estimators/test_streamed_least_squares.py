@@ -52,12 +52,12 @@ def stretches(samples: Samples, of: StreamedProblem, blocks: int) -> list[Produc
 
 
 def streamed(
-    pieces: list[Samples], of: StreamedProblem, blocks: int, most: int = 32_768
+    recordings: list[Samples], of: StreamedProblem, blocks: int, most: int = 32_768
 ) -> StreamedFit:
-    """Fit of pieces, stretch by stretch."""
+    """Fit of recordings, stretch by stretch."""
     sums = StreamedSums(of, most)
-    for piece in pieces:
-        for products in stretches(piece, of, blocks):
+    for recording in recordings:
+        for products in stretches(recording, of, blocks):
             sums.add(products)
     return sums.fit()
 
@@ -103,15 +103,15 @@ def test_stretches_are_the_whole_record(blocks: int):
     assert_same(streamed([record], of, blocks), filtered_least_squares([record], JOINT), of)
 
 
-def test_pieces_are_apart():
-    """Assert that several pieces give what they give in memory."""
+def test_recordings_are_apart():
+    """Assert that several recordings give what they give in memory."""
     record = joint_samples(1)
-    pieces = [
+    recordings = [
         Samples(record.positions[a:b], None, record.inputs[a:b], record.sample_time, 1e-3 * a)
         for a, b in ((0, 9_700), (9_900, 25_123), (25_200, 30_001))
     ]
     of = problem(record)
-    assert_same(streamed(pieces, of, 3), filtered_least_squares(pieces, JOINT), of)
+    assert_same(streamed(recordings, of, 3), filtered_least_squares(recordings, JOINT), of)
 
 
 def test_the_reference_does_not_matter():

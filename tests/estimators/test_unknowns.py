@@ -51,14 +51,14 @@ def test_names_run_row_by_row():
     )
 
 
-def test_columns_select_what_a_piece_takes():
-    """Assert that a piece takes its group's place, and none for what is fixed."""
+def test_columns_select_what_a_recording_takes():
+    """Assert that a recording takes its group's place, and none for what is fixed."""
     assert PER_RUN.columns(1).tolist() == [0, 1, FIXED, 3, 4, 5, 6]
     assert PER_RUN.columns(2).tolist() == [0, 1, FIXED, 2, 4, 5, 6]
 
 
-def test_coefficients_of_a_piece():
-    """Assert that a piece's coefficients are the fixed values and its own group's."""
+def test_coefficients_of_a_recording():
+    """Assert that a recording's coefficients are the fixed values and its own group's."""
     unknowns = Unknowns(MORE, {"theta2": 9.0}, ("theta_offset",), (0, 1))
     p = unknowns.coefficients(np.arange(1.0, 8.0), 1)
     assert p.tolist() == [1.0, 9.0, 2.0, 4.0, 5.0, 6.0, 7.0]
@@ -94,10 +94,10 @@ def test_what_cannot_be_sought_is_said(arguments, place):
 
 
 @pytest.mark.parametrize(
-    "unknowns", [Unknowns(MORE), Unknowns(JOINT, groups=(0, 1))], ids=["model", "pieces"]
+    "unknowns", [Unknowns(MORE), Unknowns(JOINT, groups=(0, 1))], ids=["model", "recordings"]
 )
 def test_unknowns_of_something_else_are_refused(unknowns):
-    """Assert that unknowns of another model or number of pieces are not taken for these."""
+    """Assert that unknowns of another model or number of recordings are not taken for these."""
     with pytest.raises(SettingError, match=r"unknowns|groups"):
         filtered_least_squares([record()], JOINT, unknowns=unknowns)
 
@@ -190,7 +190,7 @@ def test_one_offset_for_all_runs_is_wrong(runs):
 
 
 def test_groups_that_share_nothing_are_fits_of_their_own(runs):
-    """Assert that with all coefficients per group, each group's are those of its pieces alone."""
+    """Assert that with all coefficients per group, each group's are of its recordings alone."""
     names = tuple(c for c in MORE.coefficients if c != "theta_coulomb")
     apart = replace(PER_RUN, per_group=names)
     fit = prediction_error(

@@ -83,11 +83,13 @@ def test_axes_of_the_kuka(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     rec = dict(zip(FIELDS, (swing + 0.01 * other, slope, swing, slope, 9.0 * swing), strict=True))
     savemat(tmp_path / "rec.mat", {"rec": rec})
     convert(monkeypatch, "kuka", tmp_path / "rec.mat", tmp_path / "log.csv")
-    (piece,) = read_log(tmp_path / "log.csv", ROOT / "examples/columns_kuka_axis_1.toml").pieces
-    assert piece.sample_time == pytest.approx(0.004)
-    np.testing.assert_allclose(piece.motor_position, np.radians(swing[0]), atol=1e-8)
-    np.testing.assert_allclose(piece.deflection, np.radians(0.01 * other), atol=1e-8)
-    np.testing.assert_allclose(piece.needed_input, 256.9 * 9.0 * swing[0], atol=1e-3)
+    (recording,) = read_log(
+        tmp_path / "log.csv", ROOT / "examples/columns_kuka_axis_1.toml"
+    ).recordings
+    assert recording.sample_time == pytest.approx(0.004)
+    np.testing.assert_allclose(recording.motor_position, np.radians(swing[0]), atol=1e-8)
+    np.testing.assert_allclose(recording.deflection, np.radians(0.01 * other), atol=1e-8)
+    np.testing.assert_allclose(recording.needed_input, 256.9 * 9.0 * swing[0], atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -110,6 +110,6 @@ def made(
     )
 
 
-def log(piece: Recording) -> Log:
-    """A log of one piece."""
-    return Log((piece,), (), piece.source, piece.source)
+def log(recording: Recording) -> Log:
+    """A log of one recording."""
+    return Log((recording,), (), recording.source, recording.source)

@@ -58,10 +58,10 @@ def expected(moved):
 @pytest.mark.parametrize(("link_delay", "input_delay"), [(1.3e-3, 0.7e-3), (-3.1e-3, -4.4e-3)])
 def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
     """Assert that the aligned recording is the log that would have been in time."""
-    piece = log(link_delay, input_delay, by_deflection)
-    moved = aligned(piece, delays(input_delay, link_delay))
+    recording = log(link_delay, input_delay, by_deflection)
+    moved = aligned(recording, delays(input_delay, link_delay))
     right = expected(moved)
-    assert len(moved) > len(piece) - 40
+    assert len(moved) > len(recording) - 40
     assert moved.motor_position == pytest.approx(right.motor_position, abs=1e-12)
     assert moved.link_position == pytest.approx(right.link_position, abs=1e-7)
     assert moved.input == pytest.approx(right.input, abs=3e-2)
@@ -69,23 +69,23 @@ def test_aligned_log_is_in_time(link_delay, input_delay, by_deflection):
 
 def test_log_in_time_stays_as_it_is():
     """Assert that without delays nothing is touched."""
-    piece = log()
-    assert aligned(piece, delays()) is piece
+    recording = log()
+    assert aligned(recording, delays()) is recording
 
 
 def test_input_late_by_samples_keeps_its_values():
     """Assert that a torque three samples late is that of three samples before, to the bit."""
-    piece = log()
-    moved = aligned(piece, delays(input_delay=3 * SAMPLE_TIME))
-    assert moved.start_time == pytest.approx(piece.start_time + 3 * SAMPLE_TIME)
-    np.testing.assert_array_equal(moved.needed_input, piece.needed_input[:-3])
+    recording = log()
+    moved = aligned(recording, delays(input_delay=3 * SAMPLE_TIME))
+    assert moved.start_time == pytest.approx(recording.start_time + 3 * SAMPLE_TIME)
+    np.testing.assert_array_equal(moved.needed_input, recording.needed_input[:-3])
 
 
 def test_velocities_move_with_their_positions():
     """Assert that a logged link velocity is moved as far as the link's position."""
-    piece = log(link_delay=1e-3)
-    speed = np.gradient(piece.needed_link_position, SAMPLE_TIME)
-    moved = aligned(replace(piece, link_velocity=speed), delays(link_delay=1e-3))
+    recording = log(link_delay=1e-3)
+    speed = np.gradient(recording.needed_link_position, SAMPLE_TIME)
+    moved = aligned(replace(recording, link_velocity=speed), delays(link_delay=1e-3))
     derived = np.gradient(moved.needed_link_position, SAMPLE_TIME)
     assert moved.link_velocity is not None
     assert moved.link_velocity[5:-5] == pytest.approx(derived[5:-5], abs=1e-4)
@@ -93,7 +93,7 @@ def test_velocities_move_with_their_positions():
 
 def test_one_encoder_has_its_input_moved():
     """Assert that a rigid log's input is moved though there is no link encoder."""
-    piece = replace(log(), link_position=None)
-    moved = aligned(piece, delays(input_delay=2 * SAMPLE_TIME))
+    recording = replace(log(), link_position=None)
+    moved = aligned(recording, delays(input_delay=2 * SAMPLE_TIME))
     assert moved.link_position is None
-    np.testing.assert_array_equal(moved.needed_input, piece.needed_input[:-2])
+    np.testing.assert_array_equal(moved.needed_input, recording.needed_input[:-2])

@@ -12,7 +12,7 @@ from flexid.identification.compliance import compare_with_rigid, one_encoder
 from flexid.identification.fitting import fit_to
 from flexid.identification.full_model import Structure, data_of
 from flexid.identification.joint import flexible
-from flexid.identification.preparation import Pieces
+from flexid.identification.preparation import SplitRecordings
 from flexid.identification.result import Validation
 from flexid.identification.validation import validate
 from flexid.models.flexible_joint import PAPER_TERMS
@@ -25,13 +25,13 @@ START = 3333
 
 
 @cache
-def pieces(stiffness: float, noise: float) -> Pieces:
+def recordings(stiffness: float, noise: float) -> SplitRecordings:
     """Ten seconds of a joint of so much stiffness, the last third held out."""
-    piece = made(41, noise=noise, joint_stiffness=stiffness, size=0.6)
-    return Pieces((piece,), (START,), (0,))
+    recording = made(41, noise=noise, joint_stiffness=stiffness, size=0.6)
+    return SplitRecordings((recording,), (START,), (0,))
 
 
-def compared(log: Pieces, shown: float):
+def compared(log: SplitRecordings, shown: float):
     """Answer where a free run is claimed to show so much of the deflection, in per cent."""
     return compare_with_rigid(PAPER, log, Validation({"deflection": shown}, ()))
 
@@ -39,7 +39,7 @@ def compared(log: Pieces, shown: float):
 @pytest.fixture(scope="module")
 def bent():
     """What a flexible joint's log says, and how well the flexible joint predicts it."""
-    log = pieces(100.0, 1e-5)
+    log = recordings(100.0, 1e-5)
     fitted, _ = fit_to(PAPER, data_of(JOINT, log.fitted, log.groups), COEFFICIENTS, 1.0)
     validation = validate(fitted, data_of(JOINT, log.whole, log.groups), log.starts)
     return compare_with_rigid(PAPER, log, validation), validation
@@ -61,7 +61,7 @@ def test_rigid_joint_falls_back(bent):
 
 def test_deflection_that_is_noise_is_not_seen():
     """Assert that a stiff joint behind coarse encoders shows none, and the size says why."""
-    compliance = compared(pieces(STIFF, 3e-3), 5.0)
+    compliance = compared(recordings(STIFF, 3e-3), 5.0)
     assert not compliance.visible
     assert "hardly more than its noise" in compliance.reason
     assert compliance.deflection_noise == pytest.approx(3e-3 * 2**0.5, rel=0.1)
@@ -70,7 +70,7 @@ def test_deflection_that_is_noise_is_not_seen():
 
 def test_what_the_spring_does_not_explain_is_no_compliance():
     """Assert that a deflection far beyond noise that the model does not repeat is none."""
-    log = pieces(100.0, 1e-5)
+    log = recordings(100.0, 1e-5)
     compliance = compared(log, 49.0)
     assert not compliance.visible
     assert "explains only 49 %" in compliance.reason
@@ -79,18 +79,18 @@ def test_what_the_spring_does_not_explain_is_no_compliance():
 
 def test_spring_that_rests_is_not_seen():
     """Assert that held-out data without motion say nothing."""
-    assert "too little to be tested" in compared(pieces(100.0, 1e-5), nan).reason
+    assert "too little to be tested" in compared(recordings(100.0, 1e-5), nan).reason
 
 
 @pytest.mark.parametrize(("shown", "seen"), [(65.0, False), (68.0, True)])
 def test_spring_that_explains_the_deflection_is_seen_whatever_passes_for_noise(shown, seen):
     """Assert that two thirds explained are no noise, be the motion so sparse that it looks so."""
-    assert compared(pieces(STIFF, 3e-3), shown).visible == seen
+    assert compared(recordings(STIFF, 3e-3), shown).visible == seen
 
 
 def test_deflection_moves_by_its_root_mean_square():
     """Assert that the size of the held-out deflection is told about its mean."""
-    log = pieces(100.0, 1e-5)
+    log = recordings(100.0, 1e-5)
     expected = np.std(log.recorded[0].deflection[START:])
     assert compared(log, 90.0).deflection == pytest.approx(expected)
 

@@ -30,9 +30,11 @@ ON = {c for term in PAPER_TERMS for c in JOINT.terms[term]}
 PAPER = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("cubic"))
 
 
-def data(*pieces: Recording) -> Data:
-    """Pieces as a fit takes them, each of its own log."""
-    return data_of(JOINT, [with_velocities(piece) for piece in pieces], range(len(pieces)))
+def data(*recordings: Recording) -> Data:
+    """Recordings as a fit takes them, each of its own log."""
+    return data_of(
+        JOINT, [with_velocities(recording) for recording in recordings], range(len(recordings))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -49,14 +51,14 @@ def test_noise_is_that_of_the_encoders(late):
 
 def test_deflection_is_late_against_the_motor():
     """Assert that of a log with a deflection the link is known to be late relative to the motor."""
-    piece = replace(made(1, 0.5), link_from_deflection=True)
-    assert data(piece).relative_to == {"link": "motor"}
+    recording = replace(made(1, 0.5), link_from_deflection=True)
+    assert data(recording).relative_to == {"link": "motor"}
 
 
 def test_noiseless_positions_have_a_noise():
     """Assert that a weight is finite where the positions have no noise at all."""
-    piece = made(1, 0.5, noise=0.0)
-    still = replace(piece, motor_position=np.zeros(len(piece)))
+    recording = made(1, 0.5, noise=0.0)
+    still = replace(recording, motor_position=np.zeros(len(recording)))
     assert np.all(data(still).noise > 0.0)
 
 
@@ -190,7 +192,7 @@ def test_terms_are_those_with_a_coefficient_of_their_own():
 
 
 def test_margin_is_small_in_a_short_log():
-    """Assert that no more than a twentieth of the shortest piece is left out at either end."""
+    """Assert that no more than a twentieth of the shortest recording is left out at either end."""
     assert data(made(1, 8.0), made(1, 0.4)).margin == pytest.approx(0.02)
     assert data(made(1, 8.0)).margin == pytest.approx(0.03)
     assert data(made(1, 8.0)).duration == pytest.approx(4000 * SAMPLE_TIME)

@@ -78,10 +78,10 @@ def in_memory(path: Path, settings: Settings) -> dict[str, tuple[float, float]]:
         for d in (settings.input_delay, settings.link_delay)
     ]
     alignment = Alignment("linear", late[0], late[1], "")
-    pieces = [with_velocities(aligned(p, alignment)) for p in read_log(path).pieces]
+    recordings = [with_velocities(aligned(p, alignment)) for p in read_log(path).recordings]
     width = 0.1 if settings.coulomb_velocity == "auto" else settings.coulomb_velocity
     system = flexible_joint(terms, coulomb_velocity=width)
-    samples = [samples_of_recording(piece) for piece in pieces]
+    samples = [samples_of_recording(recording) for recording in recordings]
 
     def fit_with(unknowns: Unknowns) -> LeastSquaresFit:
         return filtered_least_squares(samples, system, 20.0, "linear", unknowns)

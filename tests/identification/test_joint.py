@@ -83,10 +83,10 @@ def test_given_side_of_the_spring_is_not_tied():
 
 
 def test_offsets_are_sought_log_by_log():
-    """Assert that two pieces of one log share an offset, and that another log has its own."""
+    """Assert that two recordings of one log share an offset, and that another log has its own."""
     unknowns = FLEXIBLE.unknowns(without("link_offset"), {}, groups=(0, 0, 1))
     assert unknowns.names == ("theta2", "theta_offset[1]", "theta_offset[2]", "alpha1", "beta1")
-    values = [unknowns.coefficients(np.arange(5.0), piece) for piece in range(3)]
+    values = [unknowns.coefficients(np.arange(5.0), recording) for recording in range(3)]
     place = unknowns.system.coefficients.index("theta_offset")
     assert [v[place] for v in values] == [1.0, 1.0, 2.0]
 

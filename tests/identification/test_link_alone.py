@@ -22,14 +22,14 @@ STEP = 2.0 * np.pi / 2**14  # of an encoder
 
 def motion(seed: int, *, step: float = 0.0, **more: Any) -> Log:
     """A made log without its torque; encoders with steps in rad, if asked."""
-    piece = made(seed, **more)
-    assert piece.link_position is not None
-    positions = [piece.link_position, piece.motor_position]
+    recording = made(seed, **more)
+    assert recording.link_position is not None
+    positions = [recording.link_position, recording.motor_position]
     if step:
         positions = [step * np.round(q / step) for q in positions]
     return log(
         replace(
-            piece,
+            recording,
             link_position=positions[0],
             motor_position=positions[1],
             input=None,
@@ -175,19 +175,19 @@ def test_delay_moves_damping_and_friction_by_as_much():
 
 def late_deflection(seed: int, delay: float) -> Recording:
     """Motor and deflection of a made log, the deflection's sensor late by a time in s."""
-    piece = made(seed, noise=1e-9)
+    recording = made(seed, noise=1e-9)
     rng = np.random.default_rng(seed)
-    motor = piece.motor_position + 1e-5 * rng.standard_normal(len(piece))
-    late = CubicSpline(piece.time, piece.deflection)(piece.time - delay)
-    seen = motor + late + 1e-5 * rng.standard_normal(len(piece))
+    motor = recording.motor_position + 1e-5 * rng.standard_normal(len(recording))
+    late = CubicSpline(recording.time, recording.deflection)(recording.time - delay)
+    seen = motor + late + 1e-5 * rng.standard_normal(len(recording))
     return replace(
-        piece,
+        recording,
         link_position=seen,
         motor_position=motor,
         input=None,
         input_unit="",
         link_from_deflection=True,
-    ).window(10, len(piece))
+    ).window(10, len(recording))
 
 
 def test_late_deflection_is_found():

@@ -25,9 +25,11 @@ NOISE = 2e-4  # rad, of the motor's encoder; twenty times that of the link's
 @cache
 def fitted(seed: int, noise: float = NOISE) -> Fitted:
     """The link with gravity fitted to ten seconds of it, driven by a noisy motor position."""
-    piece = made(seed)
-    motor = piece.motor_position + noise * np.random.default_rng(seed).standard_normal(len(piece))
-    recording = replace(piece, motor_position=motor, input=None, input_unit="")
+    recording = made(seed)
+    motor = recording.motor_position + noise * np.random.default_rng(seed).standard_normal(
+        len(recording)
+    )
+    recording = replace(recording, motor_position=motor, input=None, input_unit="")
     data = data_of(JOINT, [with_velocities(recording)], (0,))
     return fit_to(GRAVITY, data, TRUTH, 1.0)[0]
 

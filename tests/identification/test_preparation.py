@@ -1,10 +1,10 @@
-"""Logs become pieces with held-out ends."""
+"""Logs become recordings with held-out ends."""
 
 import numpy as np
 import pytest
 
 from flexid.errors import RecordingError, SettingError
-from flexid.identification.preparation import Pieces, prepare
+from flexid.identification.preparation import SplitRecordings, prepare
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import FEWEST_TO_IDENTIFY
 
@@ -19,20 +19,20 @@ def recording(n=300, *, unit="N m", link=True, start=0.0, seed=0, source="a.csv"
     )
 
 
-def log(*pieces, digest=""):
-    """Return a log of some pieces."""
-    return Log(pieces, (), pieces[0].source, digest)
+def log(*recordings, digest=""):
+    """Return a log of some recordings."""
+    return Log(recordings, (), recordings[0].source, digest)
 
 
-def test_end_of_every_piece_is_held_out():
-    """Assert that the last third of each piece is cut off, and that logs are told apart."""
-    pieces, warnings = prepare(
+def test_end_of_every_recording_is_held_out():
+    """Assert that the last third of each recording is cut off, and that logs are told apart."""
+    recordings, warnings = prepare(
         [log(recording(300), recording(600, start=9.0)), log(recording(900))], SHARE
     )
-    assert pieces.starts == (200, 400, 600)
-    assert pieces.groups == (0, 0, 1)
+    assert recordings.starts == (200, 400, 600)
+    assert recordings.groups == (0, 0, 1)
     assert warnings == ()
-    assert [len(part) for part in pieces.fitted] == [200, 400, 600]
+    assert [len(part) for part in recordings.fitted] == [200, 400, 600]
 
 
 def test_same_data_twice_is_refused():
@@ -60,14 +60,14 @@ def test_one_encoder_does_not_join_two(first_has_link):
         prepare(logs, SHARE)
 
 
-def test_short_piece_costs_a_warning():
-    """Assert that a piece too short to fit is left out where others are not."""
-    pieces, (warning,) = prepare([log(recording(300), recording(70, start=9.0))], SHARE)
-    assert len(pieces.recorded) == 1
+def test_short_recording_costs_a_warning():
+    """Assert that a recording too short to fit is left out where others are not."""
+    recordings, (warning,) = prepare([log(recording(300), recording(70, start=9.0))], SHARE)
+    assert len(recordings.recorded) == 1
     assert "70 samples from 9 s on are too few" in warning
 
 
-def test_nothing_but_short_pieces_is_refused():
+def test_nothing_but_short_recordings_is_refused():
     """Assert that a log too short to fit is refused, with the length that the reader names."""
     prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)
     with pytest.raises(RecordingError, match=f"record {FEWEST_TO_IDENTIFY} or more without a gap"):
@@ -91,6 +91,8 @@ def test_fitted_velocities_do_not_know_of_held_out_positions():
         known.input,
         "N m",
     )
-    one, other = (Pieces((piece,), (200,), (0,)).fitted[0] for piece in (known, spoilt))
+    one, other = (
+        SplitRecordings((recording,), (200,), (0,)).fitted[0] for recording in (known, spoilt)
+    )
     np.testing.assert_array_equal(one.link_velocity, other.link_velocity)
     np.testing.assert_array_equal(one.motor_velocity, other.motor_velocity)

@@ -85,7 +85,7 @@ def test_a_known_inertia_moves_what_it_correlates_with():
 
 
 def test_two_known_values_together():
-    """Assert that two pieces of knowledge give what the one after the other gives."""
+    """Assert that knowledge of two things gives what the one after the other gives."""
     regressors, measured = line()
     fit = least_squares(regressors, measured)
     first, second = Known("a", 2.2, 0.3), Known("b", -1.1, 0.1)

@@ -48,8 +48,8 @@ def structure(data: Data, hold: Hold = "zero", sought: tuple[str, ...] = DELAYS)
 @pytest.fixture(scope="module")
 def stiff():
     """A log of the harmonic drive, with its torque held."""
-    piece = made(3, 12.0, held=True, size=1.5, **STIFF)
-    return data_of(JOINT, [with_velocities(piece)], (0,))
+    recording = made(3, 12.0, held=True, size=1.5, **STIFF)
+    return data_of(JOINT, [with_velocities(recording)], (0,))
 
 
 def data(**more) -> Data:

@@ -90,10 +90,10 @@ def test_what_identify_reports_comes_again(log, tmp_path):
     result = identify([log], Settings(terms=("gravity", "motor_viscous")))
     path = tmp_path / "estimate.json"
     path.write_text(to_json(identification_document(result)))
-    start = len(log.pieces[0]) - round(len(log.pieces[0]) / 3)
+    start = len(log.recordings[0]) - round(len(log.recordings[0]) / 3)
     # From half a second before the end that was held out, so that the same stretch is predicted.
-    part = log.pieces[0].window(start - round(0.5 / STEP), len(log.pieces[0]))
-    end = replace(log, pieces=(part,), sha256="of the end alone")
+    part = log.recordings[0].window(start - round(0.5 / STEP), len(log.recordings[0]))
+    end = replace(log, recordings=(part,), sha256="of the end alone")
     found = validate_estimate(path, [end])
     for channel in CHANNELS:
         once = result.validation.fit_percent[channel]

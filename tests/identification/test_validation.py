@@ -31,9 +31,11 @@ def recording():
 START = 3200  # samples
 
 
-def data(*pieces: Recording) -> Data:
-    """Pieces as a fit takes them."""
-    return data_of(JOINT, [with_velocities(piece) for piece in pieces], (0,) * len(pieces))
+def data(*recordings: Recording) -> Data:
+    """Recordings as a fit takes them."""
+    return data_of(
+        JOINT, [with_velocities(recording) for recording in recordings], (0,) * len(recordings)
+    )
 
 
 def predicted(whole: Data, starts=(START,), timing: Timing | None = None, **changed) -> Validation:
@@ -97,18 +99,18 @@ def test_held_out_measurements_do_not_leak(recording):
         link_position=np.where(late, 7.0, recording.link_position),
         motor_position=np.where(late, -7.0, recording.motor_position),
     )
-    (clean,), (other,) = (predicted(data(piece)).runs for piece in (recording, spoilt))
+    (clean,), (other,) = (predicted(data(recording)).runs for recording in (recording, spoilt))
     assert clean.simulated == pytest.approx(other.simulated, abs=1e-12)
 
 
 def test_late_channels_are_predicted_where_they_were_true():
     """Assert that with the right delays a late log is predicted to its noise, and without not."""
-    piece = made(22, 6.0, input_delay=2.6e-3, link_delay=3.7e-3)
+    recording = made(22, 6.0, input_delay=2.6e-3, link_delay=3.7e-3)
     right = Timing("cubic", {"input_delay": 2.6e-3, "link_delay": 3.7e-3})
-    (run,) = predicted(data(piece), (2000,), right).runs
+    (run,) = predicted(data(recording), (2000,), right).runs
     inside = slice(None, -5)  # the end has no partner
     assert (run.measured - run.simulated)[inside, :2].std(axis=0) == pytest.approx(NOISE, rel=0.2)
-    (wrong,) = predicted(data(piece), (2000,)).runs
+    (wrong,) = predicted(data(recording), (2000,)).runs
     assert (wrong.measured - wrong.simulated)[:, 0].std() > 20.0 * NOISE
 
 
@@ -118,8 +120,8 @@ def test_diverging_model_has_no_fit(recording):
     assert all(fit < -1e3 for fit in fits.values())
 
 
-def test_several_pieces_are_pooled(recording):
-    """Assert that a piece predicted twice has the fit of the piece predicted once."""
+def test_several_recordings_are_pooled(recording):
+    """Assert that a recording predicted twice has the fit of the recording predicted once."""
     once = predicted(data(recording), beta1=3.2)
     twice = predicted(data(recording, recording), (START, START), beta1=3.2)
     assert twice.fit_percent == pytest.approx(dict(once.fit_percent))

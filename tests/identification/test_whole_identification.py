@@ -252,8 +252,8 @@ def test_held_torque_is_found():
 
 def test_input_of_unknown_gain_gives_ratios():
     """Assert that of a current only ratios are determined, and no inertia is named."""
-    piece = replace(made(1), input_unit="A")
-    result = identify([log(piece)], SETTINGS)
+    recording = replace(made(1), input_unit="A")
+    result = identify([log(recording)], SETTINGS)
     assert result.parameters["link_inertia_per_motor_inertia"].value == pytest.approx(10 / 3, 1e-3)
     assert not {"motor_inertia", "joint_stiffness", "link_inertia"} & set(result.parameters)
 

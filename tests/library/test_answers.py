@@ -43,8 +43,8 @@ def test_a_run(experiment, command, tmp_path):
     assert json.loads((tmp_path / "run.json").read_text()) == json.loads(printed.stdout)
     frame = run.to_dataframe()
     assert len(frame) == len(run.result.time)
-    (piece,) = run.log().pieces
-    assert piece.input_unit == "N m"
+    (recording,) = run.log().recordings
+    assert recording.input_unit == "N m"
     assert isinstance(run.plot_motion(), Figure)
     assert isinstance(run.plot_estimates(), Figure)
     assert "<img" in run._repr_html_()

@@ -37,7 +37,7 @@ def test_memory_is_read_as_a_file_is(arrays, tmp_path, kind):
     path = tmp_path / "log.parquet"
     pl.DataFrame(arrays).write_parquet(path)
     wanted, found = flexid.read_log(path), flexid.read_log(KINDS[kind](arrays))
-    (one,), (other,) = wanted.pieces, found.pieces
+    (one,), (other,) = wanted.recordings, found.recordings
     assert other.input_unit == "N m"
     assert other.sample_time == one.sample_time
     for channel in ("link_position", "motor_position", "input"):
@@ -49,8 +49,8 @@ def test_a_column_map_serves_a_frame(arrays, tmp_path):
     path = tmp_path / "map.toml"
     path.write_text('link_position = {column = "q", unit = "deg"}')
     frame = pl.DataFrame(arrays).rename({NAMES[1]: "q"})
-    (found,) = flexid.read_log(frame, columns=path).pieces
-    (wanted,) = flexid.read_log(arrays).pieces
+    (found,) = flexid.read_log(frame, columns=path).recordings
+    (wanted,) = flexid.read_log(arrays).recordings
     np.testing.assert_allclose(found.needed_link_position, wanted.needed_link_position, rtol=1e-15)
 
 
@@ -66,10 +66,10 @@ def test_a_log_is_taken_as_it_is(arrays):
     """Assert that a log or a recording is not read again, and that a list may mix all kinds."""
     log = flexid.read_log(arrays)
     assert flexid.read_log(log) is log
-    (piece,) = log.pieces
-    alone = flexid.read_log(piece)
-    assert alone.pieces == (piece,)
-    assert all_logs("f", [log, piece, arrays], None)[0] is log
+    (recording,) = log.recordings
+    alone = flexid.read_log(recording)
+    assert alone.recordings == (recording,)
+    assert all_logs("f", [log, recording, arrays], None)[0] is log
 
 
 def test_samples_are_those_of_the_log(arrays):

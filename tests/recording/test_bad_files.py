@@ -306,10 +306,10 @@ def read_or_refuse(folder: Path, name: str, content: bytes) -> None:
     path = folder / name
     path.write_bytes(content)
     try:
-        pieces = read_log(path).pieces
+        recordings = read_log(path).recordings
     except RecordingError:
         return
-    assert all(np.isfinite(piece.motor_position).all() for piece in pieces)
+    assert all(np.isfinite(recording.motor_position).all() for recording in recordings)
 
 
 FUZZ = settings(

@@ -172,9 +172,11 @@ def wrapped(folder: Path, low: float, unit: str = "rad") -> Log:
 def test_wraps_are_undone(tmp_path: Path, low: float, unit: str) -> None:
     """Assert that an absolute encoder's turns are counted, with a warning for each encoder."""
     log = wrapped(tmp_path, low, unit)
-    (piece,) = log.pieces
-    np.testing.assert_allclose(piece.motor_position, 8.0 * np.sin(1.5 * piece.time), atol=1e-8)
-    np.testing.assert_allclose(piece.deflection, 0.1 * np.sin(4.0 * piece.time), atol=1e-8)
+    (recording,) = log.recordings
+    np.testing.assert_allclose(
+        recording.motor_position, 8.0 * np.sin(1.5 * recording.time), atol=1e-8
+    )
+    np.testing.assert_allclose(recording.deflection, 0.1 * np.sin(4.0 * recording.time), atol=1e-8)
     assert len(log.warnings) == 2
     assert all("jumps by a turn at " in warning for warning in log.warnings)
 

@@ -51,12 +51,12 @@ def test_raw_columns(tmp_path: Path) -> None:
     columns = joint_columns()
     log = read_mapped(tmp_path, RAW_MAP)
     assert log.warnings == ()  # with a map, unused columns are no surprise
-    (piece,) = log.pieces
-    assert piece.input_unit == "V"
-    assert piece.sample_time == pytest.approx(0.005)
-    np.testing.assert_allclose(piece.motor_position, columns["motor_position"], atol=1e-12)
-    np.testing.assert_allclose(piece.needed_link_position, columns["link_position"], atol=1e-12)
-    np.testing.assert_allclose(piece.needed_input, columns["motor_torque"], atol=1e-12)
+    (recording,) = log.recordings
+    assert recording.input_unit == "V"
+    assert recording.sample_time == pytest.approx(0.005)
+    np.testing.assert_allclose(recording.motor_position, columns["motor_position"], atol=1e-12)
+    np.testing.assert_allclose(recording.needed_link_position, columns["link_position"], atol=1e-12)
+    np.testing.assert_allclose(recording.needed_input, columns["motor_torque"], atol=1e-12)
 
 
 def test_sum_of_columns(tmp_path: Path) -> None:
@@ -70,9 +70,9 @@ def test_sum_of_columns(tmp_path: Path) -> None:
     offset = -90.0
     unit = "deg"
     """
-    (piece,) = read_mapped(tmp_path, "\n".join(text) + link).pieces
+    (recording,) = read_mapped(tmp_path, "\n".join(text) + link).recordings
     expected = joint_columns()["link_position"]
-    np.testing.assert_allclose(piece.needed_link_position, expected, atol=1e-12)
+    np.testing.assert_allclose(recording.needed_link_position, expected, atol=1e-12)
 
 
 def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
@@ -81,8 +81,8 @@ def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
     columns["drive"] = columns.pop("motor_torque")
     map_path = tmp_path / "columns.toml"
     map_path.write_text('motor_torque = "drive"')
-    (piece,) = read_log(write_csv(tmp_path, columns), map_path).pieces
-    np.testing.assert_array_equal(piece.input, columns["drive"])
+    (recording,) = read_log(write_csv(tmp_path, columns), map_path).recordings
+    np.testing.assert_array_equal(recording.input, columns["drive"])
 
 
 def geared_log(folder: Path, ratio: float) -> Path:
@@ -110,10 +110,10 @@ def test_gear_ratio(tmp_path: Path, written: str, ratio: float) -> None:
     map_path.write_text(f"gear_ratio = {written}")
     log = read_log(geared_log(tmp_path, ratio), map_path)
     assert log.warnings == ()
-    (piece,) = log.pieces
+    (recording,) = log.recordings
     for name, values in joint_columns().items():
         if name != "time":
-            read = piece.needed_input if name == "motor_torque" else getattr(piece, name)
+            read = recording.needed_input if name == "motor_torque" else getattr(recording, name)
             np.testing.assert_allclose(read, values, rtol=1e-12)
     for name, origin in log.columns.items():
         factor = {"motor_torque": ratio, "motor_position": 1 / ratio, "motor_velocity": 1 / ratio}
@@ -133,9 +133,9 @@ def test_side_of_the_gear(tmp_path: Path) -> None:
         motor_torque = {column = "torque", unit = "mN m", scale = 1000}
     """)
     log = read_log(write_csv(tmp_path, columns), map_path)
-    (piece,) = log.pieces
-    np.testing.assert_array_equal(piece.motor_position, columns["motor_position"])
-    np.testing.assert_allclose(piece.needed_input, joint_columns()["motor_torque"], rtol=1e-12)
+    (recording,) = log.recordings
+    np.testing.assert_array_equal(recording.motor_position, columns["motor_position"])
+    np.testing.assert_allclose(recording.needed_input, joint_columns()["motor_torque"], rtol=1e-12)
     assert log.columns["motor_torque"].factor == pytest.approx(101.0)
     assert log.columns["motor_position"].gear_ratio is None
 
@@ -147,8 +147,8 @@ def test_a_gear_carries_no_current(tmp_path: Path, name: str) -> None:
     columns[name] = columns.pop("motor_torque")
     map_path = tmp_path / "columns.toml"
     map_path.write_text("gear_ratio = 1.5")
-    (piece,) = read_log(write_csv(tmp_path, columns), map_path).pieces
-    np.testing.assert_array_equal(piece.input, joint_columns()["motor_torque"])
+    (recording,) = read_log(write_csv(tmp_path, columns), map_path).recordings
+    np.testing.assert_array_equal(recording.input, joint_columns()["motor_torque"])
 
 
 def test_origin_is_the_formula(tmp_path: Path) -> None:
@@ -158,10 +158,10 @@ def test_origin_is_the_formula(tmp_path: Path) -> None:
     )
     log = read_mapped(tmp_path, text)
     frame = pl.read_csv(tmp_path / "log.csv")
-    (piece,) = log.pieces
+    (recording,) = log.recordings
     for name, values in (
-        ("motor_position", piece.motor_position),
-        ("motor_voltage", piece.needed_input),
+        ("motor_position", recording.motor_position),
+        ("motor_voltage", recording.needed_input),
     ):
         origin = log.columns[name]
         total = sum(weight * frame[column] for column, weight in origin.columns.items())
@@ -176,8 +176,8 @@ def test_letter_case(tmp_path: Path) -> None:
     columns = joint_columns()
     columns["q_m [rad]"] = columns.pop("motor_position")
     columns["Q_L"] = columns.pop("link_position")
-    (piece,) = read_log(write_csv(tmp_path, columns), map_path).pieces
-    np.testing.assert_array_equal(piece.motor_position, columns["q_m [rad]"])
+    (recording,) = read_log(write_csv(tmp_path, columns), map_path).recordings
+    np.testing.assert_array_equal(recording.motor_position, columns["q_m [rad]"])
     columns["Q_M"] = columns["q_m [rad]"]
     with pytest.raises(RecordingError, match=r"'q_m \[rad\]', 'Q_M' both match 'Q M'"):
         read_log(write_csv(tmp_path, columns), map_path)

@@ -48,7 +48,7 @@ def refusal(path: Path, size: int = 10_007) -> str:
 
 @pytest.mark.parametrize("size", [997, 25_000, 10**6])
 def test_chunks_are_the_log(tmp_path: Path, size: int):
-    """Assert that chunks of any size, joined at the gaps, are the pieces of the file read at once.
+    """Assert that chunks of any size, joined at gaps, are the recordings of the file read at once.
 
     One of the gaps lies where a chunk ends.
     """
@@ -59,13 +59,13 @@ def test_chunks_are_the_log(tmp_path: Path, size: int):
     chunks, stream = read(path, size)
     log = read_log(path)
     begins = [place for place, chunk in enumerate(chunks) if chunk.begins]
-    assert len(begins) == len(log.pieces) == 3
-    for piece, first, stop in zip(log.pieces, begins, [*begins[1:], None], strict=True):
+    assert len(begins) == len(log.recordings) == 3
+    for recording, first, stop in zip(log.recordings, begins, [*begins[1:], None], strict=True):
         parts = [chunk.recording for chunk in chunks[first:stop]]
-        assert parts[0].start_time == piece.start_time
-        assert parts[0].sample_time == pytest.approx(piece.sample_time, rel=1e-12)
+        assert parts[0].start_time == recording.start_time
+        assert parts[0].sample_time == pytest.approx(recording.sample_time, rel=1e-12)
         for name in CHANNELS:
-            values = getattr(piece, name)
+            values = getattr(recording, name)
             if values is not None:
                 joined = np.concatenate([getattr(part, name) for part in parts])
                 np.testing.assert_array_equal(joined, values)

@@ -46,7 +46,7 @@ def test_other_names(name: str) -> None:
 def test_a_log_with_usual_names(tmp_path: Path) -> None:
     """Assert that it is read, in the units in its names, and that what was taken is said."""
     columns = joint_columns()
-    expected = read_log(write_csv(tmp_path, columns)).pieces[0]
+    expected = read_log(write_csv(tmp_path, columns)).recordings[0]
     usual = {
         "t_ms": columns["time"] * 1e3,
         "theta_m_deg": np.degrees(columns["motor_position"]),
@@ -55,10 +55,10 @@ def test_a_log_with_usual_names(tmp_path: Path) -> None:
         "mode": 0.0 * columns["time"],
     }
     log = read_log(write_csv(tmp_path, usual, "usual.csv"))
-    (piece,) = log.pieces
-    assert piece.sample_time == pytest.approx(0.005)
-    np.testing.assert_allclose(piece.motor_position, expected.motor_position, rtol=1e-12)
-    np.testing.assert_allclose(piece.needed_input, expected.needed_input, rtol=1e-12)
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(0.005)
+    np.testing.assert_allclose(recording.motor_position, expected.motor_position, rtol=1e-12)
+    np.testing.assert_allclose(recording.needed_input, expected.needed_input, rtol=1e-12)
     taken, unused = log.warnings
     for words in ("'t_ms' for time in ms", "'theta_m_deg' for motor_position in deg", "check"):
         assert words in taken
@@ -72,8 +72,8 @@ def test_own_names_come_first(tmp_path: Path) -> None:
     columns["current"] = 3.0 * columns["motor_torque"]
     columns["theta_m"] = 4.0 * columns["motor_position"]
     log = read_log(write_csv(tmp_path, columns))
-    np.testing.assert_array_equal(log.pieces[0].input, columns["motor_torque"])
-    np.testing.assert_array_equal(log.pieces[0].motor_position, columns["motor_position"])
+    np.testing.assert_array_equal(log.recordings[0].input, columns["motor_torque"])
+    np.testing.assert_array_equal(log.recordings[0].motor_position, columns["motor_position"])
     assert "'tau', 'current', 'theta_m' not used" in log.warnings[0]
 
 
@@ -86,9 +86,9 @@ def test_one_encoder(tmp_path: Path) -> None:
         "velocity": columns["motor_velocity"],
         "torque": columns["motor_torque"],
     }
-    (piece,) = read_log(write_csv(tmp_path, single)).pieces
-    np.testing.assert_array_equal(piece.motor_position, columns["motor_position"])
-    assert piece.motor_velocity is not None
+    (recording,) = read_log(write_csv(tmp_path, single)).recordings
+    np.testing.assert_array_equal(recording.motor_position, columns["motor_position"])
+    assert recording.motor_velocity is not None
     single["link_position"] = columns["link_position"]
     with pytest.raises(RecordingError, match="there is no motor_position"):
         read_log(write_csv(tmp_path, single))
@@ -112,5 +112,5 @@ def test_a_map_leaves_nothing_to_guess(tmp_path: Path) -> None:
     path = tmp_path / "columns.toml"
     path.write_text('time = "time"')
     log = read_log(write_csv(tmp_path, columns), path)
-    assert log.pieces[0].input is None
+    assert log.recordings[0].input is None
     assert any("name 'tau' in the column map" in warning for warning in log.warnings)

@@ -22,12 +22,12 @@ def motion_alone(**extra: np.ndarray) -> dict[str, np.ndarray]:
 def test_read_without_a_word(tmp_path: Path):
     """Assert that two positions are a log, and that nothing is amiss with it."""
     log = read_log(write_csv(tmp_path, motion_alone()))
-    (piece,) = log.pieces
-    assert piece.input is None
-    assert piece.input_unit == ""
-    assert len(piece) == 400
+    (recording,) = log.recordings
+    assert recording.input is None
+    assert recording.input_unit == ""
+    assert len(recording) == 400
     assert log.warnings == ()
-    assert with_velocities(piece).window(10, 20).input is None
+    assert with_velocities(recording).window(10, 20).input is None
 
 
 def test_misspelt_torque(tmp_path: Path):
@@ -46,22 +46,22 @@ def test_one_encoder_and_no_input(tmp_path: Path):
 
 def test_motor_motion_is_the_input_of_the_link(tmp_path: Path):
     """Assert that the link's row takes the motor's position and velocity, measured or derived."""
-    (piece,) = read_log(write_csv(tmp_path, motion_alone())).pieces
-    samples = link_samples(piece)
-    assert piece.motor_velocity is not None
-    np.testing.assert_array_equal(samples.inputs[:, 0], piece.motor_position)
-    np.testing.assert_array_equal(samples.inputs[:, 1], piece.motor_velocity)
-    np.testing.assert_array_equal(samples.positions[:, 0], piece.link_position)
+    (recording,) = read_log(write_csv(tmp_path, motion_alone())).recordings
+    samples = link_samples(recording)
+    assert recording.motor_velocity is not None
+    np.testing.assert_array_equal(samples.inputs[:, 0], recording.motor_position)
+    np.testing.assert_array_equal(samples.inputs[:, 1], recording.motor_velocity)
+    np.testing.assert_array_equal(samples.positions[:, 0], recording.link_position)
     columns = {c: v for c, v in motion_alone().items() if c != "motor_velocity"}
-    (derived,) = read_log(write_csv(tmp_path, columns)).pieces
+    (derived,) = read_log(write_csv(tmp_path, columns)).recordings
     inner = slice(20, -20)
     np.testing.assert_allclose(
-        link_samples(derived).inputs[inner, 1], piece.motor_velocity[inner], atol=0.05
+        link_samples(derived).inputs[inner, 1], recording.motor_velocity[inner], atol=0.05
     )
 
 
 def test_whole_joint_needs_the_input(tmp_path: Path):
     """Assert that whoever asks for the input is told what is missing, in which file."""
-    (piece,) = read_log(write_csv(tmp_path, motion_alone())).pieces
+    (recording,) = read_log(write_csv(tmp_path, motion_alone())).recordings
     with pytest.raises(RecordingError, match=r"log\.csv: input: .*identify the link alone"):
-        samples_of_recording(piece)
+        samples_of_recording(recording)

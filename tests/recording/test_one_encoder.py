@@ -28,10 +28,10 @@ def one_encoder(**extra: np.ndarray) -> dict[str, np.ndarray]:
 def test_motor_alone(tmp_path: Path):
     """Assert that a log of the motor alone is read, and what it is good for is said."""
     log = read_log(write_csv(tmp_path, one_encoder()))
-    (piece,) = log.pieces
-    assert piece.link_position is None
-    np.testing.assert_allclose(piece.motor_position, joint_columns()["motor_position"])
-    assert len(piece) == 400
+    (recording,) = log.recordings
+    assert recording.link_position is None
+    np.testing.assert_allclose(recording.motor_position, joint_columns()["motor_position"])
+    assert len(recording) == 400
     (warning,) = log.warnings
     for words in ("no link_position", "only the rigid joint", "in a column map"):
         assert words in warning
@@ -48,7 +48,7 @@ def test_velocity_without_position(tmp_path: Path):
     """Assert that a link velocity alone is left out, and said to be."""
     columns = one_encoder(link_velocity=joint_columns()["link_velocity"])
     log = read_log(write_csv(tmp_path, columns))
-    assert log.pieces[0].link_velocity is None
+    assert log.recordings[0].link_velocity is None
     assert any("link_velocity is not used" in warning for warning in log.warnings)
 
 
@@ -109,9 +109,9 @@ def test_rigid_pendulum(shared_data: Path, tmp_path: Path):
     columns = tmp_path / "columns.toml"
     columns.write_text(PENDULUM_MAP, encoding="utf-8")
     log = read_log(shared_data / "dfki-pendulum" / "ddp.csv", columns)
-    (piece,) = log.pieces
+    (recording,) = log.recordings
     assert not any("did you mean" in warning for warning in log.warnings)  # position is taken
-    assert piece.sample_time == pytest.approx(0.002, rel=2e-3)
-    assert piece.input_unit == "N m"
-    assert piece.link_position is None
-    assert piece.motor_velocity is not None
+    assert recording.sample_time == pytest.approx(0.002, rel=2e-3)
+    assert recording.input_unit == "N m"
+    assert recording.link_position is None
+    assert recording.motor_velocity is not None

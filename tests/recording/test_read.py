@@ -18,9 +18,9 @@ CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity"
 
 
 def assert_equal_logs(a: Log, b: Log, rtol: float = 0.0) -> None:
-    """Assert that two logs hold the same pieces, up to `rtol`."""
-    assert len(a.pieces) == len(b.pieces)
-    for one, other in zip(a.pieces, b.pieces, strict=True):
+    """Assert that two logs hold the same recordings, up to `rtol`."""
+    assert len(a.recordings) == len(b.recordings)
+    for one, other in zip(a.recordings, b.recordings, strict=True):
         assert one.sample_time == pytest.approx(other.sample_time, rel=1e-12)
         assert one.start_time == pytest.approx(other.start_time, rel=1e-12)
         assert one.input_unit == other.input_unit
@@ -38,13 +38,13 @@ def test_canonical_csv(tmp_path: Path) -> None:
     assert log.warnings == ()
     assert log.source == str(path)
     assert log.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-    (piece,) = log.pieces
-    assert piece.sample_time == pytest.approx(0.005, rel=1e-12)
-    assert piece.start_time == 0.0
-    assert piece.input_unit == "N m"
-    np.testing.assert_array_equal(piece.input, columns["motor_torque"])
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(0.005, rel=1e-12)
+    assert recording.start_time == 0.0
+    assert recording.input_unit == "N m"
+    np.testing.assert_array_equal(recording.input, columns["motor_torque"])
     for name in CHANNELS[:-1]:
-        np.testing.assert_array_equal(getattr(piece, name), columns[name])
+        np.testing.assert_array_equal(getattr(recording, name), columns[name])
 
 
 def test_parquet_equals_csv(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_integer_parquet(tmp_path: Path) -> None:
         pl.Series("time [ms]", 5 * np.arange(len(columns["time"])))
     )
     frame.drop("time").write_parquet(tmp_path / "log.parquet")
-    assert read_log(tmp_path / "log.parquet").pieces[0].sample_time == pytest.approx(0.005)
+    assert read_log(tmp_path / "log.parquet").recordings[0].sample_time == pytest.approx(0.005)
 
 
 def test_degrees_equal_radians(tmp_path: Path) -> None:
@@ -85,17 +85,17 @@ def test_deflection_gives_the_link_position(tmp_path: Path) -> None:
     columns = joint_columns()
     link = columns.pop("link_position")
     columns["deflection"] = link - columns["motor_position"]
-    (piece,) = read_log(write_csv(tmp_path, columns)).pieces
-    np.testing.assert_allclose(piece.needed_link_position, link, atol=1e-15)
+    (recording,) = read_log(write_csv(tmp_path, columns)).recordings
+    np.testing.assert_allclose(recording.needed_link_position, link, atol=1e-15)
 
 
 def test_velocities_may_be_missing(tmp_path: Path) -> None:
     """Assert that a velocity that was not measured is None."""
     columns = joint_columns()
     del columns["link_velocity"]
-    (piece,) = read_log(write_csv(tmp_path, columns)).pieces
-    assert piece.link_velocity is None
-    assert piece.motor_velocity is not None
+    (recording,) = read_log(write_csv(tmp_path, columns)).recordings
+    assert recording.link_velocity is None
+    assert recording.motor_velocity is not None
 
 
 @pytest.mark.parametrize(
@@ -113,7 +113,7 @@ def test_kinds_of_input(tmp_path: Path, header: str, unit: str) -> None:
     """Assert that the input's name and unit say what kind it is."""
     columns = joint_columns()
     columns[header] = columns.pop("motor_torque")
-    assert read_log(write_csv(tmp_path, columns)).pieces[0].input_unit == unit
+    assert read_log(write_csv(tmp_path, columns)).recordings[0].input_unit == unit
 
 
 def test_torque_is_preferred_to_current(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_torque_is_preferred_to_current(tmp_path: Path) -> None:
     columns = joint_columns()
     columns["motor_current"] = 2.0 * columns["motor_torque"]
     log = read_log(write_csv(tmp_path, columns))
-    np.testing.assert_array_equal(log.pieces[0].input, columns["motor_torque"])
+    np.testing.assert_array_equal(log.recordings[0].input, columns["motor_torque"])
     assert len(log.warnings) == 1
     assert "motor_current is not used" in log.warnings[0]
 
@@ -189,12 +189,12 @@ def test_flexible_arm(tmp_path: Path, shared_data: Path) -> None:
         """,
     )
     assert log.warnings == ()
-    (piece,) = log.pieces
-    assert len(piece) == 2001
-    assert piece.sample_time == pytest.approx(0.01)
-    assert piece.input_unit == "V"
-    assert piece.motor_position[0] == pytest.approx(np.radians(35.32 * 2.128906))
-    assert piece.deflection[0] == pytest.approx(np.radians(1.34 * -0.1123047))
+    (recording,) = log.recordings
+    assert len(recording) == 2001
+    assert recording.sample_time == pytest.approx(0.01)
+    assert recording.input_unit == "V"
+    assert recording.motor_position[0] == pytest.approx(np.radians(35.32 * 2.128906))
+    assert recording.deflection[0] == pytest.approx(np.radians(1.34 * -0.1123047))
 
 
 @pytest.mark.parametrize("axis", [1, 2, 3])
@@ -214,6 +214,6 @@ def test_industrial_robot(tmp_path: Path, shared_data: Path, file: str, axis: in
         """,
     )
     assert log.warnings == ()
-    assert len(log.pieces[0]) == 2501
-    assert log.pieces[0].sample_time == pytest.approx(0.004)
-    assert log.pieces[0].link_velocity is not None
+    assert len(log.recordings[0]) == 2501
+    assert log.recordings[0].sample_time == pytest.approx(0.004)
+    assert log.recordings[0].link_velocity is not None

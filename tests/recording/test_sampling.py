@@ -21,16 +21,16 @@ def rows(columns: dict[str, FloatArray], keep: NDArray[np.intp] | slice) -> dict
     return {name: values[numbers] for name, values in columns.items()}
 
 
-def test_a_gap_gives_two_pieces(tmp_path: Path) -> None:
+def test_a_gap_gives_two_recordings(tmp_path: Path) -> None:
     """Assert that both sides of a gap are what two files would have given."""
     columns = joint_columns()
     keep = np.r_[0:150, 190:400]
     log = read_log(write_csv(tmp_path, rows(columns, keep)))
     assert len(log.warnings) == 1
     assert "missing from 0.745 s to 0.95 s" in log.warnings[0]
-    assert "2 pieces: record without gaps" in log.warnings[0]
+    assert "2 recordings: record without gaps" in log.warnings[0]
     parts = [
-        read_log(write_csv(tmp_path, rows(columns, part), "part.csv")).pieces[0]
+        read_log(write_csv(tmp_path, rows(columns, part), "part.csv")).recordings[0]
         for part in (slice(0, 150), slice(190, 400))
     ]
     assert_equal_logs(log, Log(tuple(parts), (), "", ""))
@@ -39,18 +39,21 @@ def test_a_gap_gives_two_pieces(tmp_path: Path) -> None:
 def test_one_lost_sample_is_a_gap(tmp_path: Path) -> None:
     """Assert that a single lost sample cuts the log."""
     columns = rows(joint_columns(), np.delete(np.arange(400), 100))
-    assert [len(piece) for piece in read_log(write_csv(tmp_path, columns)).pieces] == [100, 299]
+    assert [len(recording) for recording in read_log(write_csv(tmp_path, columns)).recordings] == [
+        100,
+        299,
+    ]
 
 
-def test_short_pieces_are_dropped(tmp_path: Path) -> None:
-    """Assert that a piece of fewer than 20 samples is dropped with a warning."""
+def test_short_recordings_are_dropped(tmp_path: Path) -> None:
+    """Assert that a recording of fewer than 20 samples is dropped with a warning."""
     columns = rows(joint_columns(), np.r_[0:200, 210:220, 230:400])
     log = read_log(write_csv(tmp_path, columns))
-    assert [len(piece) for piece in log.pieces] == [200, 170]
+    assert [len(recording) for recording in log.recordings] == [200, 170]
     assert "1.05 s to 1.095 s were dropped, since fewer than 20" in log.warnings[1]
 
 
-def test_only_short_pieces(tmp_path: Path) -> None:
+def test_only_short_recordings(tmp_path: Path) -> None:
     """Assert that a log that gaps leave nothing of is refused."""
     keep = np.concatenate([np.arange(start, start + 19) for start in range(0, 380, 25)])
     columns = rows(joint_columns(), keep)
@@ -78,8 +81,8 @@ def test_rounded_time_is_even(tmp_path: Path) -> None:
     columns = jittered(0.0005)
     log = read_log(write_csv(tmp_path, columns))
     assert log.warnings == ()
-    np.testing.assert_array_equal(log.pieces[0].needed_link_position, columns["link_position"])
-    assert log.pieces[0].sample_time == pytest.approx(0.005, rel=1e-6)
+    np.testing.assert_array_equal(log.recordings[0].needed_link_position, columns["link_position"])
+    assert log.recordings[0].sample_time == pytest.approx(0.005, rel=1e-6)
 
 
 def test_jitter_is_interpolated(tmp_path: Path) -> None:
@@ -89,9 +92,9 @@ def test_jitter_is_interpolated(tmp_path: Path) -> None:
     assert len(log.warnings) == 1
     assert "column 'time'" in log.warnings[0]
     assert "interpolated to even times: record at a fixed rate" in log.warnings[0]
-    (piece,) = log.pieces
-    exact = np.sin(2.0 * piece.time) + 0.05 * np.sin(9.0 * piece.time)
-    assert np.abs(piece.needed_link_position - exact).max() < 1e-7
+    (recording,) = log.recordings
+    exact = np.sin(2.0 * recording.time) + 0.05 * np.sin(9.0 * recording.time)
+    assert np.abs(recording.needed_link_position - exact).max() < 1e-7
     taken_as_even = columns["link_position"][: len(exact)]
     assert np.abs(taken_as_even - exact).max() > 5e-4
 
@@ -100,8 +103,8 @@ def test_a_switched_input_does_not_overshoot(tmp_path: Path) -> None:
     """Assert that interpolation leaves a two-level input between its levels."""
     columns = jittered(0.08)
     columns["motor_torque"] = np.sign(columns["motor_torque"])
-    (piece,) = read_log(write_csv(tmp_path, columns)).pieces
-    assert np.abs(piece.needed_input).max() <= 1.0
+    (recording,) = read_log(write_csv(tmp_path, columns)).recordings
+    assert np.abs(recording.needed_input).max() <= 1.0
 
 
 def test_uneven_time(tmp_path: Path) -> None:
@@ -124,4 +127,4 @@ def test_seconds_since_1970(tmp_path: Path) -> None:
     columns["time"] = columns["time"] + 1.7e9
     log = read_log(write_csv(tmp_path, columns))
     assert log.warnings == ()
-    assert log.pieces[0].start_time == 1.7e9
+    assert log.recordings[0].start_time == 1.7e9

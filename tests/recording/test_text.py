@@ -20,7 +20,7 @@ PREAMBLE = "Logger 3000\nRecorded: 2024-05-01, 12:00\nChannels, 6\n\n"
 
 def assert_same(log: Log, other: Log) -> None:
     """Assert that two logs hold the same numbers, bit for bit."""
-    for one, two in zip(log.pieces, other.pieces, strict=True):
+    for one, two in zip(log.recordings, other.recordings, strict=True):
         assert one.sample_time == two.sample_time
         for name in ("link_position", "motor_position", "input", "link_velocity"):
             np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
@@ -92,8 +92,10 @@ def test_encodings(encoding: str, tmp_path: Path) -> None:
     columns["link_position [°]"] = np.degrees(columns.pop("link_position"))
     path = tmp_path / "other.csv"
     path.write_bytes(csv_text(columns).encode(encoding))
-    (piece,), (other,) = read_log(path).pieces, expected.pieces
-    np.testing.assert_allclose(piece.needed_link_position, other.needed_link_position, rtol=1e-12)
+    (recording,), (other,) = read_log(path).recordings, expected.recordings
+    np.testing.assert_allclose(
+        recording.needed_link_position, other.needed_link_position, rtol=1e-12
+    )
 
 
 def test_preamble(tmp_path: Path) -> None:
@@ -120,7 +122,7 @@ def test_units_below_the_names(tmp_path: Path) -> None:
     columns["time"] = columns["time"] * 1e3
     path = tmp_path / "other.csv"
     path.write_text(below_header("ms" + UNITS[1:])(csv_text(columns)))
-    assert read_log(path).pieces[0].sample_time == pytest.approx(0.005, rel=1e-12)
+    assert read_log(path).recordings[0].sample_time == pytest.approx(0.005, rel=1e-12)
     assert_same_positions(read_log(path), expected)
     path.write_text(below_header("V" + UNITS[1:])(csv_text(columns)))
     with pytest.raises(RecordingError, match=r"'time \[V\]': the unit \[V\] does not measure"):
@@ -129,7 +131,7 @@ def test_units_below_the_names(tmp_path: Path) -> None:
 
 def assert_same_positions(log: Log, other: Log) -> None:
     """Assert that the positions of two logs are the same."""
-    for one, two in zip(log.pieces, other.pieces, strict=True):
+    for one, two in zip(log.recordings, other.recordings, strict=True):
         np.testing.assert_array_equal(one.needed_link_position, two.needed_link_position)
 
 

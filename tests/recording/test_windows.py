@@ -11,7 +11,7 @@ from flexid.recording.windows import Window, windows
 
 
 def chunks(lengths: list[int], size: int) -> list[Chunk]:
-    """Pieces whose samples are numbered through, in chunks of a size."""
+    """Recordings whose samples are numbered through, in chunks of a size."""
     found, row = [], 0
     for length in lengths:
         for first in range(0, length, size):
@@ -51,8 +51,8 @@ def test_windows_do_not_depend_on_chunks(size: int):
     assert [seen(w) for w in windows(chunks(lengths, size), 300, 40, 25, 50)] == of_all
 
 
-def test_windows_cover_the_pieces():
-    """Assert that parts follow one another, with their margins, and leave short pieces out."""
+def test_windows_cover_the_recordings():
+    """Assert that parts follow one another, with their margins, and leave short recordings out."""
     found = list(windows(chunks([1000, 30, 250], 64), 300, 40, 25, 50))
     assert [w.row for w in found if w.last] == [0, 1030]
     reached = 0

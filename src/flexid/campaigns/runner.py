@@ -20,7 +20,7 @@ from flexid.experiments import Experiment
 from flexid.experiments.variation import Variation
 from flexid.simulation.ensemble import SIDE_BY_SIDE
 
-_PIECES = 200
+_PARTS = 200
 _MOST_RUNS = 500
 _MOST_SERIES = 10
 
@@ -120,7 +120,7 @@ def _runs_per_part(experiment: Experiment, variation: Variation) -> int:
     """
     most = _MOST_SERIES if "time_series" in variation.keep else _MOST_RUNS
     fewest = SIDE_BY_SIDE if experiment.side_by_side else 1
-    return min(most, max(fewest, variation.runs // _PIECES))
+    return min(most, max(fewest, variation.runs // _PARTS))
 
 
 def _complete(

@@ -108,7 +108,7 @@ class BesideLeastSquares(ABC):
         state = state.copy()
         parts = self._parts(state)
         progress = parts["progress"]
-        pieces = [self._least_squares_of(parts, samples[:0])]
+        stretches = [self._least_squares_of(parts, samples[:0])]
         bad = np.flatnonzero(~np.isfinite(samples).all(axis=1))
         first = 0
         while first < len(samples):
@@ -132,12 +132,12 @@ class BesideLeastSquares(ABC):
                     progress[FILLED] = 0.0
                     part.status[-1] = self._end_block(parts, last)
                     part.coefficients[-1] = self.coefficients(state)
-            pieces.append(part)
+            stretches.append(part)
             first = stop
         return History(
-            np.concatenate([piece.coefficients for piece in pieces]),
-            np.concatenate([piece.innovations for piece in pieces]),
-            np.concatenate([piece.status for piece in pieces]),
+            np.concatenate([stretch.coefficients for stretch in stretches]),
+            np.concatenate([stretch.innovations for stretch in stretches]),
+            np.concatenate([stretch.status for stretch in stretches]),
             state,
         )
 
@@ -199,7 +199,7 @@ class BesideLeastSquares(ABC):
 
     @abstractmethod
     def _break_off(self, parts: np.ndarray) -> None:
-        """A sample is missing: the next one begins a new piece."""
+        """A sample is missing: the next one begins a new stretch."""
 
     @abstractmethod
     def _finish_block(self, parts: np.ndarray) -> None:

@@ -32,14 +32,14 @@ def block_lengths(
     filter_rate: float,
     n_coefficients: int,
 ) -> list[int]:
-    """Divide contiguous pieces into blocks.
+    """Divide contiguous recordings into blocks.
 
     Parameters
     ----------
     lengths : sequence of int
-        Equations in each piece.
+        Equations in each recording.
     sample_times : sequence of float
-        Sample time of each piece in s.
+        Sample time of each recording in s.
     filter_rate : float
         λ of the filter in 1/s: residuals are correlated over a few 1/λ.
     n_coefficients : int
@@ -48,7 +48,8 @@ def block_lengths(
     Returns
     -------
     list of int
-        Equations in each block, in the pieces' order; no block crosses from piece to piece.
+        Equations in each block, in the recordings' order; no block crosses from one
+        to the next.
     """
     total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
     blocks = []

@@ -26,17 +26,17 @@ _FASTEST = 0.5  # over the sample time
 _TOLERANCE = 0.03  # excess of the mean log residual that counts as "about as well"
 
 
-def candidate_rates(pieces: Sequence[Samples]) -> FloatArray:
+def candidate_rates(recordings: Sequence[Samples]) -> FloatArray:
     """Rates in 1/s that the length and the sample time of a record allow, ascending."""
-    duration = sum(len(piece) * piece.sample_time for piece in pieces)
-    fastest = _FASTEST / min(piece.sample_time for piece in pieces)
+    duration = sum(len(recording) * recording.sample_time for recording in recordings)
+    fastest = _FASTEST / min(recording.sample_time for recording in recordings)
     slowest = min(_SLOWEST / duration, fastest)
     count = 1 + int(np.log(fastest / slowest) / np.log(_STEP))
     return slowest * _STEP ** np.arange(count)
 
 
 def choose_filter_rate(
-    pieces: Sequence[Samples],
+    recordings: Sequence[Samples],
     system: ParametricSystem,
     hold: Hold = "linear",
     unknowns: Unknowns | None = None,
@@ -45,22 +45,22 @@ def choose_filter_rate(
 
     Parameters
     ----------
-    pieces : sequence of Samples
-        One or more contiguous pieces of motion.
+    recordings : sequence of Samples
+        One or more contiguous recordings of motion.
     system : ParametricSystem
         The model.
     hold : {"linear", "zero"}, optional
         Hold of the inputs.
     unknowns : Unknowns, optional
-        What is sought, if not every coefficient of the system from all pieces together.
+        What is sought, if not every coefficient of the system from all recordings together.
 
     Returns
     -------
     float
         λ in 1/s.
     """
-    rates = candidate_rates(pieces)
-    fits = [filtered_least_squares(pieces, system, rate, hold, unknowns) for rate in rates]
+    rates = candidate_rates(recordings)
+    fits = [filtered_least_squares(recordings, system, rate, hold, unknowns) for rate in rates]
     regrets = np.array([[_regret(fit, other) for other in fits] for fit in fits]).mean(axis=1)
     spreads = [
         _log_spread(fit) if regret <= regrets.min() + _TOLERANCE else np.inf

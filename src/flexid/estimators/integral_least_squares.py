@@ -38,7 +38,7 @@ class IntegralFit(RowwiseFit):
 
 
 def integral_least_squares(
-    pieces: Sequence[Samples],
+    recordings: Sequence[Samples],
     system: ParametricSystem,
     segment_duration: float = 1.0,
     hold: Hold = "linear",
@@ -48,8 +48,8 @@ def integral_least_squares(
 
     Parameters
     ----------
-    pieces : sequence of Samples
-        One or more contiguous pieces of motion. Velocities are used only where a regressor is
+    recordings : sequence of Samples
+        One or more contiguous recordings of motion. Velocities are used only where a regressor is
         nonlinear in them.
     system : ParametricSystem
         The model; its constants have the values declared in it.
@@ -58,7 +58,7 @@ def integral_least_squares(
     hold : {"linear", "zero"}, optional
         Whether the inputs run linearly between samples or are constant until the next one.
     unknowns : Unknowns, optional
-        What is sought, if not every coefficient of the system from all pieces together.
+        What is sought, if not every coefficient of the system from all recordings together.
 
     Returns
     -------
@@ -70,16 +70,16 @@ def integral_least_squares(
     ------
     SettingError
         If the segment duration, the samples or the unknowns cannot be used, or a regressor that is
-        nonlinear in velocities meets a piece without velocities and is not fixed at 0.
+        nonlinear in velocities meets a recording without velocities and is not fixed at 0.
     """
-    unknowns = unknowns_of(system, len(pieces), unknowns)
-    segments = divide(pieces, segment_duration)
-    used = np.unique(segments.pieces).tolist()
-    check_velocities(pieces, used, unknowns)
-    accelerations = [row_signals(pieces[place], system, hold) for place in used]
+    unknowns = unknowns_of(system, len(recordings), unknowns)
+    segments = divide(recordings, segment_duration)
+    used = np.unique(segments.recordings).tolist()
+    check_velocities(recordings, used, unknowns)
+    accelerations = [row_signals(recordings[place], system, hold) for place in used]
     lengths = segments.lengths.tolist()
     regressors, left_hand_sides = sought_signals(
-        _positions(accelerations, segments), unknowns, segments.pieces.tolist(), lengths
+        _positions(accelerations, segments), unknowns, segments.recordings.tolist(), lengths
     )
     time = [
         start + sample_time * np.arange(n)
@@ -92,7 +92,7 @@ def integral_least_squares(
 
 
 def _positions(accelerations: Sequence[FloatArray], segments: Segments) -> FloatArray:
-    """Accelerations of the pieces summed up to positions, straight lines projected out.
+    """Accelerations of the recordings summed up to positions, straight lines projected out.
 
     The accelerations are means over the triangle between a sample's neighbours, which is what the
     second difference of a position is. So their double sum is the position, but for a line.
@@ -102,7 +102,7 @@ def _positions(accelerations: Sequence[FloatArray], segments: Segments) -> Float
     array, shape (n_signals, n_samples)
         All segments in turn.
     """
-    # A piece's first and last sample have no acceleration; a segment needs none at its ends.
+    # A recording's first and last sample have no acceleration; a segment needs none at its ends.
     whole = np.concatenate([np.pad(signals, ((0, 0), (1, 1))) for signals in accelerations], axis=1)
     summed = np.zeros_like(whole)
     for start, length, sample_time in zip(

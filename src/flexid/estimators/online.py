@@ -3,7 +3,7 @@
 A state is one flat array. A step returns a new state and
 leaves the old one alone; a replay is the same step in a compiled loop, equal to it bit for bit. A
 sample that holds a number that is not finite is rejected: the coefficients stay, and the next
-sample begins a new piece, since an interval without its end teaches nothing.
+sample begins a new recording, since an interval without its end teaches nothing.
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ class Status(IntEnum):
     STARTING = 1
     """Taken in; the data do not determine the estimates yet: wait, or excite more."""
     REJECTED = 2
-    """A number in it is not finite: nothing changed, and the next sample begins a new piece."""
+    """A number in it is not finite: nothing changed, and the next sample begins a new recording."""
     CONTRADICTED = 3
     """Taken in; the estimates contradict least squares: start anew from those."""
 

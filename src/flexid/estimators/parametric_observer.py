@@ -27,7 +27,7 @@ class ParametricObserver(CompiledEstimator):
     """The observer with its gains; made by `parametric_observer`.
 
     The innovation of a row is the change of its velocity over the interval less its prediction, in
-    rad/s; NaN for the first sample of a piece, which has no interval before it. The status is never
+    rad/s; NaN for a recording's first sample, which has no interval before it. The status is never
     `USED`: a constant gain cannot know whether the motion determines the coefficients, so compare
     with least squares.
 

@@ -99,7 +99,7 @@ class PredictionErrorFit:
 
 
 def prediction_error(
-    pieces: Sequence[Samples],
+    recordings: Sequence[Samples],
     system: ParametricSystem,
     start: Mapping[str, float] | RowwiseFit,
     segment_duration: float = 1.0,
@@ -111,8 +111,8 @@ def prediction_error(
 
     Parameters
     ----------
-    pieces : sequence of Samples
-        One or more contiguous pieces of motion.
+    recordings : sequence of Samples
+        One or more contiguous recordings of motion.
     system : ParametricSystem
         The model; its constants have the values declared in it.
     start : RowwiseFit or mapping of str to float
@@ -126,7 +126,7 @@ def prediction_error(
     use_velocities : bool, optional
         Fit measured velocities beside the positions. Do so only if a sensor gave them.
     unknowns : Unknowns, optional
-        What is sought, if not every coefficient of the system from all pieces together.
+        What is sought, if not every coefficient of the system from all recordings together.
 
     Returns
     -------
@@ -141,9 +141,9 @@ def prediction_error(
         If the iteration does not converge, or converges to values that least squares contradicts:
         there are local minima, and a value from one is worth nothing.
     """
-    unknowns = unknowns_of(system, len(pieces), unknowns)
-    segments = divide(pieces, segment_duration, use_velocities)
-    check = _least_squares(pieces, unknowns, hold) if isinstance(start, Mapping) else start
+    unknowns = unknowns_of(system, len(recordings), unknowns)
+    segments = divide(recordings, segment_duration, use_velocities)
+    check = _least_squares(recordings, unknowns, hold) if isinstance(start, Mapping) else start
     problem = segmented_motion(system, segments, Timing(hold), unknowns)
     problem, found, iterations = _best_fit(problem, _start_values(unknowns, start))
     if isinstance(start, Mapping):
@@ -228,16 +228,20 @@ def _start_values(unknowns: Unknowns, start: Mapping[str, float] | RowwiseFit) -
     return values
 
 
-def _least_squares(pieces: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> LeastSquaresFit:
+def _least_squares(
+    recordings: Sequence[Samples], unknowns: Unknowns, hold: Hold
+) -> LeastSquaresFit:
     """Least squares of the record at its own filter rate; it needs no starting values."""
     complete = [
         replace(
-            piece,
-            velocities=np.column_stack([velocity(q, piece.sample_time) for q in piece.positions.T]),
+            recording,
+            velocities=np.column_stack(
+                [velocity(q, recording.sample_time) for q in recording.positions.T]
+            ),
         )
-        if piece.velocities is None and len(piece) > 4
-        else piece
-        for piece in pieces
+        if recording.velocities is None and len(recording) > 4
+        else recording
+        for recording in recordings
     ]
     system = unknowns.system
     rate = choose_filter_rate(complete, system, hold, unknowns)

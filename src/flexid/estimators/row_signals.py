@@ -20,17 +20,17 @@ from flexid.recording.recording import Hold
 
 
 def row_signals(
-    piece: Samples,
+    recording: Samples,
     system: ParametricSystem,
     hold: Hold,
     pole: float = 0.0,
     wanted: NDArray[np.int64] | None = None,
 ) -> FloatArray:
-    """Regressors of all coefficients and left-hand sides of all rows over a piece.
+    """Regressors of all coefficients and left-hand sides of all rows over a recording.
 
     Parameters
     ----------
-    piece : Samples
+    recording : Samples
         At least three samples. Velocities are taken as zero where there are none.
     system : ParametricSystem
         The model.
@@ -48,34 +48,36 @@ def row_signals(
         Accelerations averaged over the two intervals around every inner sample, weighted by a
         triangle; filtered. Zero where they are not wanted.
     """
-    signals = np.zeros((len(system.coefficients) + len(system.rows), len(piece) - 2))
-    fill_row_signals(signals, 0, piece, system, hold, pole, wanted)
+    signals = np.zeros((len(system.coefficients) + len(system.rows), len(recording) - 2))
+    fill_row_signals(signals, 0, recording, system, hold, pole, wanted)
     return signals
 
 
 def fill_row_signals(
     signals: FloatArray,
     first: int,
-    piece: Samples,
+    recording: Samples,
     system: ParametricSystem,
     hold: Hold,
     pole: float = 0.0,
     wanted: NDArray[np.int64] | None = None,
 ) -> None:
-    """As `row_signals`, into the columns from `first` on of an array for several pieces."""
+    """As `row_signals`, into the columns from `first` on of an array for several recordings."""
     kernel = _kernel(system)
-    velocities = np.zeros_like(piece.positions) if piece.velocities is None else piece.velocities
+    velocities = (
+        np.zeros_like(recording.positions) if recording.velocities is None else recording.velocities
+    )
     if wanted is None:
         wanted = np.arange(kernel.N_SIGNALS, dtype=np.int64)
     record = (
-        np.ascontiguousarray(piece.positions, dtype=np.float64),
+        np.ascontiguousarray(recording.positions, dtype=np.float64),
         np.ascontiguousarray(velocities, dtype=np.float64),
-        np.ascontiguousarray(piece.inputs, dtype=np.float64),
+        np.ascontiguousarray(recording.inputs, dtype=np.float64),
     )
-    kernel.filter_piece(
+    kernel.filter_recording(
         record,
         np.array(list(system.constants.values()), dtype=np.float64),
-        float(piece.sample_time),
+        float(recording.sample_time),
         pole,
         hold == "zero",
         wanted,
@@ -84,11 +86,13 @@ def fill_row_signals(
     )
 
 
-def check_velocities(pieces: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns) -> None:
-    """Refuse a piece without velocities where a term that is not switched off needs one."""
+def check_velocities(
+    recordings: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns
+) -> None:
+    """Refuse a recording without velocities where a term that is not switched off needs one."""
     needed = _kernel(unknowns.system).VELOCITY_NEEDED
     for place in usable:
-        if pieces[place].velocities is not None:
+        if recordings[place].velocities is not None:
             continue
         absent = unknowns.absent(place)
         for name in needed:
@@ -101,7 +105,7 @@ def check_velocities(pieces: Sequence[Samples], usable: Sequence[int], unknowns:
 
 
 def needs_velocities(unknowns: Unknowns) -> bool:
-    """Whether a term that is on in the first piece is nonlinear in a velocity."""
+    """Whether a term that is on in the first recording is nonlinear in a velocity."""
     return any(c not in unknowns.absent(0) for c in _kernel(unknowns.system).VELOCITY_NEEDED)
 
 
@@ -113,7 +117,7 @@ def wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int6
     unknowns : Unknowns
         What is sought.
     usable : sequence of int
-        Places of the pieces.
+        Places of the recordings.
     """
     system = unknowns.system
     absent = [unknowns.absent(place) for place in usable] or [frozenset()]
@@ -131,16 +135,16 @@ def sought_signals(
     Parameters
     ----------
     signals : array, shape (n_coefficients + n_rows, n_equations)
-        As of `row_signals`, of one or more parts of pieces, one after the other.
+        As of `row_signals`, of one or more parts of recordings, one after the other.
     unknowns : Unknowns
         What is sought.
     usable, lengths : sequence of int
-        Place of the piece that each part is of, and its equations.
+        Place of the recording that each part is of, and its equations.
 
     Returns
     -------
     regressors : array, shape (n_names, n_equations)
-        Zero in the pieces that an unknown has no part in.
+        Zero in the recordings that an unknown has no part in.
     left_hand_sides : array, shape (n_rows, n_equations)
     """
     system = unknowns.system

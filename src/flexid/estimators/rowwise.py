@@ -53,7 +53,7 @@ class RowFit(RowSums):
     Parameters
     ----------
     regressors : array, shape (k, n_equations)
-        R, all pieces in turn.
+        R, all recordings in turn.
     time, left_hand_side, fitted : array, shape (n_equations,)
         What was fitted, less what is known or fixed; its fit; and when.
     """

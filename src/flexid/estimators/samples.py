@@ -11,7 +11,7 @@ from flexid.recording.velocities import velocity
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """One contiguous, uniformly sampled piece of motion of a system with any number of rows.
+    """One contiguous, uniformly sampled recording of motion of a system with any number of rows.
 
     Parameters
     ----------

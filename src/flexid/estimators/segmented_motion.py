@@ -184,12 +184,12 @@ class SegmentedMotion:
     def _coefficients(self, values: FloatArray) -> FloatArray:
         """Coefficients of every segment, shape (n_segments, n_coefficients)."""
         sought = values[: len(self.unknowns.names)]
-        return self._by_segment(lambda piece: self.unknowns.coefficients(sought, piece))
+        return self._by_segment(lambda recording: self.unknowns.coefficients(sought, recording))
 
-    def _by_segment(self, of_piece: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
-        """What each segment takes from its piece, stacked."""
-        pieces, place = np.unique(self.segments.pieces, return_inverse=True)
-        return np.array([of_piece(piece) for piece in pieces.tolist()])[place]
+    def _by_segment(self, of_recording: Callable[[int], NDArray[Any]]) -> NDArray[Any]:
+        """What each segment takes from its recording, stacked."""
+        recordings, place = np.unique(self.segments.recordings, return_inverse=True)
+        return np.array([of_recording(recording) for recording in recordings.tolist()])[place]
 
     def _jacobian(self, state: FloatArray, inputs: FloatArray, p: FloatArray) -> FloatArray:
         """Derivatives of the rates by the states, about a state."""
@@ -208,9 +208,9 @@ class SegmentedMotion:
 
     def _wanted(self) -> NDArray[np.int64]:
         """Places of the coefficients that some segment's motion is differentiated by."""
-        pieces = np.unique(self.segments.pieces).tolist()
+        recordings = np.unique(self.segments.recordings).tolist()
         # A tie makes a coefficient matter that is not sought itself: the pattern of derivatives.
-        slopes = [self.unknowns.depends(piece) for piece in pieces]
+        slopes = [self.unknowns.depends(recording) for recording in recordings]
         return np.flatnonzero(np.any(slopes, axis=(0, 2)))
 
     def _dry(self, coefficients: FloatArray, wanted: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -225,7 +225,7 @@ class SegmentedMotion:
         """Inputs between samples, shape (n_samples, n_inputs, 4)."""
         segments = self.segments
         drives = np.empty((*segments.inputs.shape, 4))
-        for part, sample_time in segments.by_piece():
+        for part, sample_time in segments.by_recording():
             drives[part] = held_input(segments.inputs[part], sample_time, self.timing.hold, delay)
         return drives
 
@@ -244,7 +244,7 @@ class SegmentedMotion:
         for a, delay in enumerate(late.tolist()):
             whole = round(delay / shortest)
             reference = self._reference_of(a)
-            for part, _ in segments.by_piece():
+            for part, _ in segments.by_recording():
                 column = segments.outputs[part, a]
                 if reference is not None:
                     column = column - reference[part]
@@ -335,16 +335,16 @@ class SegmentedMotion:
         values: FloatArray,
         wanted: NDArray[np.int64],
     ) -> tuple[FloatArray, FloatArray]:
-        """Normal equations for what is sought from those for the coefficients of each piece."""
+        """Normal equations for what is sought from those for the coefficients of each recording."""
         n_states, k = self._kernel.N_STATES, len(self.unknowns.names)
         n_delays = len(self.names) - k
         firsts = self.first_blocks
         chained, pulled = [], []
-        pieces = self.segments.pieces
-        edges = [*np.flatnonzero(np.diff(pieces, prepend=-1)).tolist(), len(pieces)]
+        recordings = self.segments.recordings
+        edges = [*np.flatnonzero(np.diff(recordings, prepend=-1)).tolist(), len(recordings)]
         for a, b in pairwise(edges):
             blocks = slice(firsts[a], firsts[b])
-            slopes = self.unknowns.derivatives(values[:k], int(pieces[a]))[wanted]
+            slopes = self.unknowns.derivatives(values[:k], int(recordings[a]))[wanted]
             chain = np.zeros((n_states + len(wanted) + n_delays, n_states + k + n_delays))
             chain[:n_states, :n_states] = np.eye(n_states)
             chain[n_states : n_states + len(wanted), n_states : n_states + k] = slopes

@@ -1,4 +1,4 @@
-"""Pieces of motion cut into segments, each of which starts anew from a state of its own."""
+"""Recordings of motion cut into segments, each of which starts anew from a state of its own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,15 +25,16 @@ class Segments:
     Parameters
     ----------
     starts, lengths : array of int, shape (n_segments,)
-        First sample and number of samples of every segment; none crosses from piece to piece.
-    piece_starts : array of int, shape (n_pieces + 1,)
-        First sample of every piece that was cut, and the number of samples.
+        First sample and number of samples of every segment; none crosses from one recording to
+        the next.
+    recording_starts : array of int, shape (n_recordings + 1,)
+        First sample of every recording that was cut, and the number of samples.
     sample_times : array, shape (n_segments,)
         Time between samples in s.
     start_times : array, shape (n_segments,)
         Time of the first sample in s.
-    pieces : array of int, shape (n_segments,)
-        Place of the piece that each segment was cut from.
+    recordings : array of int, shape (n_segments,)
+        Place of the recording that each segment was cut from.
     measured : array of int, shape (n_outputs,)
         The state that each output measures.
     outputs : array, shape (n_samples, n_outputs)
@@ -44,10 +45,10 @@ class Segments:
 
     starts: NDArray[np.int64]
     lengths: NDArray[np.int64]
-    piece_starts: NDArray[np.int64]
+    recording_starts: NDArray[np.int64]
     sample_times: FloatArray
     start_times: FloatArray
-    pieces: NDArray[np.int64]
+    recordings: NDArray[np.int64]
     measured: NDArray[np.int64]
     outputs: FloatArray
     inputs: FloatArray
@@ -66,12 +67,12 @@ class Segments:
             start_times=np.column_stack(
                 (self.start_times, self.start_times + first * self.sample_times)
             ).ravel(),
-            pieces=np.repeat(self.pieces, 2),
+            recordings=np.repeat(self.recordings, 2),
         )
 
     def merged(self) -> "Segments | None":
-        """Every two neighbours made one; None where some piece has an odd number of segments."""
-        counts = np.diff(np.append(np.flatnonzero(np.diff(self.pieces, prepend=-1)), len(self)))
+        """Every two neighbours made one; None where a recording has an odd number of segments."""
+        counts = np.diff(np.append(np.flatnonzero(np.diff(self.recordings, prepend=-1)), len(self)))
         if np.any(counts % 2):
             return None
         return replace(
@@ -80,7 +81,7 @@ class Segments:
             lengths=self.lengths[::2] + self.lengths[1::2],
             sample_times=self.sample_times[::2],
             start_times=self.start_times[::2],
-            pieces=self.pieces[::2],
+            recordings=self.recordings[::2],
         )
 
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
@@ -106,15 +107,15 @@ class Segments:
             inside[first : first + length] = True
         return inside
 
-    def by_piece(self) -> list[tuple[slice, float]]:
-        """Samples of every piece, and its sample time."""
-        pieces = self.pieces
-        firsts = np.flatnonzero(np.diff(pieces, prepend=-1))
+    def by_recording(self) -> list[tuple[slice, float]]:
+        """Samples of every recording, and its sample time."""
+        recordings = self.recordings
+        firsts = np.flatnonzero(np.diff(recordings, prepend=-1))
         return [
             (slice(a, b), h)
             for a, b, h in zip(
-                self.piece_starts[:-1].tolist(),
-                self.piece_starts[1:].tolist(),
+                self.recording_starts[:-1].tolist(),
+                self.recording_starts[1:].tolist(),
                 self.sample_times[firsts].tolist(),
                 strict=True,
             )
@@ -122,56 +123,59 @@ class Segments:
 
 
 def divide(
-    pieces: Sequence[Samples], duration: float, use_velocities: bool = False, margin: float = 0.0
+    recordings: Sequence[Samples],
+    duration: float,
+    use_velocities: bool = False,
+    margin: float = 0.0,
 ) -> Segments:
-    """Cut pieces into segments of about equal length.
+    """Cut recordings into segments of about equal length.
 
     Parameters
     ----------
-    pieces : sequence of Samples
-        Contiguous pieces; those with fewer than `FEWEST_SAMPLES` samples are left out.
+    recordings : sequence of Samples
+        Contiguous recordings; those with fewer than `FEWEST_SAMPLES` samples are left out.
     duration : float
         Wanted length of a segment in s. Segments have at least `FEWEST_SAMPLES` samples, and a
-        shorter piece is one segment.
+        shorter recording is one segment.
     use_velocities : bool, optional
         Whether velocities are measured outputs too.
     margin : float, optional
-        Seconds at both ends of each piece that belong to no segment: what is late needs them.
+        Seconds at both ends of each recording that belong to no segment: what is late needs them.
 
     Raises
     ------
     SettingError
-        If the duration is not positive, no piece is long enough, or velocities are wanted but
+        If the duration is not positive, no recording is long enough, or velocities are wanted but
         missing.
     """
     if not (np.isfinite(duration) and duration > 0.0):
         raise SettingError("segment duration", f"{duration} is no duration: give seconds above 0")
-    margins = [round(margin / piece.sample_time) for piece in pieces]
-    kept = [len(piece) - 2 * m for piece, m in zip(pieces, margins, strict=True)]
+    margins = [round(margin / recording.sample_time) for recording in recordings]
+    kept = [len(recording) - 2 * m for recording, m in zip(recordings, margins, strict=True)]
     places = [i for i, count in enumerate(kept) if count >= FEWEST_SAMPLES]
-    usable = [pieces[i] for i in places]
+    usable = [recordings[i] for i in places]
     if not usable:
         raise SettingError(
-            "samples", f"no piece has {FEWEST_SAMPLES} samples in a row: give a longer record"
+            "samples", f"no recording has {FEWEST_SAMPLES} samples in a row: give a longer record"
         )
     starts, lengths, sample_times, start_times, outputs = [], [], [], [], []
     first = 0
-    for place, piece in zip(places, usable, strict=True):
-        wanted = round(kept[place] * piece.sample_time / duration)
+    for place, recording in zip(places, usable, strict=True):
+        wanted = round(kept[place] * recording.sample_time / duration)
         count = max(1, min(wanted, kept[place] // FEWEST_SAMPLES))
         ends = margins[place], margins[place] + kept[place]
         edges = np.linspace(*ends, count + 1).round().astype(np.int64)
         starts.append(first + edges[:-1])
         lengths.append(np.diff(edges))
-        sample_times.append(np.full(count, piece.sample_time))
-        start_times.append(piece.start_time + piece.sample_time * edges[:-1])
-        outputs.append(_outputs(piece, use_velocities))
-        first += len(piece)
+        sample_times.append(np.full(count, recording.sample_time))
+        start_times.append(recording.start_time + recording.sample_time * edges[:-1])
+        outputs.append(_outputs(recording, use_velocities))
+        first += len(recording)
     n_rows = usable[0].positions.shape[1]
     return Segments(
         np.concatenate(starts),
         np.concatenate(lengths),
-        np.concatenate(([0], np.cumsum([len(piece) for piece in usable]))),
+        np.concatenate(([0], np.cumsum([len(recording) for recording in usable]))),
         np.concatenate(sample_times),
         np.concatenate(start_times),
         np.repeat(np.array(places, dtype=np.int64), [len(part) for part in starts]),
@@ -199,12 +203,12 @@ def first_states(segments: Segments) -> FloatArray:
     return states
 
 
-def _outputs(piece: Samples, use_velocities: bool) -> FloatArray:
+def _outputs(recording: Samples, use_velocities: bool) -> FloatArray:
     if not use_velocities:
-        return piece.positions
-    if piece.velocities is None:
+        return recording.positions
+    if recording.velocities is None:
         raise SettingError(
             "velocities", "there are none to fit: give some, or fit the positions alone"
         )
-    both = np.stack((piece.positions, piece.velocities), axis=2)
-    return both.reshape(len(piece), -1)
+    both = np.stack((recording.positions, recording.velocities), axis=2)
+    return both.reshape(len(recording), -1)

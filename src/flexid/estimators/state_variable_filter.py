@@ -44,17 +44,17 @@ class LeastSquaresFit(RowwiseFit):
 
 
 def filtered_least_squares(
-    pieces: Sequence[Samples],
+    recordings: Sequence[Samples],
     system: ParametricSystem,
     filter_rate: float = 20.0,
     hold: Hold = "linear",
     unknowns: Unknowns | None = None,
 ) -> LeastSquaresFit:
-    """Estimate coefficients from contiguous pieces of motion.
+    """Estimate coefficients from contiguous recordings of motion.
 
     Parameters
     ----------
-    pieces : sequence of Samples
+    recordings : sequence of Samples
         One or more. Velocities are used only where a regressor is nonlinear in them.
     system : ParametricSystem
         The model; its constants have the values declared in it.
@@ -63,7 +63,7 @@ def filtered_least_squares(
     hold : {"linear", "zero"}, optional
         Whether the inputs run linearly between samples or are constant until the next one.
     unknowns : Unknowns, optional
-        What is sought, if not every coefficient of the system from all pieces together.
+        What is sought, if not every coefficient of the system from all recordings together.
 
     Returns
     -------
@@ -75,27 +75,29 @@ def filtered_least_squares(
     ------
     SettingError
         If the filter rate is not positive, the unknowns are of another model, or a regressor that
-        is nonlinear in velocities meets a piece without velocities and is not fixed at 0.
+        is nonlinear in velocities meets a recording without velocities and is not fixed at 0.
     """
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
         raise SettingError("filter rate", f"{filter_rate} is no rate: give a positive number, 1/s")
-    unknowns = unknowns_of(system, len(pieces), unknowns)
-    usable = [place for place, piece in enumerate(pieces) if len(piece) > 4]
-    used = [pieces[place] for place in usable]
-    check_velocities(pieces, usable, unknowns)
+    unknowns = unknowns_of(system, len(recordings), unknowns)
+    usable = [place for place, recording in enumerate(recordings) if len(recording) > 4]
+    used = [recordings[place] for place in usable]
+    check_velocities(recordings, usable, unknowns)
     wanted = wanted_signals(unknowns, usable)
     signals = filtered_signals(used, system, filter_rate, hold, wanted)
-    lengths = [len(piece) - 2 for piece in used]
+    lengths = [len(recording) - 2 for recording in used]
     regressors, left_hand_sides = sought_signals(signals, unknowns, usable, lengths)
-    time = np.concatenate([np.zeros(0), *(piece.time[1:-1] for piece in used)])
+    time = np.concatenate([np.zeros(0), *(recording.time[1:-1] for recording in used)])
     most = max(len(unknowns.names_of(row)) for row in system.rows)
-    blocks = block_lengths(lengths, [piece.sample_time for piece in used], filter_rate, most)
+    blocks = block_lengths(
+        lengths, [recording.sample_time for recording in used], filter_rate, most
+    )
     values, rows = fit_rows(unknowns, regressors, left_hand_sides, time)
     return LeastSquaresFit(unknowns.names, values, rows, tuple(blocks), hold, float(filter_rate))
 
 
 def filtered_signals(
-    pieces: Sequence[Samples],
+    recordings: Sequence[Samples],
     system: ParametricSystem,
     filter_rate: float,
     hold: Hold,
@@ -104,23 +106,23 @@ def filtered_signals(
     """Filtered regressors and left-hand sides, the filter's initial conditions projected out.
 
     Parameters are those of `filtered_least_squares`, and the places of the signals that are wanted
-    if not all are: the others are zero. Every piece has at least three samples. Velocities are
+    if not all are: the others are zero. Every recording has at least three samples. Velocities are
     taken as zero where there are none.
 
     Returns
     -------
     array, shape (n_coefficients + n_rows, n_equations)
-        Regressors of all coefficients, then left-hand sides of all rows; a piece of n samples
+        Regressors of all coefficients, then left-hand sides of all rows; a recording of n samples
         gives n - 2 equations.
     """
-    equations = [len(piece) - 2 for piece in pieces]
+    equations = [len(recording) - 2 for recording in recordings]
     # Memory that nothing is written to takes no room: signals that are not wanted cost nothing.
     signals = np.zeros((len(system.coefficients) + len(system.rows), sum(equations)))
     first = 0
-    for piece, count in zip(pieces, equations, strict=True):
-        pole = float(np.exp(-filter_rate * piece.sample_time))
-        fill_row_signals(signals, first, piece, system, hold, pole, wanted)
-        past = min(count, memory(filter_rate, piece.sample_time))
+    for recording, count in zip(recordings, equations, strict=True):
+        pole = float(np.exp(-filter_rate * recording.sample_time))
+        fill_row_signals(signals, first, recording, system, hold, pole, wanted)
+        past = min(count, memory(filter_rate, recording.sample_time))
         project_out_past(signals[:, first : first + past], pole)
         first += count
     return signals

@@ -101,7 +101,7 @@ class StreamedProblem:
     Parameters
     ----------
     unknowns : Unknowns
-        What is sought; of one group of pieces.
+        What is sought; of one group of recordings.
     reference : array, shape (n,)
         p₀, values near the answer; the answer does not depend on them but for rounding.
     filter_rate : float
@@ -131,11 +131,11 @@ class StreamedProblem:
             The stretch. Equation i belongs to the samples i to i + 2.
         skipped : int
             Equations before the first one that counts: at least those of `warm_up`, or none at the
-            beginning of a piece.
+            beginning of a recording.
         count : int
-            Equations that count: whole blocks, but at the end of a piece.
+            Equations that count: whole blocks, but at the end of a recording.
         begins : bool
-            Whether a piece begins here, so that what the filter remembers from before is unknown.
+            Whether a recording begins here, so that what the filter remembers is unknown.
         """
         system = self.unknowns.system
         pole = float(np.exp(-self.filter_rate * samples.sample_time))

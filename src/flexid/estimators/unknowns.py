@@ -1,6 +1,6 @@
-"""What is sought and what is not: coefficients fixed, shared, or of each group of pieces its own.
+"""What is sought and what is not: coefficients fixed, shared, or one for each group of recordings.
 
-The coefficients of piece j are p_j = b_j + S_j θ, with θ what is sought, b_j the values of what is
+The coefficients of recording j are p_j = b_j + S_j θ, with θ sought, b_j the values of what is
 fixed, and a selection S_j with at most one 1 in each row. A term that is switched off is a
 coefficient fixed at 0; a sensor's offset that differs from run to run is sought once per run.
 """
@@ -22,7 +22,7 @@ FIXED = -1
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Which coefficients of a system are sought, from which pieces.
+    """Which coefficients of a system are sought, from which recordings.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class Unknowns:
         Coefficients that keep a value. ``"offset[2]"`` fixes a coefficient in the second group
         only.
     per_group : tuple of str, optional
-        Coefficients that are sought separately for each group of pieces.
+        Coefficients that are sought separately for each group of recordings.
     groups : tuple of int, optional
-        Group of each piece, counted from 0: the run that it belongs to. Empty: all are of one.
+        Group of each recording, counted from 0: the run that it belongs to. Empty: all are of one.
     tied : mapping of str to tuple of str, optional
         Coefficients that follow from three others, ``"c": ("a", "b", "d")`` meaning c = a b / d.
         They are not linear in what is sought, so only the prediction error heeds them.
@@ -53,7 +53,7 @@ class Unknowns:
     >>> unknowns = Unknowns(cart, fixed={"drag": 0.0}, per_group=("offset",), groups=(0, 1, 1))
     >>> unknowns.names
     ('gain', 'offset[1]', 'offset[2]')
-    >>> unknowns.coefficients([2.0, 0.3, 0.4], piece_index=2)
+    >>> unknowns.coefficients([2.0, 0.3, 0.4], recording_index=2)
     array([2. , 0. , 0.4])
     """
 
@@ -102,26 +102,28 @@ class Unknowns:
         }
         return tuple(name for name in self._all(row) if name not in fixed_names)
 
-    def columns(self, piece_index: int) -> NDArray[np.int64]:
+    def columns(self, recording_index: int) -> NDArray[np.int64]:
         """Place in `names` of each of the system's coefficients, `FIXED` where it is not sought."""
         place = {name: i for i, name in enumerate(self.names)}
-        labels = (self._label(c, piece_index) for c in self.system.coefficients)
+        labels = (self._label(c, recording_index) for c in self.system.coefficients)
         return np.array([place.get(label, FIXED) for label in labels], dtype=np.int64)
 
-    def coefficients(self, values: FloatArray | Sequence[float], piece_index: int) -> FloatArray:
-        """Coefficients of a piece, shape (n_coefficients,), from what is sought, (n_names,)."""
-        columns = self.columns(piece_index)
+    def coefficients(
+        self, values: FloatArray | Sequence[float], recording_index: int
+    ) -> FloatArray:
+        """Coefficients of a recording, shape (n_coefficients,), from what is sought, (n_names,)."""
+        columns = self.columns(recording_index)
         sought = np.asarray(values, dtype=np.float64)[columns]
-        found = np.where(columns == FIXED, self._fixed_values(piece_index), sought)
+        found = np.where(columns == FIXED, self._fixed_values(recording_index), sought)
         for target, sources in self._ties:
             a, b, d = (float(found[source]) for source in sources)
             found[target] = a * b / d if a else 0.0
         return found
 
-    def derivatives(self, values: FloatArray | Sequence[float], piece_index: int) -> FloatArray:
-        """Derivatives, shape (n_coefficients, n_names), of a piece's coefficients."""
-        columns = self.columns(piece_index)
-        found = self.coefficients(values, piece_index)
+    def derivatives(self, values: FloatArray | Sequence[float], recording_index: int) -> FloatArray:
+        """Derivatives, shape (n_coefficients, n_names), of a recording's coefficients."""
+        columns = self.columns(recording_index)
+        found = self.coefficients(values, recording_index)
         slopes = np.zeros((len(columns), len(self.names)))
         sought = np.flatnonzero(columns != FIXED)
         slopes[sought, columns[sought]] = 1.0
@@ -130,13 +132,13 @@ class Unknowns:
             slopes[target] = by_source @ slopes[[a, b, d]]
         return slopes
 
-    def depends(self, piece_index: int) -> NDArray[np.bool_]:
-        """Which of a piece's coefficients depend on what is sought, (n_coefficients, n_names)."""
-        columns = self.columns(piece_index)
+    def depends(self, recording_index: int) -> NDArray[np.bool_]:
+        """Which coefficients of a recording depend on what is sought, (n_coefficients, n_names)."""
+        columns = self.columns(recording_index)
         pattern = np.zeros((len(columns), len(self.names)), dtype=np.bool_)
         sought = np.flatnonzero(columns != FIXED)
         pattern[sought, columns[sought]] = True
-        fixed = self._fixed_values(piece_index)
+        fixed = self._fixed_values(recording_index)
         for target, (a, b, d) in self._ties:
             if columns[a] != FIXED or fixed[a] != 0.0:  # a term that is off stays off
                 pattern[target] = pattern[a] | pattern[b] | pattern[d]
@@ -150,9 +152,11 @@ class Unknowns:
             for target, sources in self.tied.items()
         )
 
-    def absent(self, piece_index: int) -> frozenset[str]:
-        """Coefficients of the system that are fixed at 0 in a piece: their terms are off."""
-        off = (self.columns(piece_index) == FIXED) & (self._fixed_values(piece_index) == 0.0)
+    def absent(self, recording_index: int) -> frozenset[str]:
+        """Coefficients of the system that are fixed at 0 in a recording: their terms are off."""
+        off = (self.columns(recording_index) == FIXED) & (
+            self._fixed_values(recording_index) == 0.0
+        )
         return frozenset(c for c, o in zip(self.system.coefficients, off, strict=True) if o)
 
     def fixing(self, more: Mapping[str, float]) -> "Unknowns":
@@ -169,14 +173,14 @@ class Unknowns:
             return (coefficient,)
         return tuple(f"{coefficient}[{group + 1}]" for group in distinct)
 
-    def _label(self, coefficient: str, piece_index: int) -> str:
+    def _label(self, coefficient: str, recording_index: int) -> str:
         labels = self._labels(coefficient)
         if len(labels) == 1:
             return coefficient
-        return f"{coefficient}[{self.groups[piece_index] + 1}]"
+        return f"{coefficient}[{self.groups[recording_index] + 1}]"
 
-    def _fixed_values(self, piece_index: int) -> FloatArray:
-        labels = ((c, self._label(c, piece_index)) for c in self.system.coefficients)
+    def _fixed_values(self, recording_index: int) -> FloatArray:
+        labels = ((c, self._label(c, recording_index)) for c in self.system.coefficients)
         return np.array(
             [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels], dtype=np.float64
         )
@@ -191,7 +195,7 @@ def _check_known(setting: str, names: Iterable[str], known: Sequence[str]) -> No
 
 
 def unknowns_of(
-    system: ParametricSystem, n_pieces: int, unknowns: Unknowns | None = None
+    system: ParametricSystem, n_recordings: int, unknowns: Unknowns | None = None
 ) -> Unknowns:
     """The unknowns that an estimator's arguments mean: all of the system's coefficients if none.
 
@@ -203,14 +207,15 @@ def unknowns_of(
     Raises
     ------
     SettingError
-        If they belong to another model or another number of pieces.
+        If they belong to another model or another number of recordings.
     """
     if unknowns is None:
         return Unknowns(system)
     if unknowns.system.digest != system.digest:
         raise SettingError("unknowns", "they are of another model: declare this one's")
-    if unknowns.groups and len(unknowns.groups) != n_pieces:
+    if unknowns.groups and len(unknowns.groups) != n_recordings:
         raise SettingError(
-            "groups", f"there are {len(unknowns.groups)} for {n_pieces} pieces: give one for each"
+            "groups",
+            f"there are {len(unknowns.groups)} for {n_recordings} recordings: give one for each",
         )
     return replace(unknowns, system=system)

@@ -128,7 +128,7 @@ class _Trial:
 
 
 def advise(
-    result: Identification, pieces: Sequence[Samples], rehearse: Callable[[], Rehearsal]
+    result: Identification, recordings: Sequence[Samples], rehearse: Callable[[], Rehearsal]
 ) -> Advice | None:
     """Say what to add to the input of a log.
 
@@ -136,7 +136,7 @@ def advise(
     ----------
     result : Identification
         Of the log.
-    pieces : sequence of Samples
+    recordings : sequence of Samples
         The log.
     rehearse : callable
         Makes the model ready; called only where there is one that can be run.
@@ -151,22 +151,25 @@ def advise(
         return None
     impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
     if impossible or not all(np.isfinite(c.std) for c in lacking):
-        return rule_of_thumb(pieces)  # a model of guessed values says nothing of other inputs
+        return rule_of_thumb(recordings)  # a model of guessed values says nothing of other inputs
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         return Advice(None, None, None, 0.0, caution=_capital(lacking[0].reason))
     try:
         rehearsal = rehearse()
         advice = _tried(rehearsal)
     except SimulationError:
-        return rule_of_thumb(pieces)
+        return rule_of_thumb(recordings)
     return replace(advice, caution=_caution(result, rehearsal))
 
 
-def beginning(piece: Samples) -> Samples:
-    """As much of a piece as is run again and again."""
-    count = min(len(piece), int(_LONGEST / piece.sample_time))
+def beginning(recording: Samples) -> Samples:
+    """As much of a recording as is run again and again."""
+    count = min(len(recording), int(_LONGEST / recording.sample_time))
     return replace(
-        piece, positions=piece.positions[:count], velocities=None, inputs=piece.inputs[:count]
+        recording,
+        positions=recording.positions[:count],
+        velocities=None,
+        inputs=recording.inputs[:count],
     )
 
 
@@ -223,26 +226,26 @@ def _capital(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]
 
 
-def rule_of_thumb(pieces: Sequence[Samples]) -> Advice:
+def rule_of_thumb(recordings: Sequence[Samples]) -> Advice:
     """A second tone beside the strongest one of the input, whatever the drive."""
-    spectrum = input_spectrum(max(pieces, key=len))
+    spectrum = input_spectrum(max(recordings, key=len))
     place = int(np.argmax(spectrum[1]))
     rate, amplitude = map(float, spectrum[:, place])
     rule = (_RULE_AMPLITUDE * amplitude, _RULE_FREQUENCY * rate)
-    duration = sum(len(piece) * piece.sample_time for piece in pieces)
+    duration = sum(len(recording) * recording.sample_time for recording in recordings)
     caution = f"And record longer: {duration:.2g} s show little of any drive"
     return Advice(None, None, None, 0.0, rule, caution if duration < _SHORT else "")
 
 
-def input_spectrum(piece: Samples) -> FloatArray:
+def input_spectrum(recording: Samples) -> FloatArray:
     """Angular frequency in rad/s and amplitude of the first input's tones, shape (2, m).
 
     A Hann window keeps tones that do not fit the record from spreading.
     """
-    signal = piece.inputs[:, 0] - piece.inputs[:, 0].mean()
+    signal = recording.inputs[:, 0] - recording.inputs[:, 0].mean()
     window = np.hanning(len(signal))
     amplitudes = 2.0 * np.abs(np.fft.rfft(signal * window)) / window.sum()
-    rates = 2.0 * np.pi * np.fft.rfftfreq(len(signal), piece.sample_time)
+    rates = 2.0 * np.pi * np.fft.rfftfreq(len(signal), recording.sample_time)
     return np.asarray((rates[1:], amplitudes[1:]), dtype=np.float64)
 
 

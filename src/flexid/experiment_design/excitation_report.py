@@ -40,7 +40,7 @@ class ExcitationReport:
     noise : mapping of str to float
         Root mean square in rad of the residuals of each position.
     spectrum : array, shape (2, m)
-        Angular frequency in rad/s and amplitude of the input's tones, longest piece.
+        Angular frequency in rad/s and amplitude of the input's tones, longest recording.
     input_unit : str
         Unit of the input.
     """
@@ -81,12 +81,12 @@ def examine(
         If the model cannot be fitted from any start.
     """
     result = identify(logs, settings, progress)
-    pieces, _ = prepare(logs, settings.validation_share)
+    recordings, _ = prepare(logs, settings.validation_share)
     joint = joint_of(result.model)
-    data = data_of(joint, pieces.whole, pieces.groups)
+    data = data_of(joint, recordings.whole, recordings.groups)
     noise = data.noise * np.array(list(result.residual_excess.values()))
     progress("what to add")
-    fitted = data_of(joint, pieces.fitted, pieces.groups)
+    fitted = data_of(joint, recordings.fitted, recordings.groups)
     shapes = joint.scaled(fitted.samples).extended.constants
     advice = advise(result, data.samples, lambda: _rehearsal(result, data, noise, shapes))
     return ExcitationReport(
@@ -95,14 +95,14 @@ def examine(
         advice,
         dict(zip(result.residual_excess, noise.tolist(), strict=True)),
         input_spectrum(max(data.samples, key=len)),
-        "rad" if result.model == "link" else pieces.recorded[0].input_unit,
+        "rad" if result.model == "link" else recordings.recorded[0].input_unit,
     )
 
 
 def _rehearsal(
     result: Identification, data: Data, noise: FloatArray, shapes: Mapping[str, float]
 ) -> Rehearsal:
-    longest = max(range(len(data.samples)), key=lambda piece: len(data.samples[piece]))
+    longest = max(range(len(data.samples)), key=lambda recording: len(data.samples[recording]))
     group = data.groups[longest]
     model = rebuilt(described(result, group, shapes), given_coefficients(result))
     return Rehearsal(model, result, beginning(data.samples[longest]), group, noise, data)

@@ -64,7 +64,7 @@ class Rehearsal:
     result : Identification
         What was found with it.
     record : Samples
-        The beginning of the longest piece.
+        The beginning of the longest recording.
     group : int
         The log that it comes from.
     noise : array, shape (n_rows,)
@@ -94,7 +94,7 @@ class Rehearsal:
 
     @property
     def repeats(self) -> float:
-        """Length of all pieces over that of the record."""
+        """Length of all recordings over that of the record."""
         return self.data.duration / (len(self.record) * self.record.sample_time)
 
     def change(self, inputs: FloatArray) -> FloatArray:

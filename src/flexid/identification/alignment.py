@@ -64,12 +64,12 @@ class Alignment:
     hold_reason: str
 
 
-def aligned(piece: Recording, alignment: Alignment) -> Recording:
+def aligned(recording: Recording, alignment: Alignment) -> Recording:
     """Return the recording with all channels on the motor encoder's clock.
 
     Parameters
     ----------
-    piece : Recording
+    recording : Recording
         As it was logged.
     alignment : Alignment
         Its delays.
@@ -87,23 +87,23 @@ def aligned(piece: Recording, alignment: Alignment) -> Recording:
     RecordingError
         If nothing is left.
     """
-    drive = alignment.input_delay.value / piece.sample_time
-    link = -alignment.link_delay.value / piece.sample_time
-    acting = None if piece.input is None else _later_input(piece.input, drive)
-    shifted = replace(piece, input=acting)
+    drive = alignment.input_delay.value / recording.sample_time
+    link = -alignment.link_delay.value / recording.sample_time
+    acting = None if recording.input is None else _later_input(recording.input, drive)
+    shifted = replace(recording, input=acting)
     first, last = max(ceil(drive), 0), max(ceil(-drive), 0)
-    if piece.link_position is not None and link != 0.0:
-        speed = piece.link_velocity
-        if piece.link_from_deflection:  # the deflection alone is late
-            position = piece.motor_position + later(piece.deflection, link)
+    if recording.link_position is not None and link != 0.0:
+        speed = recording.link_velocity
+        if recording.link_from_deflection:  # the deflection alone is late
+            position = recording.motor_position + later(recording.deflection, link)
             speed = None
         else:
-            position = later(piece.link_position, link)
+            position = later(recording.link_position, link)
             speed = None if speed is None else later(speed, link)
         shifted = replace(shifted, link_position=position, link_velocity=speed)
         before, after = spoilt(link)
         first, last = max(first, before), max(last, after)
-    return shifted.window(first, len(piece) - last) if first or last else piece
+    return shifted.window(first, len(recording) - last) if first or last else recording
 
 
 def _later_input(values: FloatArray, samples: float) -> FloatArray:

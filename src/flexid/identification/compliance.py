@@ -9,7 +9,7 @@ from flexid.estimators.segmented_motion import Timing
 from flexid.identification.fitting import climb, lengths
 from flexid.identification.full_model import Structure, data_of
 from flexid.identification.joint import rigid
-from flexid.identification.preparation import Pieces
+from flexid.identification.preparation import SplitRecordings
 from flexid.identification.result import CoefficientEstimate, Compliance, Validation
 from flexid.identification.starting import starts
 from flexid.identification.validation import validate
@@ -23,69 +23,75 @@ _DURATION = 0.3  # s, segments of the rival's fit: a wrong model follows no long
 _BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
 
 
-def compare_with_rigid(structure: Structure, pieces: Pieces, flexible: Validation) -> Compliance:
+def compare_with_rigid(
+    structure: Structure, recordings: SplitRecordings, flexible: Validation
+) -> Compliance:
     """Hold the rigid joint against the same data as the flexible one.
 
     Parameters
     ----------
     structure : Structure
         The flexible joint with what was chosen about it.
-    pieces : Pieces
+    recordings : SplitRecordings
         With two encoders.
     flexible : Validation
         Of the flexible joint over the held-out ends.
     """
-    return _compliance(pieces, flexible, _rigid_fits(structure, pieces))
+    return _compliance(recordings, flexible, _rigid_fits(structure, recordings))
 
 
-def of_link_alone(pieces: Pieces, driven: Validation, stiffness: CoefficientEstimate) -> Compliance:
+def of_link_alone(
+    recordings: SplitRecordings, driven: Validation, stiffness: CoefficientEstimate
+) -> Compliance:
     """Whether the spring explains the deflection that the motor's motion causes.
 
     There is no rigid joint to compare with, where no input drives it.
 
     Parameters
     ----------
-    pieces : Pieces
+    recordings : SplitRecordings
         With two encoders.
     driven : Validation
         Of the link alone over the held-out ends.
     stiffness : CoefficientEstimate
         Per link inertia. Where the log leaves it free, something else explains the deflection.
     """
-    found = _compliance(pieces, driven, {})
+    found = _compliance(recordings, driven, {})
     if found.visible and not np.isfinite(stiffness.std):
         reason = f"the deflection moves by {found.deflection:.2g} rad, but for any stiffness"
         return replace(found, visible=False, reason=reason)
     return found
 
 
-def _compliance(pieces: Pieces, found: Validation, rigid_fits: dict[str, float]) -> Compliance:
-    ends = [p.deflection[s:] for p, s in zip(pieces.recorded, pieces.starts, strict=True)]
+def _compliance(
+    recordings: SplitRecordings, found: Validation, rigid_fits: dict[str, float]
+) -> Compliance:
+    ends = [p.deflection[s:] for p, s in zip(recordings.recorded, recordings.starts, strict=True)]
     squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
     moved = float(np.sqrt(squares / sum(map(len, ends))))
     noise = max(
         float(np.hypot(position_noise(p.needed_link_position), position_noise(p.motor_position)))
-        for p in pieces.recorded
+        for p in recordings.recorded
     )
     visible, reason = _judge(found.fit_percent["deflection"], moved, noise)
     return Compliance(visible, reason, rigid_fits, moved, noise)
 
 
-def _rigid_fits(structure: Structure, pieces: Pieces) -> dict[str, float]:
+def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, float]:
     """Free run of the rigid joint with the same terms; NaN where it cannot be fitted."""
     joint = rigid()
     terms = rigid_terms(structure.terms)
     absent = joint.optional - {c for term in terms for c in joint.terms[term]}
     timing = Timing(structure.timing.hold, dict(structure.timing.delays), ("input_delay",))
-    training = data_of(joint, pieces.fitted, pieces.groups)
+    training = data_of(joint, recordings.fitted, recordings.groups)
     rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
     try:
         ladder = lengths(training, _DURATION, _DURATION)
         found = climb(rival, training, starts(rival, training, ladder[0])[0], ladder)
     except (ConvergenceError, SettingError):
         return dict.fromkeys(joint.channels, np.nan)
-    whole = data_of(joint, pieces.whole, pieces.groups)
-    return dict(validate(found[-1], whole, pieces.starts).fit_percent)
+    whole = data_of(joint, recordings.whole, recordings.groups)
+    return dict(validate(found[-1], whole, recordings.starts).fit_percent)
 
 
 def one_encoder() -> Compliance:

@@ -136,8 +136,8 @@ def parameter_estimates(
     known exactly has that value, and no width.
     """
     estimates = {}
-    for piece in _one_piece_of_each_group(unknowns):
-        labels = _labels(unknowns, piece, coefficients)
+    for recording in _one_recording_of_each_group(unknowns):
+        labels = _labels(unknowns, recording, coefficients)
         values = {c: coefficients[label].value for c, label in labels.items()}
         for parameter in joint.parameters(labels, input_is_torque=input_unit == "N m"):
             if parameter.name in (exact or {}):
@@ -177,22 +177,22 @@ def parameter_estimates(
 
 
 def _renamed(estimate: Estimate, labels: Mapping[str, str]) -> Estimate:
-    """An estimate under the names that the coefficients have in one piece."""
+    """An estimate under the names that the coefficients have in one recording."""
     base = {label: c for c, label in labels.items()}
     return replace(estimate, names=tuple(base.get(name, name) for name in estimate.names))
 
 
-def _one_piece_of_each_group(unknowns: Unknowns) -> list[int]:
+def _one_recording_of_each_group(unknowns: Unknowns) -> list[int]:
     groups = unknowns.groups or (0,)
     return [groups.index(group) for group in sorted(set(groups))]
 
 
 def _labels(
-    unknowns: Unknowns, piece: int, coefficients: Mapping[str, CoefficientEstimate]
+    unknowns: Unknowns, recording: int, coefficients: Mapping[str, CoefficientEstimate]
 ) -> dict[str, str]:
     """Each coefficient of the system that is on, and its name among the estimates."""
-    columns = unknowns.columns(piece)
-    group = unknowns.groups[piece] + 1 if unknowns.groups else 1
+    columns = unknowns.columns(recording)
+    group = unknowns.groups[recording] + 1 if unknowns.groups else 1
     labels = {}
     for c, column in zip(unknowns.system.coefficients, columns, strict=True):
         if c in unknowns.tied:

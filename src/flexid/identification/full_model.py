@@ -29,8 +29,8 @@ LINK = "link_delay"
 ROUGH, FINE = 1.0, 1e-2
 """Length of a step, in standard deviations, that ends an iteration: on the way, and at its end."""
 
-_MARGIN = 0.03  # s at both ends of a piece in which late channels have no partner
-_LARGEST_MARGIN = 0.05  # of a piece
+_MARGIN = 0.03  # s at both ends of a recording in which late channels have no partner
+_LARGEST_MARGIN = 0.05  # of a recording
 _FINEST = 1e-9  # noise over the largest position that still counts as some
 
 
@@ -41,7 +41,7 @@ class Data:
     Parameters
     ----------
     samples : tuple of Samples
-        Pieces with velocities.
+        Recordings with velocities.
     groups : tuple of int
         The log of each.
     noise : array, shape (n_rows,)
@@ -57,26 +57,26 @@ class Data:
 
     @cached_property
     def margin(self) -> float:
-        """Seconds at both ends of each piece that belong to no segment."""
-        shortest = min(len(piece) * piece.sample_time for piece in self.samples)
+        """Seconds at both ends of each recording that belong to no segment."""
+        shortest = min(len(recording) * recording.sample_time for recording in self.samples)
         return min(_MARGIN, _LARGEST_MARGIN * shortest)
 
     @property
     def n_samples(self) -> int:
-        """Samples of all pieces."""
+        """Samples of all recordings."""
         return sum(map(len, self.samples))
 
     @cached_property
     def duration(self) -> float:
-        """Length of all pieces in s."""
-        return sum(len(piece) * piece.sample_time for piece in self.samples)
+        """Length of all recordings in s."""
+        return sum(len(recording) * recording.sample_time for recording in self.samples)
 
 
 def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]) -> Data:
     """Recordings with velocities as a joint's fits take them."""
     samples = tuple(joint.samples(recording) for recording in recordings)
     longest = max(samples, key=len)
-    largest = max(float(np.abs(piece.positions).max()) for piece in samples)
+    largest = max(float(np.abs(own.positions).max()) for own in samples)
     noise = np.array([position_noise(position) for position in longest.positions.T])
     relative = {}
     if joint.kind != "rigid" and recordings[0].link_from_deflection:
@@ -204,10 +204,10 @@ class Fitted:
         promised = self.minimum.reduced.decrement
         return promised <= FLAT * self.minimum.equations.cost or self.minimum.last_step <= ROUGH
 
-    def coefficients(self, piece: int) -> FloatArray:
-        """All coefficients of the system in a piece."""
+    def coefficients(self, recording: int) -> FloatArray:
+        """All coefficients of the system in a recording."""
         unknowns = self.problem.unknowns
-        return unknowns.coefficients(self.values[: len(unknowns.names)], piece)
+        return unknowns.coefficients(self.values[: len(unknowns.names)], recording)
 
     @property
     def delays(self) -> dict[str, float]:

@@ -33,7 +33,7 @@ from flexid.identification.link_delay import confused_covariance, in_doubt
 from flexid.identification.measured_input import input_noise
 from flexid.identification.model_error import model_error, stand_in_covariance, widened
 from flexid.identification.observer_stream import stream
-from flexid.identification.preparation import Pieces, prepare
+from flexid.identification.preparation import SplitRecordings, prepare
 from flexid.identification.progress import Progress, silent
 from flexid.identification.provenance import provenance
 from flexid.identification.result import (
@@ -72,7 +72,7 @@ def identify(
 ) -> Identification:
     """Identify a joint from one or several logs.
 
-    The full model is fitted to the data before the held-out end of each piece; what these do not
+    The full model is fitted to the data before each recording's held-out end; what these do not
     show is taken away; what is left predicts the ends, and is fitted once more, to all data, for
     the report.
 
@@ -102,18 +102,18 @@ def identify(
         If the model cannot be fitted from any start.
     """
     settings = settings or Settings()
-    pieces, dropped = prepare(logs, settings.validation_share)
-    job = job_of(pieces, settings)
-    training = data_of(job.joint, pieces.fitted, pieces.groups)
-    whole = data_of(job.joint, pieces.whole, pieces.groups)
-    choice, validation = predicting(job, training, whole, pieces, progress, thresholds)
+    recordings, dropped = prepare(logs, settings.validation_share)
+    job = job_of(recordings, settings)
+    training = data_of(job.joint, recordings.fitted, recordings.groups)
+    whole = data_of(job.joint, recordings.whole, recordings.groups)
+    choice, validation = predicting(job, training, whole, recordings, progress, thresholds)
     progress("fit to all data")
     reported, rungs, retreat = _reported(choice, whole)
     error = _model_error(reported, rungs, thresholds)
     progress("what the model does without")
     full = _full(choice, whole, reported)
     filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
-    timely = _timely(reported, pieces)
+    timely = _timely(reported, recordings)
     scales = _scales(full, _least_squares(full.structure, timely, reported, filter_rate))
     estimate = _widened(reported, error).widened(hidden_covariance(reported, full, scales))
     estimate = estimate.widened(hold_covariance(reported, choice.climbed.tied))
@@ -153,7 +153,7 @@ def identify(
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
         parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
-    compliance = _compliance(choice.structure, coefficients, pieces, validation, progress)
+    compliance = _compliance(choice.structure, coefficients, recordings, validation, progress)
     choices = _choices(choice, full, estimate, settings, filter_rate)
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, estimate))
@@ -167,7 +167,7 @@ def identify(
         model_error=error,
         validation=validation,
         compliance=compliance,
-        observer=_stream(choice.structure, pieces, choices.alignment),
+        observer=_stream(choice.structure, recordings, choices.alignment),
         removed=_removed(job, full, given, error, parameters, thresholds),
         fit=estimate,
         choices=choices,
@@ -220,7 +220,7 @@ def _widened(fitted: Fitted, error: ModelError) -> Estimate:
 def _compliance(
     structure: Structure,
     coefficients: Mapping[str, CoefficientEstimate],
-    pieces: Pieces,
+    recordings: SplitRecordings,
     validation: Validation,
     progress: Progress,
 ) -> Compliance:
@@ -229,9 +229,9 @@ def _compliance(
     if kind == "rigid":
         return one_encoder()
     if kind == "link":
-        return of_link_alone(pieces, validation, coefficients["theta2"])
+        return of_link_alone(recordings, validation, coefficients["theta2"])
     progress("the rigid joint as a rival")
-    return compare_with_rigid(structure, pieces, validation)
+    return compare_with_rigid(structure, recordings, validation)
 
 
 def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
@@ -289,11 +289,11 @@ def _scales(full: Fitted, squares: LeastSquaresFit) -> dict[str, float]:
     return scales | dict.fromkeys(full.structure.timing.sought, full.data.margin)
 
 
-def _timely(reported: Fitted, pieces: Pieces) -> Data:
+def _timely(reported: Fitted, recordings: SplitRecordings) -> Data:
     """All data with the channels' delays corrected."""
     alignment = _alignment(reported.structure, reported.delays)
-    recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
-    return data_of(reported.structure.joint, recordings, pieces.groups)
+    timely = [with_velocities(aligned(recording, alignment)) for recording in recordings.whole]
+    return data_of(reported.structure.joint, timely, recordings.groups)
 
 
 def _least_squares(
@@ -324,13 +324,15 @@ def _residual_excess(reported: Fitted) -> dict[str, float]:
     return {f"{name}_position": float(r) for name, r in zip(names, ratios, strict=True)}
 
 
-def _stream(structure: Structure, pieces: Pieces, alignment: Alignment) -> ObserverTrace:
+def _stream(
+    structure: Structure, recordings: SplitRecordings, alignment: Alignment
+) -> ObserverTrace:
     """The paper's observer with the same terms, as far as it needs no derivative of the input."""
     joint = structure.joint
-    recordings = [with_velocities(aligned(piece, alignment)) for piece in pieces.whole]
-    unknowns = smooth_unknowns(structure, pieces.groups)
+    timely = [with_velocities(aligned(recording, alignment)) for recording in recordings.whole]
+    unknowns = smooth_unknowns(structure, recordings.groups)
     hold = "zero" if structure.timing.hold == "zero" else "linear"
-    return stream([joint.samples(piece) for piece in recordings], unknowns, hold)
+    return stream([joint.samples(recording) for recording in timely], unknowns, hold)
 
 
 def without_estimate(

@@ -9,7 +9,7 @@ from flexid.identification.full_model import LINK, Data, Structure
 from flexid.identification.joint import Joint, Kind, joint_of
 from flexid.identification.judgement import Thresholds
 from flexid.identification.link_delay import CONFUSED, doubtful
-from flexid.identification.preparation import Pieces
+from flexid.identification.preparation import SplitRecordings
 from flexid.identification.progress import Progress
 from flexid.identification.result import (
     Validation,
@@ -101,35 +101,35 @@ class Job:
         return Timing("zero", given, tuple(name for name in asked if name not in given))
 
 
-def job_of(pieces: Pieces, settings: Settings) -> Job:
-    """What is to be found in some pieces.
+def job_of(recordings: SplitRecordings, settings: Settings) -> Job:
+    """What is to be found in some recordings.
 
     Raises
     ------
     SettingError
         If a setting does not suit the joint.
     """
-    input_unit = pieces.recorded[0].input_unit
-    joint = joint_of(_kind(pieces.recorded[0]))
+    input_unit = recordings.recorded[0].input_unit
+    joint = joint_of(_kind(recordings.recorded[0]))
     check_for(joint, settings)
-    shortest = min(len(piece) * piece.sample_time for piece in pieces.recorded)
-    check_against(settings, pieces.recorded[0].sample_time, shortest)
-    deflection = pieces.recorded[0].link_from_deflection
+    shortest = min(len(recording) * recording.sample_time for recording in recordings.recorded)
+    check_against(settings, recordings.recorded[0].sample_time, shortest)
+    deflection = recordings.recorded[0].link_from_deflection
     return Job(joint, input_unit, stated(settings, joint, input_unit), settings, deflection)
 
 
-def _kind(piece: Recording) -> Kind:
-    """What can be identified from the channels of a piece."""
-    if piece.link_position is None:
+def _kind(recording: Recording) -> Kind:
+    """What can be identified from the channels of a recording."""
+    if recording.link_position is None:
         return "rigid"
-    return "link" if piece.input is None else "flexible"
+    return "link" if recording.input is None else "flexible"
 
 
 def predicting(
     job: Job,
     training: Data,
     whole: Data,
-    pieces: Pieces,
+    recordings: SplitRecordings,
     progress: Progress,
     thresholds: Thresholds,
 ) -> tuple[Choice, Validation]:
@@ -138,7 +138,7 @@ def predicting(
     Terms beyond the usual ones have to pay there: a rig with too little data for them is better
     described without.
     """
-    rest = (training, whole, pieces, progress, thresholds)
+    rest = (training, whole, recordings, progress, thresholds)
     if not job.delay_in_doubt:
         return _predicting(job, *rest)
     found = _predicting(replace(job, left_out=job.left_out | {LINK}), *rest)
@@ -150,7 +150,7 @@ def _predicting(
     job: Job,
     training: Data,
     whole: Data,
-    pieces: Pieces,
+    recordings: SplitRecordings,
     progress: Progress,
     thresholds: Thresholds,
 ) -> tuple[Choice, Validation]:
@@ -158,26 +158,26 @@ def _predicting(
     auto = job.settings.terms == "auto"
     choice = choose_structure(climb, job.kept, auto, progress, thresholds)
     progress("predicting the held-out data")
-    choice, validation = _preferred(choice, whole, pieces, thresholds)
+    choice, validation = _preferred(choice, whole, recordings, thresholds)
     if not auto or choice.structure.joint.shapes <= choice.structure.absent:
         return choice, validation
     progress("the usual terms alone as a rival")
     rival = choose_structure(climb, job.kept, False, progress, thresholds)
-    rival, other = _preferred(rival, whole, pieces, thresholds)
+    rival, other = _preferred(rival, whole, recordings, thresholds)
     if misprediction(validation) < misprediction(other):
         return choice, validation
     return rival, other
 
 
 def _preferred(
-    choice: Choice, whole: Data, pieces: Pieces, thresholds: Thresholds
+    choice: Choice, whole: Data, recordings: SplitRecordings, thresholds: Thresholds
 ) -> tuple[Choice, Validation]:
     """The structure as it was chosen, or a rival of it that predicts far better."""
-    chosen = validate(choice.fitted, whole, pieces.starts)
+    chosen = validate(choice.fitted, whole, recordings.starts)
     limit = misprediction(chosen) - thresholds.generous_gain
     best = choice
     for rival in choice.rivals:
-        other = validate(rival, whole, pieces.starts)
+        other = validate(rival, whole, recordings.starts)
         if misprediction(other) < limit:
             limit, chosen = misprediction(other), other
             best = replace(choice, structure=rival.structure, fitted=rival)

@@ -92,13 +92,13 @@ class Joint:
         """Coefficients that a term brings, and that may be absent."""
         return frozenset(c for names in self.terms.values() for c in names)
 
-    def scaled(self, pieces: Sequence[Samples]) -> "Joint":
-        """The same with shapes as wide as suits the motion of some pieces, with velocities."""
-        last = _root_mean_square([_velocities(p)[:, -1] for p in pieces])
+    def scaled(self, recordings: Sequence[Samples]) -> "Joint":
+        """The same with shapes as wide as suits the motion of some recordings, with velocities."""
+        last = _root_mean_square([_velocities(p)[:, -1] for p in recordings])
         smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * last, 1e-6)})
         if self.kind == "rigid":
             return replace(self, smooth=smooth)
-        sides = [self._both_sides(piece) for piece in pieces]
+        sides = [self._both_sides(recording) for recording in recordings]
         rate = _root_mean_square([np.subtract(*velocities.T) for _, velocities in sides])
         deflection = _root_mean_square([np.subtract(*positions.T) for positions, _ in sides])
         widths = {
@@ -109,12 +109,14 @@ class Joint:
         widths = {name: w for name, w in widths.items() if name in self.extended.constants}
         return replace(self, smooth=smooth, extended=self.extended.with_constants(widths))
 
-    def _both_sides(self, piece: Samples) -> tuple[FloatArray, FloatArray]:
+    def _both_sides(self, recording: Samples) -> tuple[FloatArray, FloatArray]:
         """Positions and velocities of link and motor, shape (n, 2) each."""
         if self.kind == "flexible":
-            return piece.positions, _velocities(piece)
-        motor = piece.inputs[:, :1], piece.inputs[:, 1:]
-        return np.hstack((piece.positions, motor[0])), np.hstack((_velocities(piece), motor[1]))
+            return recording.positions, _velocities(recording)
+        motor = recording.inputs[:, :1], recording.inputs[:, 1:]
+        return np.hstack((recording.positions, motor[0])), np.hstack(
+            (_velocities(recording), motor[1])
+        )
 
     def with_coulomb_velocity(self, velocity: float) -> "Joint":
         """The same with friction smoothed over a velocity in rad/s instead of dry."""
@@ -128,11 +130,11 @@ class Joint:
         """The term that a coefficient belongs to; None for those that are always there."""
         return next((term for term, names in self.terms.items() if name in names), None)
 
-    def samples(self, piece: Recording) -> Samples:
-        """A piece as the estimators take it."""
+    def samples(self, recording: Recording) -> Samples:
+        """A recording as the estimators take it."""
         if self.kind == "flexible":
-            return samples_of_recording(piece)
-        return link_samples(piece) if self.kind == "link" else rigid_samples(piece)
+            return samples_of_recording(recording)
+        return link_samples(recording) if self.kind == "link" else rigid_samples(recording)
 
     def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:
         """Channels, shape (n, n_channels), in rad.
@@ -164,7 +166,7 @@ class Joint:
         fixed : mapping of str to float
             Coefficients whose value is given.
         groups : sequence of int, optional
-            The log that each piece comes from: offsets are sought log by log.
+            The log that each recording comes from: offsets are sought log by log.
         """
         system = self.system if self.shapes <= {*absent} else self.extended
         off = {c: 0.0 for c in system.coefficients if c in absent}
@@ -254,9 +256,9 @@ def joint_of(kind: Kind) -> Joint:
     return {"flexible": flexible, "link": link, "rigid": rigid}[kind]()
 
 
-def _velocities(piece: Samples) -> FloatArray:
-    assert piece.velocities is not None
-    return piece.velocities
+def _velocities(recording: Samples) -> FloatArray:
+    assert recording.velocities is not None
+    return recording.velocities
 
 
 def _root_mean_square(parts: Sequence[FloatArray]) -> float:

@@ -14,12 +14,12 @@ from flexid.recording.recording import Hold
 _KEPT = 2000  # samples of the trace that are kept for the figure
 
 
-def stream(pieces: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> ObserverTrace:
-    """Run the observer with suggested constant gains over pieces, one after the other.
+def stream(recordings: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> ObserverTrace:
+    """Run the observer with suggested constant gains over recordings, one after the other.
 
     Parameters
     ----------
-    pieces : sequence of Samples
+    recordings : sequence of Samples
         With velocities. The estimates at the end of one are where the next begins.
     unknowns : Unknowns
         What is sought. What is fixed keeps its value; the observer does not distinguish logs.
@@ -33,15 +33,15 @@ def stream(pieces: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> Observe
     """
     system = unknowns.system
     sought = [c for c in system.coefficients if c not in unknowns.fixed]
-    gains = _gains(max(pieces, key=len), unknowns, sought)
+    gains = _gains(max(recordings, key=len), unknowns, sought)
     values = {c: unknowns.fixed.get(c, 0.0) for c in system.coefficients}
     estimates = []
-    for samples in pieces:
+    for samples in recordings:
         observer = parametric_observer(system, gains, samples.sample_time, hold)
         history = observer.replay(observer.init(values), packed(samples)).coefficients
         values = dict(zip(system.coefficients, map(float, history[-1]), strict=True))
         estimates.append(history)
-    time = np.concatenate([samples.time for samples in pieces])
+    time = np.concatenate([samples.time for samples in recordings])
     thinning = max(1, len(time) // _KEPT)
     kept = np.r_[0 : len(time) - 1 : thinning, len(time) - 1]
     places = [system.coefficients.index(c) for c in sought]

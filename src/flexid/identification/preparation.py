@@ -1,4 +1,4 @@
-"""Logs become pieces of motion, each with an end that is kept out of the fit."""
+"""Logs become recordings of motion, each with an end that is kept out of the fit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ _FEWEST_HELD_OUT_SAMPLES = 10
 
 
 @dataclass(frozen=True)
-class Pieces:
-    """Contiguous pieces of motion, each cut once: a part to fit, and an end to test on.
+class SplitRecordings:
+    """Contiguous recordings of motion, each cut once: a part to fit, and an end to test on.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ class Pieces:
 
     @cached_property
     def whole(self) -> tuple[Recording, ...]:
-        """The pieces from end to end, with velocities."""
-        return tuple(with_velocities(piece) for piece in self.recorded)
+        """The recordings from end to end, with velocities."""
+        return tuple(with_velocities(recording) for recording in self.recorded)
 
     @cached_property
     def fitted(self) -> tuple[Recording, ...]:
@@ -46,19 +46,20 @@ class Pieces:
 
     def _parts(self) -> tuple[Recording, ...]:
         return tuple(
-            piece.window(0, start) for piece, start in zip(self.recorded, self.starts, strict=True)
+            recording.window(0, start)
+            for recording, start in zip(self.recorded, self.starts, strict=True)
         )
 
 
-def prepare(logs: Sequence[Log], share: float) -> tuple[Pieces, tuple[str, ...]]:
-    """Collect the pieces that are long enough, and a warning for each that is not.
+def prepare(logs: Sequence[Log], share: float) -> tuple[SplitRecordings, tuple[str, ...]]:
+    """Collect the recordings that are long enough, and a warning for each that is not.
 
     Parameters
     ----------
     logs : sequence of Log
         Of the same drive, with the same kind of input.
     share : float
-        Share of each piece, at its end, to be held out.
+        Share of each recording, at its end, to be held out.
 
     Raises
     ------
@@ -70,17 +71,19 @@ def prepare(logs: Sequence[Log], share: float) -> tuple[Pieces, tuple[str, ...]]
     check_distinct(logs)
     common_input_unit(logs)
     _check_encoders(logs)
-    pieces = [(group, piece) for group, log in enumerate(logs) for piece in log.pieces]
-    kept = _long_enough(pieces, share)
-    warnings = [
-        f"{piece.source}: the {len(piece)} samples from {piece.start_time:g} s on are too few to "
-        f"fit and validate, so they were left out: record without gaps"
-        for group, piece in pieces
-        if kept and (group, piece) not in kept
+    recordings = [
+        (group, recording) for group, log in enumerate(logs) for recording in log.recordings
     ]
-    groups, recorded = zip(*(kept or pieces), strict=True)
-    starts = tuple(_held_out_start(piece, share) for piece in recorded)
-    return Pieces(recorded, starts, groups), tuple(warnings)
+    kept = _long_enough(recordings, share)
+    warnings = [
+        f"{recording.source}: the {len(recording)} samples from {recording.start_time:g} s on are "
+        f"too few to fit and validate, so they were left out: record without gaps"
+        for group, recording in recordings
+        if kept and (group, recording) not in kept
+    ]
+    groups, recorded = zip(*(kept or recordings), strict=True)
+    starts = tuple(_held_out_start(recording, share) for recording in recorded)
+    return SplitRecordings(recorded, starts, groups), tuple(warnings)
 
 
 def check_distinct(logs: Sequence[Log]) -> None:
@@ -96,7 +99,7 @@ def check_distinct(logs: Sequence[Log]) -> None:
 
 def common_input_unit(logs: Sequence[Log]) -> str:
     """Unit of the input of all logs, empty where none has one; refuses logs that differ in it."""
-    units = {piece.input_unit: log.source for log in logs for piece in log.pieces}
+    units = {recording.input_unit: log.source for log in logs for recording in log.recordings}
     if len(units) > 1:
         (first, second), sources = list(units)[:2], list(units.values())
         if "" in units:
@@ -113,7 +116,7 @@ def common_input_unit(logs: Sequence[Log]) -> str:
 
 def _check_encoders(logs: Sequence[Log]) -> None:
     """Refuse logs that differ in the encoders they hold."""
-    encoders = {p.link_position is None: log.source for log in logs for p in log.pieces}
+    encoders = {p.link_position is None: log.source for log in logs for p in log.recordings}
     if len(encoders) > 1:
         raise RecordingError(
             encoders[True],
@@ -123,30 +126,30 @@ def _check_encoders(logs: Sequence[Log]) -> None:
 
 
 def _long_enough(
-    pieces: Sequence[tuple[int, Recording]], share: float
+    recordings: Sequence[tuple[int, Recording]], share: float
 ) -> list[tuple[int, Recording]]:
     """Those, with their logs, that leave enough to fit."""
     return [
-        (group, piece)
-        for group, piece in pieces
-        if round(len(piece) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES
+        (group, recording)
+        for group, recording in recordings
+        if round(len(recording) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES
     ]
 
 
-def _held_out_start(piece: Recording, share: float) -> int:
-    start = round(len(piece) * (1 - share))
+def _held_out_start(recording: Recording, share: float) -> int:
+    start = round(len(recording) * (1 - share))
     if start < _FEWEST_TRAINING_SAMPLES:
         raise RecordingError(
-            piece.source,
-            f"piece from {piece.start_time:g} s",
-            f"has {len(piece)} samples, of which {share:.0%} are kept out for validation and "
+            recording.source,
+            f"recording from {recording.start_time:g} s",
+            f"has {len(recording)} samples, of which {share:.0%} are kept out for validation and "
             f"{start} are left to fit, fewer than {_FEWEST_TRAINING_SAMPLES}: record "
             f"{ceil(_FEWEST_TRAINING_SAMPLES / (1 - share))} or more without a gap",
         )
-    if len(piece) - start < _FEWEST_HELD_OUT_SAMPLES:
+    if len(recording) - start < _FEWEST_HELD_OUT_SAMPLES:
         raise SettingError(
             "validation-share",
-            f"{share:g} keeps only {len(piece) - start} samples of {piece.source} out, fewer than "
-            f"{_FEWEST_HELD_OUT_SAMPLES}: raise it, or record longer",
+            f"{share:g} keeps only {len(recording) - start} samples of {recording.source} out, "
+            f"fewer than {_FEWEST_HELD_OUT_SAMPLES}: raise it, or record longer",
         )
     return start

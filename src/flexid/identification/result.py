@@ -291,7 +291,7 @@ class Identification:
     model_error : ModelError
         What the residuals say about the model.
     validation : Validation
-        Free run over the held-out end of each piece, with coefficients fitted without it.
+        Free run over the held-out end of each recording, with coefficients fitted without it.
     compliance : Compliance
         Whether the log shows that the joint is flexible.
     observer : ObserverTrace

@@ -16,7 +16,7 @@ from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
-_LARGEST_DELAY = 0.1  # of the shortest piece
+_LARGEST_DELAY = 0.1  # of the shortest recording
 _SMALLEST, _LARGEST = 1e-15, 1e15  # of whatever is stated of a drive, in SI units
 _COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
 _FLEXIBLE = TERMS | SHAPE_TERMS
@@ -61,7 +61,7 @@ class Settings:
     segment_duration : float, optional
         Length of the segments of the prediction error in s.
     validation_share : float, optional
-        Share of each piece, at its end, that the free run is tested on.
+        Share of each recording, at its end, that the free run is tested on.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def check_against(settings: Settings, sample_time: float, shortest: float) -> No
     sample_time : float
         Of the log, in s.
     shortest : float
-        Length of its shortest piece in s.
+        Length of its shortest recording in s.
     """
     length = settings.segment_duration
     if length != "auto" and length < FEWEST_SAMPLES * sample_time:

@@ -120,7 +120,7 @@ def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
     structure : Structure
         Terms that are on, and what is given.
     groups : sequence of int
-        The log of each piece.
+        The log of each recording.
     """
     joint = structure.joint
     smooth = joint.smooth

@@ -28,7 +28,7 @@ HEAD_ROWS = 120_000
 """Samples at the beginning that choices are made on: two minutes at 1 kHz."""
 
 _WINDOW = 65_536  # samples that are worked on at once
-_FEWEST_SAMPLES = 75  # of a piece
+_FEWEST_SAMPLES = 75  # of a recording
 _FREE_RUNS = 8  # stretches that are kept out of the fit
 
 
@@ -128,7 +128,7 @@ def _products(task: StreamTask, window: Window, kept_out: bool) -> tuple[Product
         recording = with_velocities(recording, task.half_windows)
     samples = task.joint.samples(recording)
     skipped = window.start - window.offset
-    # Of a piece's last window, all equations there are; alignment may have made it shorter.
+    # Of a recording's last window, all equations there are; alignment may have made it shorter.
     stop = len(samples) - 2 if window.last else window.stop - window.offset
     products = task.problem.products(samples, skipped, stop - skipped, window.offset == 0)
     if not kept_out:

@@ -61,7 +61,7 @@ def stream_result(
 ) -> Identification:
     """Everything that the sums determine, beside what the head does."""
     joint, structure = task.joint, task.structure
-    input_unit = stream.head.pieces[0].input_unit
+    input_unit = stream.head.recordings[0].input_unit
     sought = set(task.problem.unknowns.names)
     bounds = {c: ends for c, ends in structure.bounds.items() if c in sought}
     start, at_bound = bounded_fit(task.sums.fit, task.problem.unknowns, bounds)

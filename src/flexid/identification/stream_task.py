@@ -43,7 +43,7 @@ class StreamTask:
     alignment : Alignment
         Hold and delays.
     head : tuple of Recording
-        Pieces of the head, aligned, with velocities.
+        Recordings of the head, aligned, with velocities.
     sums : StreamedSums
         Of the whole log.
     sample_time : float
@@ -120,22 +120,22 @@ class StreamTask:
 def stream_task(stream: LogStream, head: Identification, settings: Settings) -> StreamTask:
     """The choices of the head's identification, and the problem that they make."""
     choices = head.choices
-    pieces, _ = prepare([stream.head], settings.validation_share)
+    recordings, _ = prepare([stream.head], settings.validation_share)
     joint = joint_of(head.model)
     # As wide as in the head, whose shapes are those of the data before its held-out ends.
-    joint = joint.scaled([joint.samples(piece) for piece in pieces.fitted])
+    joint = joint.scaled([joint.samples(recording) for recording in recordings.fitted])
     if choices.coulomb_velocity is not None:
         joint = joint.with_coulomb_velocity(choices.coulomb_velocity)
     on = {c for term in choices.terms for c in joint.terms[term]}
     # Least squares takes the usual terms alone.
     absent = joint.optional - (on & set(joint.smooth.coefficients))
-    input_unit = stream.head.pieces[0].input_unit
+    input_unit = stream.head.recordings[0].input_unit
     said = stated(settings, joint, input_unit)
     timing = Timing(choices.hold)
     structure = Structure(joint, frozenset(absent), timing, said.given, said.bounds)
     unknowns = smooth_unknowns(structure, (0,))
-    recordings = tuple(
-        with_velocities(aligned(piece, choices.alignment)) for piece in pieces.recorded
+    timely = tuple(
+        with_velocities(aligned(recording, choices.alignment)) for recording in recordings.recorded
     )
     rate = choices.filter_rate if isinstance(settings.filter_rate, str) else settings.filter_rate
     most = max(len(unknowns.names_of(row)) for row in unknowns.system.rows)
@@ -144,9 +144,9 @@ def stream_task(stream: LogStream, head: Identification, settings: Settings) -> 
     hold = "zero" if choices.hold == "zero" else "linear"
     none = np.zeros(len(unknowns.names))
     problem = StreamedProblem(unknowns, none, rate, hold, block)
-    reference = _least_squares(joint, recordings, unknowns, problem).values
+    reference = _least_squares(joint, timely, unknowns, problem).values
     sums = StreamedSums(replace(problem, reference=reference))
-    task = StreamTask(structure, choices.alignment, recordings, sums, stream.sample_time)
+    task = StreamTask(structure, choices.alignment, timely, sums, stream.sample_time)
     if task.margin > _LARGEST_MARGIN:
         raise SettingError(
             "filter-rate",

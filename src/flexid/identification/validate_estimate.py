@@ -27,7 +27,7 @@ from flexid.toml_file import validated
 if TYPE_CHECKING:
     from flexid.identification.estimate_schema import StoredEstimate
 
-_HEAD = 0.5  # s at the start of each piece from which the first state is taken
+_HEAD = 0.5  # s at the start of each recording from which the first state is taken
 _SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator are chosen
 
 
@@ -68,7 +68,7 @@ def validate_estimate(
         An ``estimate.json`` of ``flexid identify``, or its content.
     logs : sequence of Log
         With the same kind of input as those that it was made from. What is tested is all but the
-        first half second of each piece.
+        first half second of each recording.
 
     Returns
     -------
@@ -85,10 +85,10 @@ def validate_estimate(
     name, raw, _ = file
     stored, model = _model(file)
     check_distinct(logs)
-    pieces, dropped = _pieces(logs, model.joint.kind)
+    recordings, dropped = _recordings(logs, model.joint.kind)
     _check_unit(name, stored, logs)
-    data = data_of(model.joint, pieces, [0] * len(pieces))
-    starts = [round(_HEAD / piece.sample_time) for piece in pieces]
+    data = data_of(model.joint, recordings, [0] * len(recordings))
+    starts = [round(_HEAD / recording.sample_time) for recording in recordings]
     problem, _ = model.motion(divide(data.samples, _SEGMENT), data.noise, data)
     try:
         with np.errstate(all="ignore"):
@@ -145,29 +145,29 @@ def _model(file: EstimateFile) -> "tuple[StoredEstimate, Rebuilt]":
     return stored, model
 
 
-def _pieces(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]]:
-    """Pieces that are long enough, and a sentence for each that is not."""
-    pieces, dropped = [], []
-    for piece in (piece for log in logs for piece in log.pieces):
-        if kind != "rigid" and piece.link_position is None:
+def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]]:
+    """Recordings that are long enough, and a sentence for each that is not."""
+    recordings, dropped = [], []
+    for recording in (recording for log in logs for recording in log.recordings):
+        if kind != "rigid" and recording.link_position is None:
             raise RecordingError(
-                piece.source,
+                recording.source,
                 "link_position",
                 "is missing, and the estimate is of a joint with two encoders",
             )
-        fewest = round(_HEAD / piece.sample_time) + FEWEST_SAMPLES
-        if len(piece) >= max(fewest, 2 * FEWEST_SAMPLES):
-            pieces.append(piece)
+        fewest = round(_HEAD / recording.sample_time) + FEWEST_SAMPLES
+        if len(recording) >= max(fewest, 2 * FEWEST_SAMPLES):
+            recordings.append(recording)
         else:
             dropped.append(
-                f"{piece.source}: the {len(piece)} samples from {piece.start_time:g} s on are too "
-                f"few to predict, so they were left out"
+                f"{recording.source}: the {len(recording)} samples from {recording.start_time:g} s "
+                f"on are too few to predict, so they were left out"
             )
-    if not pieces:
+    if not recordings:
         raise RecordingError(
-            logs[0].source, "", f"holds no piece longer than {_HEAD:g} s: record longer"
+            logs[0].source, "", f"holds no recording longer than {_HEAD:g} s: record longer"
         )
-    return pieces, dropped
+    return recordings, dropped
 
 
 def _check_unit(name: str, stored: "StoredEstimate", logs: Sequence[Log]) -> None:

@@ -27,14 +27,14 @@ _REST = 0.05  # root mean square of held-out motion over that of fitted motion, 
 
 
 def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
-    """Predict the held-out end of each piece.
+    """Predict the held-out end of each recording.
 
     Parameters
     ----------
     fitted : Fitted
         To the data before the held-out ends.
     data : Data
-        The pieces with their ends.
+        The recordings with their ends.
     starts : sequence of int
         Where the held-out end of each begins.
 
@@ -54,7 +54,7 @@ def validate_with(
     data: Data,
     starts: Sequence[int],
 ) -> Validation:
-    """Predict the held-out end of each piece with given values, wherever they come from.
+    """Predict the held-out end of each recording with given values, wherever they come from.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def validate_with(
     values : array, shape (k,)
         Of what `problem` seeks.
     data : Data
-        The pieces with their ends.
+        The recordings with their ends.
     starts : sequence of int
         Where the held-out end of each begins.
 
@@ -79,8 +79,8 @@ def validate_with(
     horizons = {}
     for horizon in HORIZONS:
         origins = [
-            _origins(len(piece), start, piece.sample_time, horizon)
-            for piece, start in zip(data.samples, starts, strict=True)
+            _origins(len(recording), start, recording.sample_time, horizon)
+            for recording, start in zip(data.samples, starts, strict=True)
         ]
         if all(origins):
             predicted = _predictions(joint, problem, values, data, origins, horizon)
@@ -139,11 +139,11 @@ def _predictions(
     origins: Sequence[Sequence[int]],
     horizon: float,
 ) -> list[FreeRun]:
-    """Predicted motion from each origin on, for a horizon in s or to the end of its piece."""
-    whole = divide(data.samples, data.duration)  # one segment for each piece
-    firsts, warm, total, pieces, places = [], [], [], [], []
-    for piece, (samples, own) in enumerate(zip(data.samples, origins, strict=True)):
-        offset = int(whole.piece_starts[piece])
+    """Predicted motion from each origin on, for a horizon in s or to the end of its recording."""
+    whole = divide(data.samples, data.duration)  # one segment for each recording
+    firsts, warm, total, recordings, places = [], [], [], [], []
+    for recording, (samples, own) in enumerate(zip(data.samples, origins, strict=True)):
+        offset = int(whole.recording_starts[recording])
         for origin in own:
             first = max(0, origin - _warm_up(samples.sample_time))
             last = len(samples)
@@ -152,11 +152,11 @@ def _predictions(
             firsts.append(offset + first)
             warm.append(origin - first)
             total.append(last - first)
-            pieces.append(piece)
+            recordings.append(recording)
             places.append(origin)
-    before = _windows(whole, firsts, warm, pieces)
+    before = _windows(whole, firsts, warm, recordings)
     states = following_states(model, values, before)
-    windows = _windows(whole, firsts, total, pieces)
+    windows = _windows(whole, firsts, total, recordings)
     problem = replace(model, segments=windows)
     equations = problem.equations(Point(values, states))
     measured = problem.timely(values)
@@ -169,30 +169,30 @@ def _predictions(
         predicted = joint.channels_of(seen - equations.residuals[part], inputs)
         if equations.diverged[s]:
             predicted = np.full_like(channels, np.inf)
-        samples = data.samples[pieces[s]]
+        samples = data.samples[recordings[s]]
         time = samples.time[places[s] : places[s] + len(seen)]
         runs.append(FreeRun(time, channels, predicted))
     return runs
 
 
 def _windows(
-    whole: Segments, firsts: Sequence[int], spans: Sequence[int], pieces: Sequence[int]
+    whole: Segments, firsts: Sequence[int], spans: Sequence[int], recordings: Sequence[int]
 ) -> Segments:
-    """Stretches of pieces as segments; `whole` has one segment for each piece."""
-    own = np.array(pieces, dtype=np.int64)
+    """Stretches of recordings as segments; `whole` has one segment for each recording."""
+    own = np.array(recordings, dtype=np.int64)
     return replace(
         whole,
         starts=np.array(firsts, dtype=np.int64),
         lengths=np.array(spans, dtype=np.int64),
         sample_times=whole.sample_times[own],
         start_times=whole.start_times[own],
-        pieces=own,
+        recordings=own,
     )
 
 
 def _spreads(joint: Joint, data: Data, starts: Sequence[int]) -> FloatArray:
     """Root mean square of the held-out motion about its mean, per channel; NaN where it rests."""
-    every = [joint.channels_of(piece.positions, piece.inputs) for piece in data.samples]
+    every = [joint.channels_of(recording.positions, recording.inputs) for recording in data.samples]
     held = _spread([y[start:] for y, start in zip(every, starts, strict=True)])
     fitted = _spread([y[:start] for y, start in zip(every, starts, strict=True)])
     return np.where(held < _REST * fitted, np.nan, held)

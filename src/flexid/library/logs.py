@@ -64,7 +64,7 @@ def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
 
 @entrance
 def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Samples, ...]":
-    """Samples of a log as estimators take them, one for each piece without a gap.
+    """Samples of a log as estimators take them, one for each recording without a gap.
 
     Parameters
     ----------
@@ -85,10 +85,12 @@ def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Sample
     """
     from flexid.estimators.samples import rigid_samples, samples_of_recording
 
-    pieces = one_log("samples", log, columns).pieces
+    recordings = one_log("samples", log, columns).recordings
     return tuple(
-        rigid_samples(piece) if piece.link_position is None else samples_of_recording(piece)
-        for piece in pieces
+        rigid_samples(recording)
+        if recording.link_position is None
+        else samples_of_recording(recording)
+        for recording in recordings
     )
 
 

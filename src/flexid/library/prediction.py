@@ -20,7 +20,7 @@ class Prediction:
     Parameters
     ----------
     time : array, shape (n,)
-        Seconds on the log's clock; pieces of a log with gaps follow each other.
+        Seconds on the log's clock; recordings of a log with gaps follow each other.
     measured, predicted : mapping of str to array, shape (n,)
         By channel, in rad.
     fit_percent : mapping of str to float

@@ -230,7 +230,7 @@ def check_follow(file: str, link: Channel, motor: Channel) -> tuple[str, ...]:
 
 
 def check_derivative(
-    file: str, name: str, channel: Channel, positions: list[FloatArray], pieces: list[Recording]
+    file: str, name: str, channel: Channel, positions: list[FloatArray], recordings: list[Recording]
 ) -> tuple[str, ...]:
     """Check that a measured velocity is the derivative of its position.
 
@@ -244,8 +244,8 @@ def check_derivative(
     channel : Channel
         The velocity, for its column.
     positions : list of FloatArray
-        The position of each piece.
-    pieces : list of Recording
+        The position of each recording.
+    recordings : list of Recording
 
     Returns
     -------
@@ -258,10 +258,10 @@ def check_derivative(
         If the two are clearly not position and derivative.
     """
     products, position_squares, integral_squares, noise_squares = 0.0, 0.0, 0.0, 0.0
-    for position, piece in zip(positions, pieces, strict=True):
-        velocity = getattr(piece, name)
+    for position, recording in zip(positions, recordings, strict=True):
+        velocity = getattr(recording, name)
         integral = np.concatenate(
-            ([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1])) * piece.sample_time)
+            ([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1])) * recording.sample_time)
         )
         q, v = _without_trend(position, integral)
         products += float(q @ v)

@@ -1,4 +1,4 @@
-"""From a log file to uniformly sampled pieces in SI units."""
+"""From a log file to uniformly sampled recordings in SI units."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     Returns
     -------
     Log
-        Its pieces lie on one even time grid; its warnings say what was mended or looks odd.
+        Its recordings lie on one even time grid; its warnings say what was mended or looks odd.
 
     Raises
     ------
@@ -57,17 +57,21 @@ def log_of_table(table: Table, columns: Path | None = None) -> Log:
     warnings += _unwrap(table.file, channels, clock.values)
     _add_link_position(table.file, channels)
     warnings += _check_together(table.file, channels, clock.values)
-    pieces = [
+    recordings = [
         recording_of(
             table.file, channels, clock.values, grid.sample_time, part, resample=grid.resample
         )
-        for part in grid.pieces
+        for part in grid.recordings
     ]
     for name in VELOCITIES:
         if name in channels:
-            positions = [getattr(piece, name.replace("velocity", "position")) for piece in pieces]
-            warnings += checks.check_derivative(table.file, name, channels[name], positions, pieces)
-    return Log(tuple(pieces), warnings, table.file, table.sha256, origins)
+            positions = [
+                getattr(recording, name.replace("velocity", "position")) for recording in recordings
+            ]
+            warnings += checks.check_derivative(
+                table.file, name, channels[name], positions, recordings
+            )
+    return Log(tuple(recordings), warnings, table.file, table.sha256, origins)
 
 
 def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:
@@ -126,7 +130,7 @@ def recording_of(
     *,
     resample: bool = False,
 ) -> Recording:
-    """Build the recording of one piece.
+    """Build one recording of a log.
 
     Parameters
     ----------
@@ -139,7 +143,7 @@ def recording_of(
     sample_time : float
         In s.
     part : slice
-        Samples of the piece.
+        Samples of the recording.
     resample : bool, optional
         Whether to interpolate to even times.
     """

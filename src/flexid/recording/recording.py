@@ -1,4 +1,4 @@
-"""What a log holds once it is read: uniformly sampled pieces in SI units."""
+"""What a log holds once it is read: uniformly sampled recordings in SI units."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CHANNELS = ("link_position", "motor_position", "input", "link_velocity", "motor_
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One contiguous, uniformly sampled piece of a log, in SI units.
+    """One contiguous, uniformly sampled recording of a log, in SI units.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class Log:
 
     Parameters
     ----------
-    pieces : tuple of Recording
+    recordings : tuple of Recording
         One, or several where the file had gaps; all with the same sample time.
     warnings : tuple of str
         One sentence each, with the place and the remedy.
@@ -193,15 +193,17 @@ class Log:
         How each channel was computed from the columns of the file, by the channel's name.
     """
 
-    pieces: tuple[Recording, ...]
+    recordings: tuple[Recording, ...]
     warnings: tuple[str, ...]
     source: str
     sha256: str
     columns: Mapping[str, Origin] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        pieces = ", ".join(f"{len(piece) * piece.sample_time:g} s" for piece in self.pieces)
-        return f"<Log {self.source}: {pieces}>"
+        recordings = ", ".join(
+            f"{len(recording) * recording.sample_time:g} s" for recording in self.recordings
+        )
+        return f"<Log {self.source}: {recordings}>"
 
     @property
     def provenance(self) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Time stamps to an even grid: gaps cut the log into pieces, jitter is interpolated away."""
+"""Time stamps to an even grid: gaps cut the log into recordings, jitter is interpolated away."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
     from flexid.recording.table import Table
 
-FEWEST_SAMPLES = 20  # of a piece
-FEWEST_TO_IDENTIFY = 75  # of a piece: 50 to fit, and a third that is kept out
+FEWEST_SAMPLES = 20  # of a recording
+FEWEST_TO_IDENTIFY = 75  # of a recording: 50 to fit, and a third that is kept out
 LONGEST_SAMPLE_TIME = 0.5  # s
 SHORTEST_SAMPLE_TIME = 1e-6  # s
 GAP = 1.5  # sample times between two samples; a single lost sample makes 2
@@ -26,21 +26,21 @@ MOST_JITTER = 0.1  # of a sample time
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where the pieces of a log lie, and on which even times.
+    """Where the recordings of a log lie, and on which even times.
 
     Parameters
     ----------
     sample_time : float
-        Common to all pieces, in s.
-    pieces : tuple of slice
-        The samples of each piece.
+        Common to all recordings, in s.
+    recordings : tuple of slice
+        The samples of each recording.
     resample : bool
         Whether the time stamps are off the even grid by more than rounding.
     warnings : tuple of str
     """
 
     sample_time: float
-    pieces: tuple[slice, ...]
+    recordings: tuple[slice, ...]
     resample: bool
     warnings: tuple[str, ...]
 
@@ -97,22 +97,26 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     if is_gap.mean() > MOST_GAPS:
         raise _uneven(table.file, place, steps)
     cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
-    all_pieces = [slice(a, b) for a, b in pairwise(cuts)]
-    pieces = [piece for piece in all_pieces if piece.stop - piece.start >= FEWEST_SAMPLES]
-    if not pieces:
+    all_recordings = [slice(a, b) for a, b in pairwise(cuts)]
+    recordings = [
+        recording
+        for recording in all_recordings
+        if recording.stop - recording.start >= FEWEST_SAMPLES
+    ]
+    if not recordings:
         raise RecordingError(
             table.file,
             place,
             f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps",
         )
-    warnings = _gap_warnings(table.file, time, all_pieces, pieces)
-    sample_time = _fitted_sample_time(time, pieces)
-    off_grid = max(_off_grid(time[piece], sample_time) for piece in pieces)
-    within = np.concatenate([np.diff(time[piece]) for piece in pieces])
+    warnings = _gap_warnings(table.file, time, all_recordings, recordings)
+    sample_time = _fitted_sample_time(time, recordings)
+    off_grid = max(_off_grid(time[recording], sample_time) for recording in recordings)
+    within = np.concatenate([np.diff(time[recording]) for recording in recordings])
     # A time stamp that is late lengthens one step and shortens the next.
     jitter = float(np.abs(within / sample_time - 1.0).max()) / 2.0
     if off_grid <= EVEN:
-        return Grid(sample_time, tuple(pieces), False, warnings)
+        return Grid(sample_time, tuple(recordings), False, warnings)
     if jitter > MOST_JITTER:
         raise _uneven(table.file, place, within)
     warnings += (
@@ -120,7 +124,7 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
         f"of {sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record "
         f"at a fixed rate, or write the time with more digits",
     )
-    return Grid(sample_time, tuple(pieces), True, warnings)
+    return Grid(sample_time, tuple(recordings), True, warnings)
 
 
 def to_grid(
@@ -178,21 +182,22 @@ def _uneven(file: str, place: str, steps: FloatArray) -> RecordingError:
 
 
 def _gap_warnings(
-    file: str, time: FloatArray, all_pieces: list[slice], pieces: list[slice]
+    file: str, time: FloatArray, all_recordings: list[slice], recordings: list[slice]
 ) -> tuple[str, ...]:
     warnings = []
-    if len(all_pieces) > 1:
+    if len(all_recordings) > 1:
         gaps = [
-            f"{time[a.stop - 1]:.6g} s to {time[b.start]:.6g} s" for a, b in pairwise(all_pieces)
+            f"{time[a.stop - 1]:.6g} s to {time[b.start]:.6g} s"
+            for a, b in pairwise(all_recordings)
         ]
         warnings.append(
             f"{file}: samples are missing from {_listed(gaps)}, so the log was cut there into "
-            f"{len(pieces)} {'piece' if len(pieces) == 1 else 'pieces'}: record without gaps"
+            f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}: record without gaps"
         )
     short = [
-        f"{time[piece.start]:.6g} s to {time[piece.stop - 1]:.6g} s"
-        for piece in all_pieces
-        if piece not in pieces
+        f"{time[recording.start]:.6g} s to {time[recording.stop - 1]:.6g} s"
+        for recording in all_recordings
+        if recording not in recordings
     ]
     if short:
         warnings.append(
@@ -208,11 +213,11 @@ def _listed(items: list[str]) -> str:
     return ", ".join(items)
 
 
-def _fitted_sample_time(time: FloatArray, pieces: list[slice]) -> float:
-    """Return the least-squares slope of time over the sample's number, common to all pieces."""
+def _fitted_sample_time(time: FloatArray, recordings: list[slice]) -> float:
+    """Return the least-squares slope of time over the sample's number, common to all recordings."""
     products, squares = 0.0, 0.0
-    for piece in pieces:
-        stamps = time[piece] - time[piece].mean()
+    for recording in recordings:
+        stamps = time[recording] - time[recording].mean()
         numbers = np.arange(len(stamps)) - 0.5 * (len(stamps) - 1)
         products += float(numbers @ stamps)
         squares += float(numbers @ numbers)

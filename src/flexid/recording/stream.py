@@ -49,7 +49,7 @@ class Chunk:
     recording : Recording
         One sample or more, in SI units.
     begins : bool
-        Whether a piece begins here: at the beginning, or after a gap.
+        Whether a recording begins here: at the beginning, or after a gap.
     row : int
         Rows of the file before it.
     """
@@ -90,7 +90,7 @@ class LogStream:
         table = self._head(head_rows)
         self._columns = channel_columns(table, columns)
         self.head: Log = log_of_table(table, columns)
-        self.sample_time = self.head.pieces[0].sample_time
+        self.sample_time = self.head.recordings[0].sample_time
         self.sha256 = ""
         """Digest of the file's bytes, once the stream is over."""
 
@@ -204,7 +204,7 @@ class _State:
             times = listed(self.gaps, self.n_gaps)
             warnings.append(
                 f"{self.file}: samples are missing from {times}, so the log was cut there into "
-                f"pieces: record without gaps"
+                f"recordings: record without gaps"
             )
         if self.steps:
             change = self.elapsed / self.steps / self.sample_time - 1.0
@@ -216,7 +216,7 @@ class _State:
         return warnings
 
     def _begins(self, table: Table, column: str, time: FloatArray) -> NDArray[np.bool_]:
-        """Whether a piece begins at each sample; raise unless time runs evenly in between."""
+        """Whether a recording begins at each sample; raise unless time runs evenly in between."""
         steps = np.diff(time, prepend=self.last_time)
         if np.isnan(self.last_time):
             steps[0] = np.inf
@@ -262,7 +262,7 @@ class _State:
         others = ("motor_position", "link_position")
         for name, other in zip(sensors, others, strict=True):
             if name not in self.still:
-                moves = max(float(np.ptp(getattr(p, other))) for p in self.head.pieces)
+                moves = max(float(np.ptp(getattr(p, other))) for p in self.head.recordings)
                 self.still[name] = Still(self.file, name, channels[name].column, 0.1 * moves)
             self.still[name].look(channels[name].values, channels[other].values, time)
 

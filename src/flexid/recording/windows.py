@@ -18,20 +18,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A part of a piece, with what lies before and after it.
+    """A part of a recording, with what lies before and after it.
 
     Parameters
     ----------
     recording : Recording
         The part with its margins.
     offset : int
-        Samples of the piece before these.
+        Samples of the recording before these.
     start, stop : int
-        The part itself, as samples of the piece.
+        The part itself, as samples of the recording.
     last : bool
-        Whether the piece ends here.
+        Whether the recording ends here.
     row : int
-        Rows of the file before the first sample of the piece.
+        Rows of the file before the first sample of the recording.
     """
 
     recording: Recording
@@ -45,21 +45,21 @@ class Window:
 def windows(
     chunks: Iterable[Chunk], length: int, margin: int, rest: int, fewest: int
 ) -> Iterator[Window]:
-    """Cut the pieces of a stream into windows, wherever the chunks begin and end.
+    """Cut the recordings of a stream into windows, wherever the chunks begin and end.
 
     Parameters
     ----------
     chunks : iterable of Chunk
         The stream.
     length : int
-        Samples of a part. The last one of a piece is longer by less than 2 `margin` + `rest`, or
+        Samples of a part. A recording's last one is longer by less than 2 `margin` + `rest`, or
         shorter.
     margin : int
         Samples before and after it, as far as there are any.
     rest : int
         Samples that a last part has at least, beyond the margin.
     fewest : int
-        Samples of the shortest piece that counts.
+        Samples of the shortest recording that counts.
     """
     parts: list[Recording] = []
     row, offset, start, total = 0, 0, 0, 0
@@ -90,7 +90,7 @@ def windows(
 
 
 def _joined(parts: list[Recording]) -> Recording:
-    """One recording of consecutive ones."""
+    """Consecutive recordings as one."""
     if len(parts) == 1:
         return parts[0]
     channels = {}

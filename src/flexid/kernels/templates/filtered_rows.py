@@ -51,7 +51,7 @@ def past(memory, settings, regressor, first):
 def next_row(memory, sample, settings, signals):
     """Take in one sample; return whether there is a row: regressors, then left-hand sides.
 
-    As `filter_piece` of the state-variable filter, sample by sample. Positions and inputs lag by
+    As `filter_recording` of the state-variable filter, by the sample. Positions and inputs lag by
     HALF_WINDOW samples, so that velocities can be slopes of straight lines fitted about them.
     """
     h = settings[SAMPLE_TIME]

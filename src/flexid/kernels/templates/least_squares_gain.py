@@ -119,7 +119,7 @@ def vector_of(state, place, j):
 
 @njit(cache=True, error_model="numpy")
 def forget_past(state):
-    """Eliminate the unknown past of all rows, once it has decayed or a new piece begins."""
+    """Eliminate the unknown past of all rows, once it has decayed or a new recording begins."""
     for j in range(N_ROWS):
         n = ROW_STARTS[j + 1] - ROW_STARTS[j]
         explained = eliminate_past(
@@ -154,7 +154,7 @@ def close_block(state, settings):
 
 @njit(cache=True, error_model="numpy")
 def break_off(state, settings):
-    """A sample is missing: the next one begins a new piece; nothing that was learnt is lost."""
+    """A sample is missing: the next one begins a new recording; nothing that was learnt is lost."""
     counts = state[COUNTS_AT:POWER_AT]
     if counts[SPAN] > 0.0:
         if counts[PAST_GONE] == 0.0:

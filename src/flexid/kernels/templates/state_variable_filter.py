@@ -1,4 +1,4 @@
-"""Both sides of every row, filtered over a whole piece of a log."""
+"""Both sides of every row, filtered over a whole recording of a log."""
 
 from typing import TYPE_CHECKING
 
@@ -35,7 +35,7 @@ def rules(wanted, zero_order, weights):
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
-def filter_piece(record, constants, sample_time, pole, zero_order, wanted, filtered, at):
+def filter_recording(record, constants, sample_time, pole, zero_order, wanted, filtered, at):
     """Double integrals of both sides of every row over two intervals, then smoothed twice.
 
     The record is positions, velocities and inputs, a row for each sample.
