@@ -35,15 +35,16 @@ def resonance(estimate: flexid.JointEstimate) -> float:
 
 
 def from_arrays(log: Path) -> flexid.Log:
-    """A log whose samples are arrays: names as columns have them, with their units."""
+    """A log whose samples are arrays: names as columns have them, or with a map of the columns."""
     (recorded,) = flexid.read_log(log).recordings
     return flexid.read_log(
         {
             "time [s]": recorded.time,
-            "link_position [deg]": np.rad2deg(recorded.needed_link_position),
+            "potentiometer": np.rad2deg(recorded.needed_link_position) / 36.0,
             "motor_position [rad]": recorded.motor_position,
             "motor_torque [N m]": recorded.needed_input,
-        }
+        },
+        columns={"link_position": {"column": "potentiometer", "scale": 36.0, "unit": "deg"}},
     )
 
 

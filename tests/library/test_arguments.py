@@ -30,7 +30,7 @@ UNTAKEN = {
     "delay": (call("identify", "a.csv", input_delay="late"), "'late'.*auto"),
     "delay in a list": (call("identify", "a.csv", input_delay=[0.1]), "a list"),
     "true": (call("identify", "a.csv", validation_share=True), "a bool"),
-    "columns": (call("identify", "a.csv", columns={"time": "t"}), "a dict.*path"),
+    "columns": (call("identify", "a.csv", columns=["t"]), "a list.*path.*mapping"),
     "stream": (call("identify", {"time": []}, stream=True), "path of one Parquet"),
     "load": (call("load", None), "None.*path"),
     "estimate": (call("validate", 3, "a.csv"), "an int.*flexid.identify"),

@@ -49,9 +49,11 @@ def test_a_column_map_serves_a_frame(arrays, tmp_path):
     path = tmp_path / "map.toml"
     path.write_text('link_position = {column = "q", unit = "deg"}')
     frame = pl.DataFrame(arrays).rename({NAMES[1]: "q"})
-    (found,) = flexid.read_log(frame, columns=path).recordings
     (wanted,) = flexid.read_log(arrays).recordings
-    np.testing.assert_allclose(found.needed_link_position, wanted.needed_link_position, rtol=1e-15)
+    for columns in (path, str(path), {"link_position": {"column": "q", "unit": "deg"}}):
+        (found,) = flexid.read_log(frame, columns=columns).recordings
+        link = found.needed_link_position
+        np.testing.assert_allclose(link, wanted.needed_link_position, rtol=1e-15)
 
 
 def test_the_same_data_twice_are_known(arrays):

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import tomllib
+from collections import OrderedDict
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -222,6 +227,63 @@ def test_bad_maps(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
     assert caught.value.file == str(tmp_path / "columns.toml")
     for word in words:
         assert word in str(caught.value)
+
+    content = toml_of(RAW_MAP.replace(old, new))
+    if content is not None:  # what no TOML can say is no mapping either
+        with pytest.raises(RecordingError) as again:
+            read_log(raw_log(tmp_path), content)
+        assert str(again.value) == str(caught.value).replace(caught.value.file, "columns", 1)
+
+
+def toml_of(text: str) -> dict[str, Any] | None:
+    """The tables of a TOML file, None where it is none."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return None
+
+
+@pytest.mark.parametrize("kind", [dict, OrderedDict, MappingProxyType])
+def test_a_mapping_is_read_as_the_file_is(tmp_path: Path, kind: Any) -> None:
+    """Assert that a mapping of whatever type gives the same samples, origins and warnings."""
+    text = "gear_ratio = 50\n" + RAW_MAP.replace('column = "u"', 'sum = ["u", {column = "other"}]')
+    content = {
+        key: kind(value) if isinstance(value, dict) else value
+        for key, value in tomllib.loads(text).items()
+    }
+    content["motor_voltage"] = {
+        **content["motor_voltage"],
+        "sum": tuple(
+            one if isinstance(one, str) else kind(one) for one in ("u", {"column": "other"})
+        ),
+    }
+    content["gear_ratio"] = np.int64(50)
+    content["deflection"] = kind({"column": "strain", "scale": np.float32(2.0)})
+    wanted, found = read_mapped(tmp_path, text), read_log(raw_log(tmp_path), kind(content))
+    assert found.columns == wanted.columns
+    assert found.warnings == wanted.warnings
+    for channel in ("link_position", "motor_position", "input"):
+        one, other = getattr(wanted.recordings[0], channel), getattr(found.recordings[0], channel)
+        np.testing.assert_array_equal(other, one)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({}, "columns: the column map is empty"),
+        ({3: "q"}, "columns: key 3: this is no channel"),
+        ({"gear_ratio": object()}, "columns: key 'gear_ratio': <object .* is no ratio"),
+        ({"time": np.arange(3)}, "columns: key 'time': this is neither a column name nor a table"),
+        ({"time": ("t [ms]", "s")}, "columns: key 'time': this is neither a column name nor"),
+        ({"time": "t [ms]"}, "no motor_position.* say in columns which is which"),
+    ],
+)
+def test_mappings_that_no_file_holds(
+    tmp_path: Path, content: Mapping[Any, object], words: str
+) -> None:
+    """Assert that what only Python can give is refused in a sentence, too."""
+    with pytest.raises(RecordingError, match=words):
+        read_log(raw_log(tmp_path), content)
 
 
 def test_missing_entry(tmp_path: Path) -> None:

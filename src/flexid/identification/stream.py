@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flexid.estimators.streamed_least_squares import Products
 from flexid.identification.alignment import aligned
@@ -24,6 +25,9 @@ from flexid.recording.stream import LogStream
 from flexid.recording.velocities import with_velocities
 from flexid.recording.windows import Window, windows
 
+if TYPE_CHECKING:
+    from flexid.recording.column_map import MapSource
+
 HEAD_ROWS = 120_000
 """Samples at the beginning that choices are made on: two minutes at 1 kHz."""
 
@@ -34,7 +38,7 @@ _FREE_RUNS = 8  # stretches that are kept out of the fit
 
 def identify_stream(
     path: Path,
-    columns: Path | None = None,
+    columns: "MapSource | None" = None,
     settings: Settings | None = None,
     progress: Progress = silent,
     advance: Advance = silent,
@@ -46,8 +50,8 @@ def identify_stream(
     ----------
     path : Path
         The log.
-    columns : Path, optional
-        A TOML column map.
+    columns : Path or mapping, optional
+        A column map: a TOML file, or what it would hold.
     settings : Settings, optional
         Choices.
     progress : callable, optional

@@ -118,8 +118,9 @@ def excitation(
     ----------
     logs : log or list of logs
         Of one drive, as `flexid.identify` takes them.
-    columns : path, optional
-        A TOML column map that renames, scales and combines raw columns.
+    columns : path or mapping, optional
+        A column map, which renames, scales and combines raw columns: a TOML file, or what it would
+        hold, such as ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
     known : mapping of str to float or (float, float), optional
         Physical parameters or coefficients that are known, with their standard deviation if they
         have one.

@@ -9,7 +9,7 @@ from flexid.identification.progress import Progress, silent
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.joint_estimate import JointEstimate
-from flexid.library.logs import all_logs
+from flexid.library.logs import all_logs, as_columns
 from flexid.library.options import joint_settings
 from flexid.library.threads import in_one_thread
 
@@ -52,8 +52,9 @@ def identify(
         another library that narwhals knows, mappings of arrays, or what `flexid.read_log` read.
         Columns are found by name, with their unit in brackets: ``"time [s]"``,
         ``"link_position [deg]"``, ``"motor_position [deg]"``, ``"motor_torque [N m]"``.
-    columns : path, optional
-        A TOML column map that renames, scales and combines raw columns.
+    columns : path or mapping, optional
+        A column map, which renames, scales and combines raw columns: a TOML file, or what it would
+        hold, such as ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
     known : mapping of str to float or (float, float), optional
         Physical parameters or coefficients that are known, with their standard deviation if they
         have one: ``{"motor_inertia": (0.3, 0.01)}``. Values of the package ``uncertainties`` serve
@@ -137,10 +138,9 @@ def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress)
         (logs,) = logs
     if not isinstance(logs, str | os.PathLike):
         raise ArgumentError("identify", "logs", "is to be the path of one Parquet file to stream")
-    column_map = None if columns is None else as_path("identify", "columns", columns)
     return identify_stream(
         as_path("identify", "logs", logs),
-        column_map,
+        as_columns("identify", columns),
         settings,
         progress,
         lambda _done, _total: None,

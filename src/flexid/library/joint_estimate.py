@@ -240,8 +240,8 @@ class JointEstimate(Answer):
         ----------
         log : path, data frame, mapping of arrays, Log or Recording
             As `flexid.read_log` takes it, with the same kind of input.
-        columns : path, optional
-            A TOML column map for raw sensor columns.
+        columns : path or mapping, optional
+            A column map for raw sensor columns, as `flexid.identify` takes it.
 
         Returns
         -------
@@ -265,8 +265,8 @@ class JointEstimate(Answer):
         ----------
         logs : log or list of logs
             As `flexid.read_log` takes them, with the same kind of input.
-        columns : path, optional
-            A TOML column map for raw sensor columns.
+        columns : path or mapping, optional
+            A column map for raw sensor columns, as `flexid.identify` takes it.
 
         Returns
         -------

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexid.estimators.samples import Samples
+    from flexid.recording.column_map import MapSource
 
     OneLog: TypeAlias = (
         str | os.PathLike[str] | IntoDataFrame | Mapping[str, ArrayLike] | Log | Recording
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     Logs: TypeAlias = OneLog | Sequence[OneLog]
     """One log, or several of the same drive."""
 
-    Columns: TypeAlias = str | os.PathLike[str]
-    """A column map."""
+    Columns: TypeAlias = str | os.PathLike[str] | Mapping[str, object]
+    """A column map: a TOML file, or what it would hold."""
 
 _WANTED = "a path, a data frame, a mapping of arrays, a Log, or a list of these"
 
@@ -43,8 +44,9 @@ def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
         narwhals knows; arrays by name. Columns are found by name, with their unit in brackets:
         ``"time [s]"``, ``"link_position [deg]"``, ``"motor_position [deg]"``,
         ``"motor_torque [N m]"``; without a unit they are in SI.
-    columns : path, optional
-        A TOML column map for raw sensor columns.
+    columns : path or mapping, optional
+        A column map for raw sensor columns: a TOML file, or what it would hold, such as
+        ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
 
     Returns
     -------
@@ -70,8 +72,9 @@ def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Sample
     ----------
     log : path, data frame, mapping of arrays, Log or Recording
         As `read_log` takes it. With one encoder the samples are those of a rigid joint.
-    columns : path, optional
-        A TOML column map for raw sensor columns.
+    columns : path or mapping, optional
+        A column map for raw sensor columns: a TOML file, or what it would hold, such as
+        ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
 
     Returns
     -------
@@ -103,7 +106,7 @@ def all_logs(function: str, logs: Any, columns: Any) -> list[Log]:
         Who asks, for the message.
     logs : Logs
         One, or a list.
-    columns : path or None
+    columns : path, mapping or None
         A column map.
 
     Raises
@@ -132,7 +135,7 @@ def one_log(function: str, log: Any, columns: Any) -> Log:
                 function, "columns", "is for logs that are yet to be read: leave it out"
             )
         return log if isinstance(log, Log) else _log_of(log)
-    column_map = None if columns is None else as_path(function, "columns", columns)
+    column_map = as_columns(function, columns)
     if isinstance(log, str | os.PathLike):
         return read(as_path(function, "log", log), column_map)
     if is_frame(log):
@@ -140,6 +143,20 @@ def one_log(function: str, log: Any, columns: Any) -> Log:
     if isinstance(log, Mapping):
         return log_of_table(table_of_arrays(log), column_map)
     raise ArgumentError(function, "log", f"is {kind_of(log)}: give {_WANTED}")
+
+
+def as_columns(function: str, columns: Any) -> "MapSource | None":
+    """A column map as what reads logs takes it, if it is one; else an `ArgumentError`."""
+    if columns is None or isinstance(columns, Mapping):
+        return columns
+    if isinstance(columns, str | os.PathLike):
+        return as_path(function, "columns", columns)
+    raise ArgumentError(
+        function,
+        "columns",
+        f"is {kind_of(columns)}: give the path of a column map, or a mapping of channels to "
+        f"columns",
+    )
 
 
 def _log_of(recording: Recording) -> Log:

@@ -129,8 +129,8 @@ def validate(
         What `flexid.identify` returned, an ``estimate.json``, or the content of one.
     logs : log or list of logs
         As `flexid.read_log` takes them, with the same kind of input.
-    columns : path, optional
-        A TOML column map for raw sensor columns.
+    columns : path or mapping, optional
+        A column map for raw sensor columns, as `flexid.identify` takes it.
 
     Returns
     -------

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
@@ -16,6 +17,12 @@ from flexid.recording.channel import GEARED, SI_UNITS
 from flexid.recording.names import did_you_mean
 from flexid.toml_file import parse_toml, read_bytes
 
+MapSource: TypeAlias = Path | Mapping[str, object]
+"""A TOML file that holds a column map, or the same keys and values in Python."""
+
+ARGUMENT = "columns"
+"""What messages call a map that is no file: the argument by which it is given."""
+
 REMEDY = "write a column name, or a table of column or sum, scale, offset, unit and side"
 _RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
 _WANTED = "a column map in TOML"
@@ -23,7 +30,9 @@ _GEAR_REMEDY = 'write how often the motor turns in one turn of the link, as 101 
 
 
 def _quotient(value: object) -> object:
-    """The number that a text such as "1/101" stands for."""
+    """The number that a text such as "1/101" or one of NumPy's types stands for."""
+    if isinstance(value, Real) and not isinstance(value, bool | int):
+        return float(value)
     match = _RATIO.fullmatch(value) if isinstance(value, str) else None
     if match is None or not float(match[2]):
         return value
@@ -81,10 +90,14 @@ class Entry(BaseModel):
     def _names_as_terms(cls, value: object) -> object:
         if isinstance(value, str):
             return {"column": value}
-        if isinstance(value, dict) and isinstance(value.get("sum"), list):
-            terms = [{"column": term} if isinstance(term, str) else term for term in value["sum"]]
-            return {**value, "sum": terms}
-        return value
+        if not isinstance(value, Mapping):
+            return value
+        table = dict(value)
+        if isinstance(table.get("sum"), list | tuple):
+            table["sum"] = [
+                {"column": term} if isinstance(term, str) else _plain(term) for term in table["sum"]
+            ]
+        return table
 
     @model_validator(mode="after")
     def _column_or_sum(self) -> Entry:
@@ -98,6 +111,11 @@ class Entry(BaseModel):
         return self.sum if self.column is None else [Term(column=self.column)]
 
 
+def _plain(value: object) -> object:
+    """A mapping of whatever type as a dictionary."""
+    return dict(value) if isinstance(value, Mapping) else value
+
+
 @dataclass(frozen=True)
 class ColumnMap:
     """What a column map says.
@@ -105,7 +123,7 @@ class ColumnMap:
     Parameters
     ----------
     file : str
-        Its path, for messages.
+        Its path, for messages; `ARGUMENT` where it is no file.
     entries : mapping of str to Entry
         By channel.
     gear_ratio : float or None
@@ -117,6 +135,11 @@ class ColumnMap:
     entries: Mapping[str, Entry]
     gear_ratio: float | None
 
+    @property
+    def described(self) -> str:
+        """What it is, for a message that says where to name a column."""
+        return self.file if self.file == ARGUMENT else f"the column map {self.file}"
+
     def gear(self, channel: str) -> float | None:
         """The gear ratio by which a channel is carried to the link's side; None if it is there."""
         entry = self.entries.get(channel)
@@ -125,13 +148,13 @@ class ColumnMap:
         return self.gear_ratio
 
 
-def read_map(path: Path) -> ColumnMap:
+def read_map(source: MapSource) -> ColumnMap:
     """Read a column map.
 
     Parameters
     ----------
-    path : Path
-        A TOML file; its keys are channels, and ``gear_ratio``.
+    source : Path or mapping
+        A TOML file, or what it would hold; its keys are channels, and ``gear_ratio``.
 
     Returns
     -------
@@ -142,22 +165,28 @@ def read_map(path: Path) -> ColumnMap:
     RecordingError
         If the file is missing, is no TOML, or holds an unknown key or a value that cannot be used.
     """
-    file = shown(path)
+    if isinstance(source, Mapping):
+        return _map_of(ARGUMENT, dict(source))
+    file = shown(source)
 
     def refuse(_key: str, reason: str) -> RecordingError:
         return RecordingError(file, "", reason)
 
-    raw = read_bytes(path, _WANTED, refuse)
-    if not raw.strip():
-        raise refuse("", "the column map is empty: name the columns in it")
-    content = parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason)))
+    raw = read_bytes(source, _WANTED, refuse)
+    return _map_of(file, parse_toml(raw, lambda _, reason: refuse("", _no_map(raw, reason))))
+
+
+def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
+    """A column map from its keys and values."""
+    if not content:
+        raise RecordingError(file, "", "the column map is empty: name the columns in it")
     gear_ratio = _gear_ratio(file, content.pop("gear_ratio", None))
     for key in content:
         if key not in SI_UNITS:
             raise RecordingError(
                 file,
                 f"key {key!r}",
-                f"this is no channel{did_you_mean(key, SI_UNITS)}: use one of "
+                f"this is no channel{did_you_mean(str(key), SI_UNITS)}: use one of "
                 f"{', '.join(SI_UNITS)}, or gear_ratio",
             )
     entries = {key: _entry(file, key, value) for key, value in content.items()}

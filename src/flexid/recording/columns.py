@@ -14,9 +14,8 @@ from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
-    from flexid.recording.column_map import ColumnMap, Entry
+    from flexid.recording.column_map import ColumnMap, Entry, MapSource
     from flexid.recording.table import Table
 
 _LINK = "link_position (or deflection)"
@@ -50,15 +49,15 @@ class _Plan:
 
 
 def read_channels(
-    table: Table, map_path: Path | None
+    table: Table, columns: MapSource | None
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
     """Return the canonical channels of a table, in SI units.
 
     Parameters
     ----------
     table : Table
-    map_path : Path or None
-        A TOML column map.
+    columns : Path, mapping or None
+        A column map: a TOML file, or what it would hold.
 
     Returns
     -------
@@ -71,7 +70,7 @@ def read_channels(
     RecordingError
         If the map cannot be used, a required column is missing, or a cell or a unit is bad.
     """
-    plan = _plan(table, map_path)
+    plan = _plan(table, columns)
     channels = {}
     for name in SI_UNITS:
         if name in plan.wanted:
@@ -83,9 +82,9 @@ def read_channels(
     return channels, tuple(plan.warnings)
 
 
-def channel_columns(table: Table, map_path: Path | None) -> list[str]:
+def channel_columns(table: Table, columns: MapSource | None) -> list[str]:
     """Headers of the columns that `read_channels` reads, in the file's order."""
-    plan = _plan(table, map_path)
+    plan = _plan(table, columns)
     used = set()
     for name in plan.wanted:
         if plan.column_map is not None and name in plan.entries:
@@ -96,13 +95,13 @@ def channel_columns(table: Table, map_path: Path | None) -> list[str]:
     return [header for header in table.names if header in used]
 
 
-def _plan(table: Table, map_path: Path | None) -> _Plan:
+def _plan(table: Table, columns: MapSource | None) -> _Plan:
     """Decide where each channel comes from."""
     column_map = None
-    if map_path is not None:
+    if columns is not None:
         from flexid.recording.column_map import read_map
 
-        column_map = read_map(map_path)
+        column_map = read_map(columns)
     plan = _Plan(column_map, _canonical_columns(table))
     if column_map is None:
         _add_usual(table, plan)
@@ -201,7 +200,7 @@ def _require(table: Table, plan: _Plan) -> None:
     bare = [name for name, _ in map(split_header, table.names) if name not in taken]
     hints = [did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
-    what = "a column map" if plan.column_map is None else f"the column map {plan.column_map.file}"
+    what = "a column map" if plan.column_map is None else plan.column_map.described
     if missing == [_INPUT]:
         likely = [name for name in bare if (usual := usual_channel(name)) and usual[0] in INPUTS]
         if hints[0] or likely:

@@ -16,19 +16,20 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexid.arrays import FloatArray
+    from flexid.recording.column_map import MapSource
 
 ENCODERS = ("link_position", "motor_position")
 
 
-def read_log(path: Path, columns: Path | None = None) -> Log:
+def read_log(path: Path, columns: MapSource | None = None) -> Log:
     """Read a log and check it.
 
     Parameters
     ----------
     path : Path
         A CSV file, or a Parquet file if its name ends in ``.parquet`` or ``.pq``.
-    columns : Path or None
-        A TOML column map.
+    columns : Path, mapping or None
+        A column map: a TOML file, or what it would hold.
 
     Returns
     -------
@@ -43,7 +44,7 @@ def read_log(path: Path, columns: Path | None = None) -> Log:
     return log_of_table(read_table(path), columns)
 
 
-def log_of_table(table: Table, columns: Path | None = None) -> Log:
+def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     """As `read_log`, from a file's columns."""
     channels, warnings = read_channels(table, columns)
     warnings = table.warnings + warnings

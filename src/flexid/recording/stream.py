@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
+    from flexid.recording.column_map import MapSource
     from flexid.recording.recording import Log, Recording
 
 CHUNK = 262_144
@@ -66,8 +67,8 @@ class LogStream:
     ----------
     path : Path
         A Parquet file with the columns that `flexid.recording.read.read_log` expects.
-    columns : Path or None
-        A TOML column map.
+    columns : Path, mapping or None
+        A column map: a TOML file, or what it would hold.
     head_rows : int
         Rows at the beginning that are read and checked at once.
 
@@ -77,7 +78,7 @@ class LogStream:
         If the file cannot be streamed, or its head cannot be used.
     """
 
-    def __init__(self, path: Path, columns: Path | None, head_rows: int) -> None:
+    def __init__(self, path: Path, columns: MapSource | None, head_rows: int) -> None:
         self.file = shown(path)
         self.warnings: list[str] = []
         """What was found in the stream, once it is over."""
