@@ -52,7 +52,7 @@ def render(results: Mapping[str, Any]) -> str:
             tools[key].title,
             entry["version"],
             str(entry["lines"]),
-            tools[key].told,
+            tools[key].given,
             str(max(run["seed"] for run in entry["runs"]) + 1),
             max(run["date"] for run in entry["runs"]),
             _span([run["load"] for run in entry["runs"]]),

@@ -23,7 +23,7 @@ class Tool:
         What has to be installed.
     seeds : int
         Logs of each kind that it is run on.
-    told : str
+    given : str
         What its user gives beside log and model.
     slow : bool
         Not run once before for warming up.
@@ -36,7 +36,7 @@ class Tool:
     module: str
     package: str
     seeds: int
-    told: str
+    given: str
     slow: bool = False
     arguments: Mapping[str, float] = field(default_factory=dict)
 

@@ -115,11 +115,11 @@ def _command_table(repetitions: int) -> Detail:
 
 def _steps(log: Log) -> dict[str, float]:
     """Seconds of each kind of step of an identification."""
-    told = []
-    identify([log], progress=lambda step: told.append((step, time.perf_counter())))
+    steps = []
+    identify([log], progress=lambda step: steps.append((step, time.perf_counter())))
     end = time.perf_counter()
     taken: dict[str, float] = {}
-    for (step, start), (_, stop) in pairwise([*told, ("", end)]):
+    for (step, start), (_, stop) in pairwise([*steps, ("", end)]):
         kind = step.split(":")[0].split(" of ")[0].split(" smoothed")[0]
         taken[kind] = taken.get(kind, 0.0) + stop - start
     return taken

@@ -23,7 +23,7 @@ class JointFilter(ExtendedKalmanFilter):
     beta1 : float
         Known input gain 1/Jr.
     noise : (float, float)
-        Standard deviations of positions and velocities, in rad and rad/s; the filter is told them.
+        Standard deviations of positions and velocities, in rad and rad/s; the filter knows them.
     guess : (4,) array
         Initial coefficients, as uncertain as they are large.
     """

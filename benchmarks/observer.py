@@ -153,6 +153,6 @@ def _fits_table(observer: ParametricObserver, samples: FloatArray) -> Detail:
         "Observer: errors at the end of the record",
         ("estimator", *_UNKNOWN),
         lines,
-        "The filter is told the noise and starts from half of the true values; the observer knows "
+        "The filter knows the noise and starts from half of the true values; the observer knows "
         "neither and starts from zero.",
     )

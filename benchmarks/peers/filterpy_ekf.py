@@ -1,6 +1,6 @@
 """filterpy's extended Kalman filter for the states and the logarithms of the coefficients.
 
-The filter is told the noise of the sensors and starts from half the true coefficients. Its
+The filter knows the noise of the sensors and starts from half the true coefficients. Its
 covariance at the end gives the intervals.
 """
 

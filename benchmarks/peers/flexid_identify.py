@@ -1,6 +1,6 @@
 """`flexid identify LOG`, from the file; here its one call in Python, without any setting.
 
-Nothing of noise, hold or starting values is told, and reading the file is part of the time.
+Nothing of noise, hold or starting values is given, and reading the file is part of the time.
 """
 
 from benchmarks.peers.problem import COEFFICIENTS, Answer, Log

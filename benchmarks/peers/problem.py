@@ -12,12 +12,12 @@ COEFFICIENTS = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
 
 @dataclass(frozen=True)
 class Log:
-    """A log as flexid reads it from a file, and what the other tools' users are told besides.
+    """A log as flexid reads it from a file, and what the other tools' users know besides.
 
     Parameters
     ----------
     path : Path
-        The CSV file. flexid reads this, and is told nothing of what follows.
+        The CSV file. flexid reads this, and is given nothing of what follows.
     time : (n,) array
         In s, evenly spaced.
     positions : (n, 2) array

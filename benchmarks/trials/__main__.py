@@ -1,7 +1,7 @@
-"""Blind trials: logs of random drives, identified untold and scored against the truth.
+"""Blind trials: logs of random drives, identified blindly and scored against the truth.
 
-    python -m benchmarks.trials [--seeds N] [--first-seed K] [--family F ...] [--told] [--jobs J]
-                                [--out FILE]
+    python -m benchmarks.trials [--seeds N] [--first-seed K] [--family F ...] [--with-structure]
+                                [--jobs J] [--out FILE]
     python -m benchmarks.trials --merge FILE ... [--out FILE] [--page docs/trials.md]
 
 in the root of a clone. Seeds below 1000 are for development; those from 1000 on are for reports.
@@ -29,7 +29,11 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--family", action="append", choices=list(FAMILIES), help="may be repeated")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
-    parser.add_argument("--told", action="store_true", help="also with the structure told")
+    parser.add_argument(
+        "--with-structure",
+        action="store_true",
+        help="identify each log once more with terms, hold and delays given, and by least squares",
+    )
     parser.add_argument("--out", type=Path, help="file for the results")
     parser.add_argument("--merge", type=Path, nargs="+", help="files of results; nothing is run")
     parser.add_argument("--page", type=Path, help="page whose tables are made anew")
@@ -41,9 +45,8 @@ def main() -> None:
     else:
         seeds = range(options.first_seed, options.first_seed + options.seeds)
         # All families early: what is broken off tells something of each.
-        tasks = [
-            (name, seed, options.told) for seed in seeds for name in options.family or FAMILIES
-        ]
+        families = options.family or FAMILIES
+        tasks = [(name, seed, options.with_structure) for seed in seeds for name in families]
         command = " ".join(["python -m benchmarks.trials", *sys.argv[1:]])
         results = run.run(tasks, options.jobs, command, options.out)
     print(terminal(results))

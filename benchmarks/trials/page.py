@@ -126,7 +126,7 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
         "Seconds of processor time for one log: median / largest.",
         (
             ("error", lambda one: _spread(one.error)),
-            ("given", lambda one: _spread(one.told_error)),
+            ("given", lambda one: _spread(one.given_error)),
             ("least squares, given", lambda one: _spread(one.least_squares_error)),
             ("seconds", lambda one: _seconds(one.seconds)),
         ),
@@ -171,11 +171,10 @@ def _wrong(records: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _wrong_cells(record: Mapping[str, Any], claim: Claim) -> list[str]:
-    told = record.get("told", {}).get(claim.name)
+    given = record.get("given", {}).get(claim.name)
     beside = "–"
-    if isinstance(told, list):
-        given = Claim("kept", claim.name, *told[:3], status="", truth=claim.truth)
-        beside = _off(given)
+    if isinstance(given, list):
+        beside = _off(Claim("kept", claim.name, *given[:3], status="", truth=claim.truth))
     return [
         claim.name,
         f"{claim.truth:.5g}",

@@ -1,4 +1,4 @@
-"""One log of a trial, identified untold: what came out, beside the truth."""
+"""One log of a trial, identified blindly: what came out, beside the truth."""
 
 import tempfile
 import time
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.trials.generate import Trial, make_trial
-from benchmarks.trials.told_least_squares import told_least_squares
+from benchmarks.trials.plain_least_squares import plain_least_squares
 from flexid.errors import FlexidError
 from flexid.identification.identify import identify
 from flexid.identification.settings import Settings
@@ -22,16 +22,16 @@ _HOLDS = {"zero": "zero", "smooth": "cubic"}
 Record = dict[str, Any]
 
 
-def recorded(family: str, seed: int, told: bool) -> Record:
+def recorded(family: str, seed: int, with_structure: bool) -> Record:
     """Draw a log, identify it as a user would, and write down what was claimed.
 
     Parameters
     ----------
     family : str
     seed : int
-    told : bool
-        Whether to identify it once more with terms, hold and delays told, and to solve the least
-        squares of `told_least_squares`.
+    with_structure : bool
+        Whether to identify it once more with terms, hold and delays given, and to solve
+        `plain_least_squares`.
 
     Returns
     -------
@@ -46,10 +46,10 @@ def recorded(family: str, seed: int, told: bool) -> Record:
         path = Path(folder) / "log.csv"
         trial.write_csv(path)
         record |= _identified(path, Settings())
-        if told:
-            given = _identified(path, _told_settings(trial, trial.terms))
-            record["told"] = given.get("estimates", {"error": given.get("error")})
-            record["least_squares"] = _shortened(told_least_squares(trial))
+        if with_structure:
+            given = _identified(path, _given_settings(trial, trial.terms))
+            record["given"] = given.get("estimates", {"error": given.get("error")})
+            record["least_squares"] = _shortened(plain_least_squares(trial))
     return record
 
 
@@ -102,7 +102,7 @@ def _identified(path: Path, settings: Settings) -> Record:
     }
 
 
-def _told_settings(trial: Trial, terms: tuple[str, ...]) -> Settings:
+def _given_settings(trial: Trial, terms: tuple[str, ...]) -> Settings:
     return Settings(
         terms=terms,
         hold="zero" if trial.hold == "zero" else "cubic",

@@ -23,7 +23,7 @@ Results = dict[str, Any]
 """``runs``, one entry for each command, and ``records``, one for each log."""
 
 Task = tuple[str, int, bool]
-"""Family, seed, and whether the structure is told as well."""
+"""Family, seed, and whether to identify it with its structure given as well."""
 
 
 def run(tasks: Sequence[Task], jobs: int, command: str, out: Path | None) -> Results:

@@ -125,10 +125,10 @@ class FamilyScore:
         Core parameters that were said to be determined, of all there are.
     error : Spread
         Relative errors of the determined core parameters.
-    told_error, least_squares_error : Spread
-        The same parameters of the same logs, with the structure told; by told least squares.
+    given_error, least_squares_error : Spread
+        The same parameters of the same logs, with the structure given; by plain least squares.
     sharpness : float
-        Width of the determined core parameters' intervals over the width with the structure told,
+        Width of the determined core parameters' intervals over the width with the structure given,
         median.
     seconds : Spread
     missed, extra : mapping of str to int
@@ -147,7 +147,7 @@ class FamilyScore:
     coverage: Mapping[str, Share]
     core_determined: Share
     error: Spread
-    told_error: Spread
+    given_error: Spread
     least_squares_error: Spread
     sharpness: float
     seconds: Spread
@@ -167,7 +167,7 @@ def score(records: Sequence[Record]) -> FamilyScore:
     removed = [claim for claim in every if claim.kind == "removed"]
     delays = [c for c in every if c.kind == "delay" and c.status not in ("given", "unknown")]
     missed, extra = _term_mistakes(found)
-    told, least, widths = _beside_told(found, of_logs)
+    given, least, widths = _beside_given(found, of_logs)
     return FamilyScore(
         family=records[0]["family"],
         in_class=records[0]["in_class"],
@@ -188,7 +188,7 @@ def score(records: Sequence[Record]) -> FamilyScore:
         },
         core_determined=Share(len(core), sum(len(core_names(record)) for record in records)),
         error=spread([claim.error for claim in core]),
-        told_error=spread(told),
+        given_error=spread(given),
         least_squares_error=spread(least),
         sharpness=median(widths) if widths else float("nan"),
         seconds=spread([record["seconds"] for record in found]),
@@ -228,11 +228,11 @@ def _held(some: Sequence[Claim]) -> Share:
     return Share(sum(claim.holds for claim in some), len(some))
 
 
-def _beside_told(
+def _beside_given(
     found: Sequence[Record], of_logs: Sequence[Sequence[Claim]]
 ) -> tuple[list[float], list[float], list[float]]:
-    """Errors told, errors of told least squares, and ratios of widths: determined core only."""
-    told, least, widths = [], [], []
+    """Errors with the structure given and of plain least squares, ratios of widths; core only."""
+    errors, least, widths = [], [], []
     for record, of_log in zip(found, of_logs, strict=True):
         for claim in of_log:
             if claim.name not in CORE or claim.status != "determined" or not claim.truth:
@@ -240,15 +240,15 @@ def _beside_told(
             if claim.name in record.get("least_squares", {}):
                 value = record["least_squares"][claim.name]
                 least.append(abs(value / claim.truth - 1.0))
-            given = record.get("told", {}).get(claim.name)
+            given = record.get("given", {}).get(claim.name)
             if given is None or isinstance(given, str):
                 continue
             value, low, high = given[:3]
-            told.append(abs(value / claim.truth - 1.0))
+            errors.append(abs(value / claim.truth - 1.0))
             ratio = (claim.high - claim.low) / (high - low) if high > low else float("nan")
             if isfinite(ratio):
                 widths.append(ratio)
-    return told, least, widths
+    return errors, least, widths
 
 
 def _term_mistakes(found: Sequence[Record]) -> tuple[dict[str, int], dict[str, int]]:

@@ -57,7 +57,7 @@ def test_time_is_the_median():
     assert row(render(results(RUNS)), "Time") == ["2 / 6"]
 
 
-def test_a_failure_is_counted_and_told():
+def test_a_failure_is_counted_and_said():
     """Assert that a run that failed is in the table and its reason below."""
     failed = {"case": "a", "seed": 3, "failed": "SomeError: gave up"}
     block = render(results([*RUNS, failed]))

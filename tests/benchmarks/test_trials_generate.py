@@ -10,7 +10,7 @@ from benchmarks.trials.drafts import Draft, Size, acting, truth
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import HEADER, make_trial
 from benchmarks.trials.integrator import Drive
-from benchmarks.trials.told_least_squares import told_least_squares
+from benchmarks.trials.plain_least_squares import plain_least_squares
 
 ROOT = Path(__file__).parents[2]
 
@@ -97,11 +97,11 @@ def test_offsets_and_masses_become_what_the_log_shows():
     "family", ["basic", "both_delays", "damping_link_friction", "offsets_tilted_friction"]
 )
 def test_the_truth_explains_the_log(family):
-    """Assert that plain least squares, told the structure, comes near the truth in the median."""
+    """Assert that plain least squares, given the structure, comes near the truth in the median."""
     errors = []
     for seed in range(5):
         trial = make_trial(family, seed)
-        found = told_least_squares(trial)
+        found = plain_least_squares(trial)
         for name in ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness"):
             errors.append(abs(found[name] / trial.truth[name] - 1.0))
     assert np.median(errors) < 0.02

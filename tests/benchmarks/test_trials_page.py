@@ -43,7 +43,7 @@ def record(family="basic", seed=1000, **changes):
 RESULT = {
     "runs": [ABOUT],
     "records": [
-        record(told={"link_inertia": [2.02, 1.9, 2.1, "determined"]}),
+        record(given={"link_inertia": [2.02, 1.9, 2.1, "determined"]}),
         record("lugre", error="RecordingError: log.csv: a|b", refused=True),
     ],
 }

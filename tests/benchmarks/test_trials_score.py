@@ -83,12 +83,12 @@ def test_other_parameters_are_no_core():
     assert (found.wrong_core, found.wrong) == (0, 1)
 
 
-def test_errors_and_widths_beside_the_told_structure():
+def test_errors_and_widths_beside_the_given_structure():
     """Assert that errors and widths are compared parameter by parameter."""
-    told = {"link_inertia": [2.02, 1.98, 2.06, "determined"]}
-    found = score([record(told=told, least_squares={"link_inertia": 1.0})])
+    given = {"link_inertia": [2.02, 1.98, 2.06, "determined"]}
+    found = score([record(given=given, least_squares={"link_inertia": 1.0})])
     assert found.error.middle == 0.0
-    assert found.told_error.largest == pytest.approx(0.01)
+    assert found.given_error.largest == pytest.approx(0.01)
     assert found.least_squares_error.largest == 0.5
     assert found.sharpness == pytest.approx(0.2 / 0.08)
     assert isnan(score([record()]).sharpness)

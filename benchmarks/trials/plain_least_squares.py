@@ -1,8 +1,8 @@
-"""What a practitioner told the terms would do: filter, differentiate, least squares.
+"""What a practitioner who knows the terms would do: filter, differentiate, least squares.
 
 All signals pass the same low-pass filter forwards and backwards, so that it delays nothing and
 cancels from the equations; both equations are linear in the physical parameters and are solved
-together. The terms, hold, delays and the joint's resonance are told.
+together. The terms, hold, delays and the joint's resonance are given.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ _MOST = 0.3  # of the sampling rate
 _EDGE = 0.03  # of the log, which the filter spoils at either end
 
 
-def told_least_squares(trial: Trial) -> dict[str, float]:
+def plain_least_squares(trial: Trial) -> dict[str, float]:
     """Physical parameters by flexid's names."""
     sample = float(trial.metadata["sample_time"])
     time = np.arange(trial.time[0], trial.time[-1], sample)
