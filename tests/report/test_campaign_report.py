@@ -1,6 +1,7 @@
 """The printed summary of a campaign, its document and its figures."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -96,3 +97,24 @@ def test_figures_are_drawn_of_what_varies(tmp_path):
         "dependence.png",
         "distributions.png",
     ]
+
+
+def test_each_panel_has_its_unit(tmp_path, monkeypatch):
+    """Assert that results and inputs stand in a figure with the units of the joint."""
+    figures = {}
+    monkeypatch.setattr(
+        "flexid.report.campaign_figures.save",
+        lambda figure, _directory, name: figures.setdefault(name, figure),
+    )
+    correlated = [Correlation("controller.k", 1.0, True)]
+    results = (
+        made_result(correlated, values=(1.0, 2.0, 3.0)),
+        made_result(correlated, values=(1e-30, 1.0, 2.0), name="settling_time.theta1"),
+    )
+    summary = made_summary(results=results)
+    save_campaign_figures(replace(summary, manifest=replace(summary.manifest, text="")), tmp_path)
+    for figure in figures.values():
+        first, second = (ax.get_title(loc="left") for ax in figure.axes[:2])
+        assert first == "tracking_rms [rad]"
+        assert second.splitlines() == ["settling_time.theta1 [s]", "1 below 2e-12 stand there"]
+    assert figures["dependence"].axes[0].get_xlabel() == "controller.k [1/s]"

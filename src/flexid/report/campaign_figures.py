@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from flexid.arrays import FloatArray
 from flexid.campaigns.summary import Result, Summary
+from flexid.experiments.units import Units
 from flexid.report.campaign_table import DETAILS
 from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
 
@@ -27,17 +28,18 @@ def save_campaign_figures(summary: Summary, directory: Path) -> None:
     shown = [result for result in summary.results if _drawable(result)]
     if not shown:
         return
+    units = Units(summary.manifest.text)
     with mpl.rc_context(STYLE):
-        title = f"{summary.finished} finished runs, SI units; lines: 5, 50 and 95 % of them"
-        save(_panels(title, shown, _draw_distribution), directory, "distributions")
+        title = f"{summary.finished} finished runs; lines: 5, 50 and 95 % of them"
+        save(_panels(title, shown, units, _draw_distribution), directory, "distributions")
         depending = [result for result in shown if _strongest(result) is not None]
         if depending:
 
-            def draw(ax: Axes, result: Result) -> None:
-                _draw_dependence(ax, result, summary)
+            def draw(ax: Axes, result: Result) -> str:
+                return _draw_dependence(ax, result, summary, units)
 
-            title = "Each result against the input that matters most for it, SI units"
-            save(_panels(title, depending, draw), directory, "dependence")
+            title = "Each result against the input that matters most for it"
+            save(_panels(title, depending, units, draw), directory, "dependence")
 
 
 def _drawable(result: Result) -> bool:
@@ -46,23 +48,31 @@ def _drawable(result: Result) -> bool:
     return varies and not result.name.startswith(DETAILS)
 
 
-def _panels(title: str, results: list[Result], draw: Callable[[Axes, Result], None]) -> Figure:
+def _panels(
+    title: str, results: list[Result], units: Units, draw: Callable[[Axes, Result], str]
+) -> Figure:
+    """One panel for each result; what `draw` says of it stands below its name and unit."""
     rows = ceil(len(results) / _COLUMNS)
     figure = new_figure(height=0.6 + 1.75 * rows)
     figure.suptitle(title, fontsize=9)
     axes = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
     for ax, result in zip(axes, results, strict=False):
-        draw(ax, result)
+        said = draw(ax, result)
+        ax.set_title(_with_unit(result.name, units.of_result(result.name)) + said, fontsize=8.5)
     for ax in axes[len(results) :]:
         ax.set_axis_off()
     return figure
 
 
-def _draw_distribution(ax: Axes, result: Result) -> None:
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def _draw_distribution(ax: Axes, result: Result) -> str:
     values = result.values[np.isfinite(result.values)]
-    title = result.name
+    said = ""
     if _logarithmic(values):
-        title += _said_of_small(values)
+        said = _said_of_small(values)
         values = np.maximum(values, _SMALLEST * values.max())
         edges = np.geomspace(values.min(), values.max(), _BINS)
         _log_axis(ax, "x", values)
@@ -72,28 +82,28 @@ def _draw_distribution(ax: Axes, result: Result) -> None:
     ax.hist(values, edges, color=BLUE)
     for value, style in zip(result.quantiles, (":", "-", ":"), strict=True):
         ax.axvline(value, color=ORANGE, linestyle=style, linewidth=1.2)
-    ax.set_title(title, fontsize=8.5)
     ax.set_yticks([])
     ax.grid(visible=False)
+    return said
 
 
-def _draw_dependence(ax: Axes, result: Result, summary: Summary) -> None:
+def _draw_dependence(ax: Axes, result: Result, summary: Summary, units: Units) -> str:
     name = _strongest(result)
     assert name is not None
     values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
     there = np.isfinite(values)
     values, inputs = values[there], inputs[there]
-    title = result.name
+    said = ""
     if _logarithmic(values):
-        title += _said_of_small(values)
+        said = _said_of_small(values)
         values = np.maximum(values, _SMALLEST * values.max())
         _log_axis(ax, "y", values)
     if _logarithmic(inputs):
         _log_axis(ax, "x", inputs)
     size = 14.0 if len(values) < 200 else 4.0
     ax.scatter(inputs, values, s=size, color=BLUE, alpha=0.6 if size > 5 else 0.35, linewidths=0)
-    ax.set_title(title, fontsize=8.5)
-    ax.set_xlabel(name, fontsize=8, color=GREY)
+    ax.set_xlabel(_with_unit(name, units.of_value(name)), fontsize=8, color=GREY)
+    return said
 
 
 def _said_of_small(values: FloatArray) -> str:
