@@ -16,6 +16,7 @@ _HOMES = {
     "excitation": "library.excitation",
     "design": "library.design",
     "derive": "library.derive",
+    "export": "library.export",
     "simulate": "library.simulate",
     "campaign": "library.campaign",
     "reproduce": "library.reproduce",

@@ -34,6 +34,7 @@ from flexid.library.design import ExperimentDesign as ExperimentDesign
 from flexid.library.design import design as design
 from flexid.library.excitation import LogExcitation as LogExcitation
 from flexid.library.excitation import excitation as excitation
+from flexid.library.export import export as export
 from flexid.library.identify import identify as identify
 from flexid.library.identify import load as load
 from flexid.library.joint_estimate import JointEstimate as JointEstimate

@@ -15,6 +15,7 @@ from flexid.cli.campaign import campaign as campaign_command
 from flexid.cli.derive import derive as derive_command
 from flexid.cli.design import design as design_command
 from flexid.cli.excitation import excitation as excitation_command
+from flexid.cli.export import export as export_command
 from flexid.cli.identify import identify as identify_command
 from flexid.cli.reproduce import reproduce as reproduce_command
 from flexid.cli.simulate import simulate as simulate_command
@@ -26,6 +27,7 @@ COMMANDS = {
     "excitation": excitation_command,
     "design": design_command,
     "derive": derive_command,
+    "export": export_command,
     "simulate": simulate_command,
     "campaign": campaign_command,
     "reproduce": reproduce_command,
@@ -103,8 +105,8 @@ def test_a_function_has_its_commands_options(name):
     command = inspect.signature(COMMANDS[name]).parameters
     function = inspect.signature(getattr(flexid, name)).parameters
     wanted = {OWN_NAMES.get(option, option) for option in command} - PRINTING
-    if name == "campaign":
-        wanted |= {"out"}  # where its rows are kept
+    if name in {"campaign", "export"}:
+        wanted |= {"out"}  # where the rows are kept, and the files
     assert wanted == set(function) - OF_PYTHON
     for option, parameter in command.items():
         twin = function.get(OWN_NAMES.get(option, option))

@@ -12,6 +12,7 @@ from flexid.cli import (
     derive,
     design,
     excitation,
+    export,
     identify,
     reproduce,
     simulate,
@@ -60,6 +61,7 @@ _register(in_one_thread(validate.validate), validate.EXAMPLES)
 _register(in_one_thread(excitation.excitation), excitation.EXAMPLES)
 _register(in_one_thread(design.design), design.EXAMPLES)
 _register(derive.derive, derive.EXAMPLES)
+_register(in_one_thread(export.export), export.EXAMPLES)
 _register(simulate.simulate, simulate.EXAMPLES)
 _register(campaign.campaign, campaign.EXAMPLES)
 _register(in_one_thread(reproduce.reproduce), reproduce.EXAMPLES)

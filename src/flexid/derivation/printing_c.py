@@ -33,7 +33,8 @@ volatile while _Bool _Complex _Imaginary asm
 asinh atan cos cosh erf exp fabs log pow sin sqrt tan tanh INFINITY NAN main
 state input input_rate observer_state gain constant estimate rate NODES WEIGHTS
 """
-_RESERVED = frozenset(_RESERVED_WORDS.split())
+RESERVED = frozenset(_RESERVED_WORDS.split())
+"""Names that mean something in printed C."""
 
 _LOG_COSH = """
 static double log_cosh_(double z)
@@ -132,11 +133,11 @@ def c_observer(observer: SymbolicObserver) -> str:
 
 def _printer(symbols: Sequence[sp.Symbol]) -> _CPrinter:
     """A printer that renames what is no name in C."""
-    names = FreshNames([str(s) for s in symbols] + list(_RESERVED))
+    names = FreshNames([str(s) for s in symbols] + list(RESERVED))
     renamed = {
         s: sp.Symbol(str(names.take(str(s) if str(s).isascii() else "symbol")))
         for s in symbols
-        if str(s) in _RESERVED or not str(s).isascii()
+        if str(s) in RESERVED or not str(s).isascii()
     }
     return _CPrinter(renamed)
 

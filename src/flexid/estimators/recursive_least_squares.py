@@ -44,12 +44,67 @@ LEAST_INFORMATION = 1e-4
 """Part of the largest information of a coefficient that is never forgotten."""
 
 
+@dataclass(frozen=True)
+class Law:
+    """The numbers that an update goes by, for whoever writes it down in another language.
+
+    Parameters
+    ----------
+    fading : float
+        μ, by which what was learnt fades per sample.
+    least_information : float
+        Part of the largest information of each coefficient that is never forgotten.
+    fewest : int
+        Equations before anything is called determined.
+    ridge : float
+        ρ, added to the matrix when it is scaled to a unit diagonal.
+    least_tolerance : float
+        Part of a regressor's square that the others must leave over.
+    least_explained : float
+        Part of a left-hand side that a row must explain.
+    memory : int
+        Equations after which the filter remembers nothing of the time before; 0 without a filter.
+    pole : float
+        Of the filter; 0 without one.
+    half_window : int
+        Samples to either side that a velocity is the slope over; 0 where none is needed.
+    """
+
+    fading: float
+    least_information: float
+    fewest: int
+    ridge: float
+    least_tolerance: float
+    least_explained: float
+    memory: int
+    pole: float
+    half_window: int
+
+
 @dataclass(frozen=True, eq=False)
 class RecursiveLeastSquares(CompiledEstimator):
     """Recursive least squares of a model; made by the functions of this module.
 
     The innovations are in the unit of the row's left-hand side, an acceleration.
     """
+
+    @property
+    def law(self) -> Law:
+        """The numbers that an update goes by."""
+        kernel = self._kernel
+        settings = self._settings.tolist()
+        filtered = not self.needs_velocities
+        return Law(
+            settings[kernel.FORGETTING],
+            settings[kernel.LEAST_INFORMATION],
+            int(settings[kernel.FEWEST]),
+            kernel.RIDGE,
+            kernel.LEAST_TOLERANCE,
+            kernel.LEAST_EXPLAINED,
+            int(settings[kernel.MEMORY]) if filtered else 0,
+            settings[kernel.N_LAW_SETTINGS + kernel.POLE] if filtered else 0.0,
+            kernel.HALF_WINDOW if filtered else 0,
+        )
 
     def standard_deviations(self, state: FloatArray) -> FloatArray:
         """Standard deviation of each estimate, shape (n_coefficients,); see `covariance`."""

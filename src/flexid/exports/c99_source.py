@@ -1,0 +1,323 @@
+"""The estimator in C99: its header and its source, from templates and the model's functions."""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib import resources
+from math import exp
+from string import Template
+
+from flexid.derivation.drive_source import MACROS, drive_functions
+from flexid.estimators.parametric_observer import ParametricObserver
+from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
+from flexid.exports.estimator import EstimatorSettings
+from flexid.exports.source import ExportSource
+from flexid.models.parametric_system import ParametricSystem
+
+LARGEST_SAMPLE = 1e9
+"""A number in a sample beyond this, in its unit, is a fault of the sensor."""
+
+_RECENT = 10.0  # time constants of the filter that "lately" reaches back over
+_RECENT_TIME = 0.5  # s, where there is no filter
+_SLACK = 0.01  # unexplained part of the recent left-hand sides that contradicts nothing
+_UNUSUAL = 10.0  # and how many times the usual part
+_STANDSTILL = 0.01  # part of the mean square below which a motion says nothing against a model
+_SLOWEST = 0.1  # 1/s; an observer that converges more slowly is not excited
+
+_SETTING = dict[str, tuple[float, float]]  # name: value in double, in float
+
+
+class DriveSource:
+    """Header and source of one estimator.
+
+    Parameters
+    ----------
+    source : ExportSource
+        The model.
+    settings : EstimatorSettings
+        Of the estimator.
+    """
+
+    def __init__(self, source: ExportSource, settings: EstimatorSettings) -> None:
+        self.system = source.system
+        self.settings = settings
+        self.twin = settings.twin(source.system)
+        self.functions = drive_functions(source.system, not settings.velocities)
+        self._units = source.units
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Identifier in C of each state, input and coefficient."""
+        return self.functions.names
+
+    @property
+    def sample_names(self) -> tuple[str, ...]:
+        """What a sample holds, in order."""
+        states = self.system.states
+        measured = states if self.settings.velocities else states[::2]
+        return (*measured, *self.system.inputs)
+
+    def header(self) -> str:
+        """Text of ``flexid_drive.h``."""
+        digest = hashlib.sha256((self.source() + self._state() + self._sizes()).encode()).digest()
+        double = int.from_bytes(digest[:4])
+        return _filled(
+            "drive.h",
+            model=comment(self.system.name),
+            method=self.settings.summary,
+            rows="\n".join(_equations(self.system)),
+            version_double=f"0x{double:08X}",
+            version_float=f"0x{double ^ 0xFFFFFFFF:08X}",
+            sizes=self._sizes(),
+            sample_time=repr(self.settings.sample_time),
+            sample_members="\n".join(
+                f"    flexid_real {self.names[n]}; /* {self._sample_unit(n)} */"
+                for n in self.sample_names
+            ),
+            value_members="\n".join(
+                f"    flexid_real {self.names[n]}; /* {comment(self._unit(n))}, of {regressor} */"
+                for row in self.system.rows
+                for n, regressor in ((n, comment(text)) for n, text in row.regressors.items())
+            ),
+            state=self._state(),
+        )
+
+    def source(self) -> str:
+        """Text of ``flexid_drive.c``."""
+        names = ["common.c", *self._kind]
+        return "".join(_filled(name, **self._placeholders()) for name in names)
+
+    @property
+    def _kind(self) -> tuple[str, ...]:
+        if isinstance(self.twin, ParametricObserver):
+            return ("constant_gain.c",)
+        rows = "rows_velocities.c" if self.settings.velocities else "rows_positions.c"
+        return "triangle.c", rows, "least_squares.c"
+
+    def _state(self) -> str:
+        if isinstance(self.twin, ParametricObserver):
+            return template_text("state_constant.h")
+        kind = "velocities" if self.settings.velocities else "positions"
+        return template_text("state_row.h") + "\n" + template_text(f"state_{kind}.h").rstrip()
+
+    def _sizes(self) -> str:
+        system, twin = self.system, self.twin
+        counts = [len(row.coefficients) for row in system.rows]
+        sizes = {
+            "ROWS": len(counts),
+            "COEFFICIENTS": sum(counts),
+            "SIGNALS": sum(counts) + len(counts),
+            "SAMPLE_SIZE": len(self.sample_names),
+        }
+        if isinstance(twin, RecursiveLeastSquares):
+            sizes["WIDTH"] = max(counts) + 2 * (not self.settings.velocities)
+            if not self.settings.velocities:
+                sizes["WINDOW"] = 2 * twin.law.half_window + 3
+        lines = [f"#define FLEXID_{name} {value}U" for name, value in sizes.items()]
+        largest = f"#define FLEXID_LARGEST ((flexid_real){LARGEST_SAMPLE!r})"
+        return "\n".join([*lines, f"{largest} /* of a sample, in its unit */"])
+
+    def _placeholders(self) -> dict[str, str]:
+        system, names = self.system, self.names
+        last = len(self.sample_names) - 1
+        start = self.twin.coefficients(self.twin.init(self.settings.start)).tolist()
+        values = {
+            "rate": repr(1.0 / self.settings.sample_time),
+            "float_macros": _macros(self._calls, "f"),
+            "double_macros": _macros(self._calls, ""),
+            "settings": self._settings_text(),
+            "start": _entries(
+                (_real(value), f"{name}, {self._unit(name)}")
+                for name, value in zip(system.coefficients, start, strict=True)
+            ),
+            "model_functions": self._model_functions(),
+            "latest": "\n".join(
+                f"        sample->{names[n]}{',' if i < last else ''}"
+                for i, n in enumerate(self.sample_names)
+            ),
+            "estimates": self._estimates_text(),
+            "input_at_end": f"&{self._held_input}[2U * FLEXID_ROWS]",
+        }
+        if isinstance(self.twin, ParametricObserver):
+            gains = zip(system.coefficients, self.twin.gains.tolist(), strict=True)
+            values["gains"] = _entries((_real(gain), f"of {name}") for name, gain in gains)
+        elif not self.settings.velocities:
+            half = self.twin.law.half_window
+            values["middle_state"] = template_text(
+                "middle_slopes.c" if half else "middle_positions.c"
+            )
+            values["signals_end"] = template_text(
+                "end_held.c" if self.settings.hold == "zero" else "end_linear.c"
+            ).rstrip()
+        return values
+
+    @property
+    def _held_input(self) -> str:
+        return "state->latest" if self.settings.hold == "zero" else "latest"
+
+    @property
+    def _calls(self) -> frozenset[str]:
+        own = {"FABS"} if isinstance(self.twin, ParametricObserver) else {"FABS", "SQRT"}
+        return self.functions.calls | own
+
+    def _unit(self, coefficient: str) -> str:
+        return self._units.get(coefficient) or "in the model's unit"
+
+    def _sample_unit(self, name: str) -> str:
+        if not self._units:
+            return "in the model's unit"
+        if name in self.system.inputs:
+            return "the input, in the unit that it was identified in"
+        return "rad/s" if name in self.system.states[1::2] else "rad"
+
+    def _model_functions(self) -> str:
+        counts = [len(row.coefficients) for row in self.system.rows]
+        starts = ", ".join(f"{sum(counts[:i])}U" for i in range(len(counts) + 1))
+        lines = [f"static const uint32_t ROW_START[FLEXID_ROWS + 1U] = {{{starts}}};"]
+        if not self.settings.velocities:
+            held = ", ".join("true" if h else "false" for h in self.functions.held)
+            lines += [
+                "",
+                "/* Which signals an input occurs in, so that its hold matters. */",
+                f"static const bool HELD[FLEXID_SIGNALS] = {{{held}}};",
+            ]
+        sign = "sign_of(" in self.functions.source
+        return "\n".join([*lines, "", *([template_text("sign.c")] * sign), self.functions.source])
+
+    def _estimates_text(self) -> str:
+        lines = []
+        for j, (row, part) in enumerate(self.system.row_slices()):
+            for i, name in enumerate(row.coefficients):
+                place = f"row[{j}].unknown[{i}]"
+                if isinstance(self.twin, ParametricObserver):
+                    place = f"value[{part.start + i}]"
+                lines.append(f"    values->{self.names[name]} = state->{place};")
+        return "\n".join(lines)
+
+    def _settings_text(self) -> str:
+        h, filter_rate = self.settings.sample_time, self.settings.filter_rate
+        counts: dict[str, int] = {}
+        numbers: _SETTING = {"LARGEST_POWER": (1e300, 1e36)}
+        recent = h / _RECENT_TIME
+        if self.settings.velocities:
+            numbers["SAMPLE_TIME"] = (h, h)
+        if isinstance(self.twin, ParametricObserver):
+            numbers["SLOWEST"] = (_SLOWEST, _SLOWEST)
+        else:
+            law = self.twin.law
+            counts["FEWEST"] = law.fewest
+            kept = (1.0 - law.fading) * law.least_information
+            numbers |= {
+                "FADING": (law.fading, law.fading),
+                "FORGOTTEN": (1.0 - law.fading, 1.0 - law.fading),
+                "KEPT": (kept, kept),
+                "RIDGE": (law.ridge, 1e-6),
+                "LEAST_TOLERANCE": (law.least_tolerance, law.least_tolerance),
+                "LEAST_EXPLAINED": (law.least_explained, law.least_explained),
+                "LEAST_DIAGONAL": (1e-200, 1e-30),
+                "LEAST_SQUARE": (1e-300, 1e-30),
+                "SLACK": (_SLACK, _SLACK),
+                "UNUSUAL": (_UNUSUAL, _UNUSUAL),
+                "STANDSTILL": (_STANDSTILL, _STANDSTILL),
+            }
+            if not self.settings.velocities:
+                recent = h * filter_rate / _RECENT
+                counts |= {"MEMORY": law.memory, "HALF_WINDOW": law.half_window}
+                counts["MIDDLE"] = law.half_window + 2
+                if law.half_window:
+                    half = law.half_window
+                    weight = half * (half + 1) * (2 * half + 1) / 3.0
+                    numbers["SLOPE_WEIGHT"] = (weight, weight)
+                numbers |= {
+                    "POLE": (law.pole, law.pole),
+                    "ONE_LESS_POLE": (1.0 - law.pole, 1.0 - law.pole),
+                    "LEAST_PIVOT": (1e-12, 1e-6),
+                }
+        weight = 1.0 - exp(-recent)
+        numbers["RECENT"] = (weight, weight)
+        return _definitions(counts, numbers)
+
+
+def comment(text: str) -> str:
+    """A text that may stand in a comment, on one line."""
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
+
+
+_MEANINGS = {
+    "LARGEST_POWER": "beyond it a sum is taken for an overflow",
+    "SAMPLE_TIME": "h, s",
+    "FADING": "mu, by which what was learnt fades per sample",
+    "FORGOTTEN": "1 - mu",
+    "KEPT": "(1 - mu) of the part of the largest A[i][i] that is never forgotten",
+    "RIDGE": "rho",
+    "LEAST_TOLERANCE": "part of a regressor's square that the others must leave over",
+    "LEAST_EXPLAINED": "part of a left-hand side that a row must explain",
+    "LEAST_DIAGONAL": "below it a sum of squares is none",
+    "LEAST_SQUARE": "least diagonal of a factor, squared",
+    "SLACK": "unexplained part of the latest left-hand sides that contradicts nothing",
+    "UNUSUAL": "and how many times the usual part",
+    "STANDSTILL": "part of the mean square below which a motion contradicts nothing",
+    "POLE": "of the filter lambda^2/(s + lambda)^2, exp(-lambda h)",
+    "ONE_LESS_POLE": "1 - POLE",
+    "LEAST_PIVOT": "part of the other past unknown's square that one must have",
+    "RECENT": "weight of the latest sample in what is called recent",
+    "SLOWEST": "1/s; where r^T G r is less, nothing converges",
+    "FEWEST": "equations before anything is called determined",
+    "MEMORY": "equations after which the filter remembers nothing of the time before a gap",
+    "HALF_WINDOW": "samples to either side that a velocity is the slope over",
+    "SLOPE_WEIGHT": "sum of squares of the distances that a slope is taken over",
+    "MIDDLE": "the place in the window that equations are for",
+}
+
+
+def _definitions(counts: Mapping[str, int], numbers: _SETTING) -> str:
+    shared = {name: d for name, (d, f) in numbers.items() if d == f}
+    lines = [f"#define {name} {n}U /* {_MEANINGS[name]} */" for name, n in counts.items()]
+    lines += [f"#define {name} {_real(v)} /* {_MEANINGS[name]} */" for name, v in shared.items()]
+    for guard, place in (("#if defined(FLEXID_FLOAT)", 1), ("#else", 0)):
+        lines.append(guard)
+        lines += [
+            f"#define {name} {_real(pair[place])} /* {_MEANINGS[name]} */"
+            for name, pair in numbers.items()
+            if name not in shared
+        ]
+    return "\n".join([*lines, "#endif"])
+
+
+def _real(value: float) -> str:
+    return f"REAL({value!r})" if value >= 0.0 else f"(-REAL({-value!r}))"
+
+
+def _entries(values: Iterable[tuple[str, str]]) -> str:
+    pairs = list(values)
+    last = len(pairs) - 1
+    return "\n".join(
+        f"    {value}{',' if i < last else ''} /* {comment(text)} */"
+        for i, (value, text) in enumerate(pairs)
+    )
+
+
+def _macros(calls: Iterable[str], suffix: str) -> str:
+    used = [name for name in MACROS if name in calls]
+    return "\n".join(f"#define {name} {name.lower()}{suffix}" for name in used)
+
+
+def _equations(system: ParametricSystem) -> list[str]:
+    """The rows as eq. (1) has them, for the header's comment."""
+    lines = []
+    for row in system.rows:
+        terms = [f"{name}*({text})" for name, text in row.regressors.items()]
+        terms += [row.known] * (row.known != "0")
+        lines.append(f" *   {row.velocity}' = {comment(' + '.join(terms))}   eq. (1), {row.name}")
+    constants = ", ".join(f"{name} = {value!r}" for name, value in system.constants.items())
+    return [*lines, *([f" *   with {constants}"] * bool(constants))]
+
+
+@cache
+def template_text(name: str) -> str:
+    """Text of a template."""
+    return resources.files("flexid.exports").joinpath("templates_c99", name).read_text("utf-8")
+
+
+def _filled(name: str, **values: str) -> str:
+    return Template(template_text(name)).substitute(values)

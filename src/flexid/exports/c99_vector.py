@@ -1,0 +1,177 @@
+"""The test vector of an exported estimator: samples, and what its twin in Python makes of them."""
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import SettingError, SimulationError
+from flexid.estimators.online import History, Status
+from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
+from flexid.estimators.samples import Samples
+from flexid.exports.c99_source import DriveSource
+
+_CHECKS = 50
+_AFTER_MEMORY = 1000  # samples
+_MEMORY = 20.0  # time constants of the filter
+_TONES = 3
+_ACCELERATION = 10.0  # rad/s^2, that the input causes by itself
+_SEED = 12
+_SETTLED = 100  # samples
+_ALLOWED_DOUBLE, _ALLOWED_FLOAT = 1e-12, 1e-4
+_MARGIN_DOUBLE, _MARGIN_FLOAT = 30.0, 100.0  # over what rounding otherwise does
+_SHORTEST_LOG = 100  # samples
+
+
+def made_samples(drive: DriveSource) -> FloatArray:
+    """Samples without a log: the model's motion under sums of sines.
+
+    A coefficient without a value has 1. Where that diverges, positions are sums of sines, too;
+    they are no motion of the model, and least squares has an answer all the same.
+    """
+    h, rate = drive.settings.sample_time, drive.settings.filter_rate
+    n = int(np.ceil(_MEMORY / (rate * h))) + _AFTER_MEMORY
+    time = h * np.arange(n, dtype=np.float64)
+    rng = np.random.default_rng(_SEED)
+    inputs, _ = _sines(time, rate, rng, len(drive.system.inputs))
+    try:
+        states = _motion(drive, inputs)
+    except SimulationError:
+        positions, velocities = _sines(time, rate, rng, len(drive.system.rows))
+    else:
+        positions, velocities = states[0][:, ::2], states[0][:, 1::2]
+        inputs = states[1]
+    return drive.twin.pack(Samples(positions, velocities, inputs, h))
+
+
+def _sines(
+    time: FloatArray, rate: float, rng: np.random.Generator, channels: int
+) -> tuple[FloatArray, FloatArray]:
+    """Sums of sines about a rate in 1/s, and their derivatives, shape (n, channels) each."""
+    rates = rng.uniform(0.1, 1.5, (channels, _TONES)) * rate
+    angles = time[:, None, None] * rates + rng.uniform(0.0, 2.0 * np.pi, (channels, _TONES))
+    return np.sin(angles).mean(axis=2), (rates * np.cos(angles)).mean(axis=2)
+
+
+def _motion(drive: DriveSource, inputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """States and inputs of a run that begins at rest, with accelerations of a usual size."""
+    from flexid.simulation.free_run import free_run
+
+    system, settings = drive.system, drive.settings
+    values = {name: settings.start.get(name, 1.0) for name in system.coefficients}
+    rest = np.zeros(len(system.states))
+    h = settings.sample_time
+    step = np.ones_like(inputs[:2])
+    change = free_run(system, values, rest, step, h) - free_run(system, values, rest, 0 * step, h)
+    gain = float(np.abs(change[1, 1::2]).max()) / h
+    scaled = inputs * (_ACCELERATION / gain if gain > 0.0 else 1.0)
+    return free_run(system, values, rest, scaled, h, settings.hold), scaled
+
+
+def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
+    """Samples of a log as the estimator takes them.
+
+    Raises
+    ------
+    SettingError
+        If the log is too short, or has not what the model measures.
+    """
+    system = drive.system
+    if len(samples) < _SHORTEST_LOG:
+        raise SettingError(
+            "log", f"has {len(samples)} samples in one piece: give one of {_SHORTEST_LOG} or more"
+        )
+    found = samples.positions.shape[1], samples.inputs.shape[1]
+    if found != (len(system.rows), len(system.inputs)):
+        raise SettingError(
+            "log",
+            f"has {found[0]} positions and {found[1]} inputs, and the model "
+            f"{len(system.rows)} and {len(system.inputs)}: give a log of this model's drive",
+        )
+    return drive.twin.pack(samples)
+
+
+def vector_text(drive: DriveSource, samples: FloatArray) -> str:
+    """Text of ``test_vector.h``."""
+    start = drive.twin.init(drive.settings.start)
+    history = drive.twin.replay(start, samples)
+    n = len(samples)
+    places = np.unique(np.linspace(_first_check(drive, history), n - 1, _CHECKS).astype(int))
+    scale = np.abs(history.coefficients[places]).max(axis=0)
+    scale[scale == 0.0] = 1.0
+
+    def allowed(rounded: FloatArray, least: float, margin: float) -> float:
+        """What another way of rounding may do to the estimates."""
+        found = drive.twin.replay(start, rounded).coefficients
+        off = np.abs(found - history.coefficients)[places] / scale
+        return max(least, margin * float(off.max()))
+
+    ulps = np.random.default_rng(_SEED).choice([-1.0, 1.0], samples.shape)
+    double = allowed(
+        samples * (1.0 + ulps * np.finfo(np.float64).eps), _ALLOWED_DOUBLE, _MARGIN_DOUBLE
+    )
+    single = allowed(samples.astype(np.float32).astype(np.float64), _ALLOWED_FLOAT, _MARGIN_FLOAT)
+    rows = "\n".join(
+        f"    {{{', '.join(f'V({number!r})' for number in sample)}}},"
+        for sample in samples.tolist()
+    )
+    checks = "\n".join(
+        f"    {{{place}U, {{{', '.join(map(repr, history.coefficients[place].tolist()))}}}}},"
+        for place in places.tolist()
+    )
+    return f"""/* test_vector.h: samples, and what flexid in Python makes of them; generated. */
+#ifndef TEST_VECTOR_H
+#define TEST_VECTOR_H
+
+#include "flexid_drive.h"
+
+#define N_SAMPLES {n}U
+#define N_CHECKS {len(places)}U
+
+/* How much an estimate may differ, relative to SCALE: {_ALLOWED_DOUBLE:g} and
+ * {_ALLOWED_FLOAT:g}, or {_MARGIN_DOUBLE:g} and {_MARGIN_FLOAT:g} times the
+ * difference in Python when samples are rounded otherwise. */
+#if defined(FLEXID_FLOAT)
+#define V(x) (x##f)
+#define ALLOWED {single!r}
+#else
+#define V(x) (x)
+#define ALLOWED {double!r}
+#endif
+
+/* {", ".join(drive.sample_names)} */
+static const flexid_sample SAMPLES[N_SAMPLES] = {{
+{rows}
+}};
+
+/* The largest size of each estimate, that differences are relative to. */
+static const double SCALE[FLEXID_COEFFICIENTS] = {{{", ".join(map(repr, scale.tolist()))}}};
+
+/* Estimates after some samples: {", ".join(drive.system.coefficients)} */
+static const struct {{
+    unsigned sample;
+    double values[FLEXID_COEFFICIENTS];
+}} CHECKS[N_CHECKS] = {{
+{checks}
+}};
+
+#endif /* TEST_VECTOR_H */
+"""
+
+
+def _first_check(drive: DriveSource, history: History) -> int:
+    """The first sample whose estimates are compared: one from which on they are determined.
+
+    Before the filter's past is gone, there are more unknowns, and rounding weighs more.
+    """
+    n = len(history.status)
+    if not isinstance(drive.twin, RecursiveLeastSquares):
+        return n // 4
+    open_ = np.flatnonzero(history.status != Status.USED)
+    determined = int(open_[-1]) + 1 if len(open_) else 0
+    settled = _memory(drive) + _SETTLED
+    return min(max(settled, determined if determined < n else 3 * n // 4), n - 1)
+
+
+def _memory(drive: DriveSource) -> int:
+    """Samples after which the filter remembers nothing of the time before the first one."""
+    twin = drive.twin
+    return twin.law.memory if isinstance(twin, RecursiveLeastSquares) else 0

@@ -1,0 +1,92 @@
+"""Which online estimator is exported, with its settings; and its twin in Python."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import TYPE_CHECKING
+
+from flexid.errors import SettingError
+from flexid.models.parametric_system import ParametricSystem
+
+if TYPE_CHECKING:
+    from flexid.estimators.parametric_observer import ParametricObserver
+    from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
+    from flexid.recording.recording import Hold
+
+MEMORY_TIME = 60.0
+"""s; a drive runs for years, and sums in float do not grow for ever."""
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """Settings of an estimator beside a drive.
+
+    Parameters
+    ----------
+    sample_time : float
+        Time between samples in s.
+    hold : {"zero", "linear"}, optional
+        The input between samples.
+    velocities : bool, optional
+        Whether samples hold measured velocities, or encoders alone.
+    gains : mapping of str to float, optional
+        Constant gains by coefficient or row: the paper's observer, which needs velocities. Empty:
+        least-squares gain.
+    filter_rate : float, optional
+        Rate in 1/s of the filter that positions pass.
+    memory_time : float, optional
+        Time in s after which a sample weighs 1/e as much. A constant gain has none.
+    start : mapping of str to float, optional
+        First values of the coefficients; 0 where none is given.
+    """
+
+    sample_time: float
+    hold: "Hold" = "zero"
+    velocities: bool = False
+    gains: Mapping[str, float] = field(default_factory=dict)
+    filter_rate: float = 20.0
+    memory_time: float = MEMORY_TIME
+    start: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.gains and not self.velocities:
+            raise SettingError(
+                "gain", "a constant gain takes measured velocities: add --velocities, or leave it"
+            )
+
+    def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
+        """The same estimator in Python.
+
+        Raises
+        ------
+        SettingError
+            If a setting is out of its range.
+        """
+        from flexid.estimators.parametric_observer import parametric_observer
+        from flexid.estimators.recursive_least_squares import (
+            least_squares_observer,
+            recursive_least_squares,
+        )
+
+        h, hold, memory = self.sample_time, self.hold, self.memory_time
+        if self.gains:
+            return parametric_observer(system, self.gains, h, hold)
+        if self.velocities:
+            return least_squares_observer(system, h, hold, memory)
+        return recursive_least_squares(system, h, self.filter_rate, hold, memory)
+
+    @property
+    def summary(self) -> str:
+        """What is estimated from what, in a line."""
+        if self.gains:
+            return "Constant gain, from positions, velocities and inputs."
+        if self.velocities:
+            return f"Least-squares gain{self._fading}, from positions, velocities and inputs."
+        return (
+            f"Least-squares gain{self._fading}, from positions and inputs "
+            f"through a filter of {self.filter_rate:g} 1/s."
+        )
+
+    @property
+    def _fading(self) -> str:
+        return "" if self.memory_time == inf else f", memory {self.memory_time:g} s"

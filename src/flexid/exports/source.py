@@ -1,0 +1,98 @@
+"""What is exported: a model with the values that are known of it, from a file or an estimate."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.models.terms import SMOOTHING
+
+if TYPE_CHECKING:
+    from flexid.identification.joint import Joint
+    from flexid.identification.result import Identification
+
+
+@dataclass(frozen=True, eq=False)
+class ExportSource:
+    """A model and what is known of it.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model with the terms that it has; what is given is a constant of it. Coulomb friction
+        is smoothed.
+    values : mapping of str to float, optional
+        Values of its coefficients, where there are any.
+    units : mapping of str to str, optional
+        Units of its coefficients, where they are known.
+    identification : Identification, optional
+        Where all that comes from, if it was estimated.
+    """
+
+    system: ParametricSystem
+    values: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    identification: "Identification | None" = None
+
+
+def source_of_identification(result: "Identification") -> ExportSource:
+    """The model of an identification, with the terms that were kept, and its values.
+
+    Offsets that differ from log to log have the value of the first one.
+
+    Parameters
+    ----------
+    result : Identification
+        What was found.
+    """
+    from flexid.identification.joint import joint_of
+    from flexid.identification.rebuilt import described, given_coefficients
+
+    found = described(result, 0, result.choices.shapes).coefficients
+    values = {name: v if isfinite(v) else 0.0 for name, v in found.items() if "[" not in name}
+    given = given_coefficients(result) & {*values}
+    joint = joint_of(result.model)
+    constants = {name: values[name] for name in sorted(given)} | {**result.choices.shapes}
+    if result.choices.coulomb_velocity is not None:
+        constants[SMOOTHING] = result.choices.coulomb_velocity
+    system = _with_terms(joint, values, given, constants)
+    units = {name.partition("[")[0]: c.unit for name, c in result.coefficients.items()}
+    return ExportSource(
+        system,
+        {name: values[name] for name in system.coefficients},
+        units,
+        result,
+    )
+
+
+def _with_terms(
+    joint: "Joint",
+    values: Mapping[str, float],
+    given: frozenset[str],
+    constants: Mapping[str, float],
+) -> ParametricSystem:
+    """The joint with the terms that have a value, what is given in its known parts."""
+    rows = []
+    for smooth, extended in zip(joint.smooth.rows, joint.extended.rows, strict=True):
+        regressors = {
+            name: smooth.regressors.get(name, text)
+            for name, text in extended.regressors.items()
+            if name in values
+        }
+        known = [f"{name}*({text})" for name, text in regressors.items() if name in given]
+        known += [smooth.known] * (smooth.known != "0")
+        rows.append(
+            Row(
+                smooth.name,
+                smooth.coordinate,
+                smooth.velocity,
+                {name: text for name, text in regressors.items() if name not in given},
+                " + ".join(known) or "0",
+            )
+        )
+    texts = [text for row in rows for text in (*row.regressors.values(), row.known)]
+    every = {**joint.extended.constants, **joint.smooth.constants, **constants}
+    used = {name: v for name, v in every.items() if any(name in text for text in texts)}
+    inputs = joint.smooth.inputs
+    return ParametricSystem(joint.smooth.name, tuple(rows), inputs, used)

@@ -1,0 +1,91 @@
+"""What can be exported: one entry per target of ``flexid export --to``."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexid.errors import SettingError
+
+if TYPE_CHECKING:
+    from flexid.estimators.samples import Samples
+    from flexid.exports.estimator import EstimatorSettings
+    from flexid.exports.source import ExportSource
+
+
+@dataclass(frozen=True, eq=False)
+class ExportRequest:
+    """What is to be exported.
+
+    Parameters
+    ----------
+    source : ExportSource
+        The model and what is known of it.
+    settings : EstimatorSettings, optional
+        Of the online estimator, for targets that have one.
+    samples : Samples, optional
+        Motion to test it with.
+    """
+
+    source: "ExportSource"
+    settings: "EstimatorSettings | None" = None
+    samples: "Samples | None" = None
+
+
+Write = Callable[[ExportRequest, Path], None]
+"""Writes the files of a target into an empty directory."""
+
+
+class Target(NamedTuple):
+    """A kind of files.
+
+    Parameters
+    ----------
+    summary : str
+        What they are, for the help.
+    load : callable
+        Returns the function that writes them, which is imported only then.
+    has_estimator : bool
+        Whether the settings of an online estimator belong to it.
+    """
+
+    summary: str
+    load: Callable[[], Write]
+    has_estimator: bool
+
+
+def _c99() -> Write:
+    from flexid.exports.c99 import write_c99
+
+    return write_c99
+
+
+TARGETS = {
+    "c99": Target("the online estimator in C99, for a drive", _c99, has_estimator=True),
+}
+"""By name."""
+
+
+def export_to(target: str, request: ExportRequest, directory: Path) -> None:
+    """Write the files of a target.
+
+    Parameters
+    ----------
+    target : str
+        One of `TARGETS`.
+    request : ExportRequest
+        What.
+    directory : path
+        An empty one.
+
+    Raises
+    ------
+    SettingError
+        If the target has no use for a setting, or lacks one.
+    """
+    chosen = TARGETS[target]
+    if request.settings is None and chosen.has_estimator:
+        raise SettingError("sample-time", "is missing: give the seconds between samples, or a log")
+    if request.settings is not None and not chosen.has_estimator:
+        raise SettingError(target, "has no estimator: leave out the options of one")
+    chosen.load()(request, directory)

@@ -1,0 +1,123 @@
+
+/* ---- The observer with constant gain, eqs. (2)-(3), sampled --------------------------------- */
+
+static const flexid_real GAIN[FLEXID_COEFFICIENTS] = { /* G: the paper's c1 and c2 */
+$gains
+};
+
+void flexid_init(flexid_state *state)
+{
+    state->version = FLEXID_VERSION;
+    state->health = (uint32_t)FLEXID_CONVERGING;
+    state->samples = 0U;
+    state->spare = 0U;
+    for (uint32_t i = 0U; i < FLEXID_COEFFICIENTS; ++i) {
+        state->value[i] = START[i];
+    }
+    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) {
+        state->before[i] = REAL(0.0);
+    }
+    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
+        state->innovation[j] = REAL(0.0);
+        state->convergence_rate[j] = REAL(0.0);
+    }
+    for (uint32_t j = 0U; j < FLEXID_SAMPLE_SIZE; ++j) {
+        state->latest[j] = REAL(0.0);
+    }
+}
+
+void flexid_gap(flexid_state *state)
+{
+    state->samples = 0U;
+}
+
+/* Bring one row's estimates over the interval: p' = G r (v' - r^T p - k), with the regressor of
+ * the middle of the interval. Along G r the error decays by exp(-s), s = h r^T G r; that is
+ * replaced by 1/(1 + s + s^2/2), which stays between 0 and 1 for any s. */
+static void update_row(
+    flexid_state *state, uint32_t j, const flexid_real end[], flexid_real velocity)
+{
+    flexid_real rate = REAL(0.0);
+    flexid_real predicted = REAL(0.5) * (state->before[FLEXID_COEFFICIENTS + j] +
+                                         end[FLEXID_COEFFICIENTS + j]);
+    flexid_real middle[FLEXID_COEFFICIENTS];
+    for (uint32_t i = ROW_START[j]; i < ROW_START[j + 1U]; ++i) {
+        middle[i] = REAL(0.5) * (state->before[i] + end[i]);
+        rate += GAIN[i] * middle[i] * middle[i];
+        predicted += middle[i] * state->value[i];
+    }
+    const flexid_real s = SAMPLE_TIME * rate;
+    const flexid_real innovation = (velocity - state->latest[(2U * j) + 1U]) - (SAMPLE_TIME * predicted);
+    const flexid_real correction = innovation * (REAL(1.0) + (REAL(0.5) * s)) /
+                                   (REAL(1.0) + (s * (REAL(1.0) + (REAL(0.5) * s))));
+    for (uint32_t i = ROW_START[j]; i < ROW_START[j + 1U]; ++i) {
+        state->value[i] += GAIN[i] * middle[i] * correction;
+    }
+    state->innovation[j] = innovation;
+    state->convergence_rate[j] += RECENT * (rate - state->convergence_rate[j]);
+}
+
+/* Whether the estimates are numbers, and none overflows. */
+static bool is_sound(const flexid_state *state)
+{
+    bool sound = true;
+    for (uint32_t i = 0U; i < FLEXID_COEFFICIENTS; ++i) {
+        sound = sound && (FABS(state->value[i]) <= LARGEST_POWER);
+    }
+    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
+        sound = sound && (FABS(state->convergence_rate[j]) <= LARGEST_POWER) &&
+                (FABS(state->innovation[j]) <= LARGEST_POWER);
+    }
+    return sound;
+}
+
+/* A constant gain cannot know that it has converged; it knows how fast it would at best. */
+static flexid_health update(flexid_state *state, const flexid_real latest[])
+{
+    flexid_real end[FLEXID_SIGNALS];
+    flexid_health health = FLEXID_CONVERGING;
+    sampled_parts(latest, $input_at_end, end);
+    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
+        update_row(state, j, end, latest[(2U * j) + 1U]);
+        if (state->convergence_rate[j] < SLOWEST) {
+            health = FLEXID_NOT_EXCITED;
+        }
+    }
+    if (!is_sound(state)) {
+        flexid_init(state);
+        health = FLEXID_SENSOR_FAULT;
+    }
+    return health;
+}
+
+flexid_health flexid_step(flexid_state *state, const flexid_sample *sample)
+{
+    const flexid_real latest[FLEXID_SAMPLE_SIZE] = {
+$latest
+    };
+    flexid_health health = FLEXID_CONVERGING;
+    bool usable = true;
+    for (uint32_t i = 0U; i < FLEXID_SAMPLE_SIZE; ++i) {
+        usable = usable && is_usable(latest[i]);
+    }
+    if (!usable) {
+        flexid_gap(state);
+        health = FLEXID_SENSOR_FAULT;
+    } else {
+        if (state->samples > 0U) {
+            health = update(state, latest);
+        }
+        state->samples = 1U;
+        sampled_parts(latest, &latest[2U * FLEXID_ROWS], state->before);
+        for (uint32_t j = 0U; j < FLEXID_SAMPLE_SIZE; ++j) {
+            state->latest[j] = latest[j];
+        }
+    }
+    state->health = (uint32_t)health;
+    return health;
+}
+
+void flexid_estimates(const flexid_state *state, flexid_values *values)
+{
+$estimates
+}

@@ -1,0 +1,11 @@
+
+static flexid_real larger(flexid_real a, flexid_real b)
+{
+    return (a > b) ? a : b;
+}
+
+/* Place of row i, column k <= i, in a triangle that is stored row by row. */
+static uint32_t at(uint32_t i, uint32_t k)
+{
+    return ((i * (i + 1U)) / 2U) + k;
+}

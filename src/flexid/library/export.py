@@ -1,0 +1,162 @@
+"""Estimates and models as code and files for other tools: `flexid.export`."""
+
+from collections.abc import Iterable, Mapping
+from math import isfinite
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from flexid.errors import SettingError
+from flexid.exports.estimator import EstimatorSettings
+from flexid.exports.source import ExportSource, source_of_identification
+from flexid.exports.targets import TARGETS, ExportRequest, export_to
+from flexid.library.checks import as_path
+from flexid.library.derive import SHIPPED, declared
+from flexid.library.entrance import did_you_mean, entrance
+from flexid.models.parametric_system import ParametricSystem
+
+if TYPE_CHECKING:
+    from flexid.estimators.samples import Samples
+    from flexid.library.joint_estimate import JointEstimate
+    from flexid.library.logs import Columns, OneLog
+
+
+@entrance
+def export(
+    what: "JointEstimate | ParametricSystem | str | PathLike[str]",
+    *,
+    to: Literal["c99"],
+    out: "str | PathLike[str]",
+    sample_time: float | None = None,
+    hold: Literal["zero", "linear"] | None = None,
+    velocities: bool = False,
+    gain: Mapping[str, float] | None = None,
+    filter_rate: float | None = None,
+    memory_time: float | None = None,
+    log: "OneLog | None" = None,
+    columns: "Columns | None" = None,
+    terms: Iterable[str] | None = None,
+) -> tuple[Path, ...]:
+    """Write an estimate or a model as code or files for another tool.
+
+    Parameters
+    ----------
+    what : JointEstimate, ParametricSystem or path
+        What `flexid.identify` returned, an ``estimate.json``, a model, a TOML model file, or
+        ``"flexible-joint"``.
+    to : {"c99"}
+        The target: ``"c99"``, the online estimator in C for a drive.
+    out : path
+        Directory for the files.
+    sample_time : float, optional
+        Seconds between the estimator's samples; the log's if there is one.
+    hold : {"zero", "linear"}, optional
+        The input between samples; as it was identified, else held.
+    velocities : bool, optional
+        Whether the estimator takes measured velocities, too.
+    gain : mapping of str to float, optional
+        Constant gains by row or coefficient, the paper's observer; else least-squares gain.
+    filter_rate : float, optional
+        Rate in 1/s of the filter that positions pass; as it was identified, else 20.
+    memory_time : float, optional
+        Seconds after which a sample weighs 1/e as much; 60 if not given, infinite if ``inf``.
+    log : log, optional
+        Motion for the test vector, as `flexid.read_log` takes it.
+    columns : path, optional
+        A TOML column map for the log.
+    terms : iterable of str, optional
+        Terms of ``"flexible-joint"``; the paper's if not given.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    SettingError
+        If the estimate cannot be read, or an option does not suit.
+    ModelError
+        If the model file cannot be used.
+    RecordingError
+        If the log cannot be used.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.report.documents import output_directory
+
+    if to not in TARGETS:
+        raise SettingError("to", f"{to!r} is none{did_you_mean(str(to), TARGETS)}")
+    source = export_source(what, terms)
+    samples = None if log is None else _longest(log, columns)
+    given: dict[str, Any] = {
+        "hold": hold,
+        "gains": gain,
+        "filter_rate": filter_rate,
+        "memory_time": memory_time,
+        "velocities": velocities or None,
+    }
+    settings = estimator_settings(
+        source, samples, sample_time, {k: v for k, v in given.items() if v is not None}
+    )
+    with output_directory(as_path("export", "out", out)) as directory:
+        export_to(to, ExportRequest(source, settings, samples), directory)
+        names = sorted(path.name for path in directory.iterdir())
+    return tuple(Path(out) / name for name in names)
+
+
+def export_source(what: Any, terms: Iterable[str] | None = None) -> ExportSource:
+    """The model that is meant, with what is known of it."""
+    from flexid.library.joint_estimate import JointEstimate
+
+    if isinstance(what, JointEstimate):
+        return source_of_identification(what.result)
+    is_path = isinstance(what, str | PathLike) and what != SHIPPED
+    if is_path and Path(as_path("export", "what", what)).suffix.lower() == ".json":
+        from flexid.identification.estimate_file import read_estimate, stored_identification
+
+        return source_of_identification(stored_identification(read_estimate(Path(what))))
+    return ExportSource(declared(what, terms, unknown_input_gain=what == SHIPPED))
+
+
+def estimator_settings(
+    source: ExportSource,
+    samples: "Samples | None",
+    sample_time: float | None,
+    given: Mapping[str, Any],
+) -> EstimatorSettings | None:
+    """Settings of the estimator: what is given, else as it was identified; None if none is meant.
+
+    Raises
+    ------
+    SettingError
+        If there is no sample time, or it is not the log's.
+    """
+    if sample_time is None and samples is None:
+        if given:
+            raise SettingError(
+                "sample-time", "is missing: give the seconds between samples, or a log"
+            )
+        return None
+    if sample_time is None or samples is None:
+        h = samples.sample_time if sample_time is None else sample_time  # type: ignore[union-attr]
+    elif abs(sample_time - samples.sample_time) > 1e-6 * samples.sample_time:
+        raise SettingError(
+            "sample-time",
+            f"is {sample_time:g} s and the log's is {samples.sample_time:g} s: leave one out",
+        )
+    else:
+        h = sample_time
+    found: dict[str, Any] = {}
+    if source.identification is not None:
+        choices = source.identification.choices
+        found["hold"] = "zero" if choices.hold == "zero" else "linear"
+        if choices.filter_rate is not None and isfinite(choices.filter_rate):
+            found["filter_rate"] = choices.filter_rate
+    return EstimatorSettings(h, start=source.values, **(found | dict(given)))
+
+
+def _longest(log: Any, columns: Any) -> "Samples":
+    from flexid.library.logs import samples
+
+    return max(samples(log, columns=columns), key=len)
