@@ -31,6 +31,7 @@ _HOMES = {
     "JointEstimate": "library.joint_estimate",
     "EstimateValidation": "library.validation",
     "Prediction": "library.prediction",
+    "FrequencyResponse": "identification.frequency_response",
     "LogExcitation": "library.excitation",
     "ExperimentDesign": "library.design",
     "SimulatedRun": "library.simulate",

@@ -89,7 +89,7 @@ def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
     outcome = flexid("identify", good_log, "--out", tmp_path)
     assert outcome.status == 0, outcome.stderr
     names = {path.name for path in tmp_path.iterdir()}
-    figures = {"fit.png", "estimates.png", "excitation.png", "regions.png"}
+    figures = {"fit.png", "estimates.png", "excitation.png", "regions.png", "bode.png"}
     assert names == {"estimate.json"} | figures
     document = json.loads((tmp_path / "estimate.json").read_text())
     assert set(TRUE) <= set(document["coefficients"])
@@ -367,7 +367,7 @@ def test_motion_alone_gives_the_link(flexid, good_log, tmp_path):
     for name in ("theta1", "theta2"):
         lower, upper = document["coefficients"][name]["interval"]
         assert lower <= TRUE[name] <= upper
-    assert {"fit.png", "estimates.png", "excitation.png"} <= {
+    assert {"fit.png", "estimates.png", "excitation.png", "bode.png"} <= {
         file.name for file in (tmp_path / "out").iterdir()
     }
     assert load(tmp_path / "out" / "estimate.json").model == "link"

@@ -32,4 +32,13 @@ def test_linearisation_is_the_slope_of_the_right_hand_side(
         slope = (rates[0] - rates[1]) / (2.0 * step)
         # The differences err by step²/6 of the third derivative.
         np.testing.assert_allclose(found[:, place], slope, rtol=1e-6, atol=1e-6)
+    gains = np.empty((len(x), len(u)))
+    module.input_slopes(x, u, p, c, gains)
+    for place in range(len(u)):
+        for side, nudge in enumerate((step, -step)):
+            moved = u.copy()
+            moved[place] += nudge
+            module.right_hand_side(x, moved, p, c, rates[side])
+        slope = (rates[0] - rates[1]) / (2.0 * step)
+        np.testing.assert_allclose(gains[:, place], slope, rtol=1e-6, atol=1e-6)
     assert not jumps.any()

@@ -131,7 +131,7 @@ def test_a_page_spells_text_that_is_not_its_own(estimate):
     assert "<script>" not in flexid.JointEstimate(spiked)._repr_html_()
 
 
-FIGURES = ("fit", "residuals", "regions", "estimates", "excitation")
+FIGURES = ("fit", "residuals", "regions", "estimates", "excitation", "bode")
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -218,7 +218,7 @@ def test_figures_are_saved_as_the_command_does(estimate, tmp_path):
     """Assert that the files have the command's names."""
     estimate.plot.save(tmp_path / "out")
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"fit.png", "estimates.png", "excitation.png", "regions.png"}
+    assert names == {"fit.png", "estimates.png", "excitation.png", "regions.png", "bode.png"}
 
 
 def test_it_predicts_a_log(loaded, log):

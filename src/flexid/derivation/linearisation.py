@@ -33,10 +33,24 @@ def linearisation_function(symbolic: SymbolicSystem) -> str:
     )
 
 
+def input_slopes_function(symbolic: SymbolicSystem) -> str:
+    """Source of ``input_slopes(x, u, p, c, b)``: fills b, (N_STATES, N_INPUTS), with ∂x'/∂u."""
+    rates, inputs = symbolic.right_hand_side, symbolic.inputs
+    targets = [f"_b[{i}, {j}]" for i in range(len(rates)) for j in range(len(inputs))]
+    return function(
+        "input_slopes(_x, _u, _p, _c, _b)",
+        "_b = ∂x'/∂u for coefficients _p and constants _c.",
+        unpack_variables(symbolic),
+        unpack("_p", symbolic.coefficients),
+        assignments(targets, [derivative(rate, u) for rate in rates for u in inputs]),
+    )
+
+
 def moving_model(system: ParametricSystem, purpose: str) -> str:
     """Source of what a model needs to move by itself: `model_functions`, and its linearisation."""
-    linearised = linearisation_function(symbolic_system(system))
-    return model_functions(system, purpose) + "\n\n" + linearised
+    symbolic = symbolic_system(system)
+    linear = linearisation_function(symbolic), input_slopes_function(symbolic)
+    return "\n\n".join((model_functions(system, purpose), *linear))
 
 
 def _jump(row: SymbolicRow) -> sp.Expr:

@@ -184,6 +184,7 @@ def identify(
             *compliance_warnings(compliance),
         ),
         provenance=provenance(logs, settings, choices),
+        recordings=recordings.whole,
     )
 
 

@@ -12,7 +12,7 @@ from flexid.identification.alignment import Alignment
 from flexid.identification.estimate import Estimate
 from flexid.identification.intervals import checked_level, interval, logarithmic_interval
 from flexid.identification.joint import Kind
-from flexid.recording.recording import Hold
+from flexid.recording.recording import Hold, Recording
 
 Verdict = Literal["determined", "weak", "undetermined"]
 
@@ -308,6 +308,8 @@ class Identification:
         Everything the user should know before trusting the numbers.
     provenance : mapping
         Version, settings, inputs with their hashes.
+    recordings : tuple of Recording
+        The data that it was made from; empty for what was streamed, or loaded from a file.
     """
 
     model: Kind
@@ -326,6 +328,7 @@ class Identification:
     summary: tuple[str, ...]
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    recordings: tuple[Recording, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexid.identification.result import Identification
+    from flexid.library.logs import Columns, Logs
 
 
 class EstimatePlots:
@@ -92,6 +93,44 @@ class EstimatePlots:
         from flexid.report.style import styled
 
         return styled(excitation_figure)(self._result)
+
+    def bode(
+        self,
+        logs: "Logs | None" = None,
+        *,
+        columns: "Columns | None" = None,
+        position: float | None = None,
+        level: float = CONFIDENCE,
+    ) -> "Figure":
+        """Frequency response of the joint with its confidence band, beside what a log shows.
+
+        Antiresonance and resonance are marked. The spectral estimate is that of the log that the
+        estimate was made from, or of another; `JointEstimate.frequency_response` has the numbers.
+
+        Parameters
+        ----------
+        logs : log or list of logs, optional
+            As `flexid.read_log` takes them.
+        columns : path, optional
+            A TOML column map for raw sensor columns.
+        position : float, optional
+            Angle in rad about which link and motor move; where gravity has no torque, if not given.
+        level : float, optional
+            Nominal coverage of the band, at each frequency for itself.
+
+        Raises
+        ------
+        SettingError
+            If the level or the position is none.
+        RecordingError
+            If a log cannot be used.
+        """
+        from flexid.identification.frequency_response import frequency_response
+        from flexid.library.logs import all_recordings
+        from flexid.report.bode_figure import bode_figure
+
+        given = self._result.recordings if logs is None else all_recordings("bode", logs, columns)
+        return bode_figure(frequency_response(self._result, given, position=position, level=level))
 
     def save(self, directory: "str | PathLike[str]") -> None:
         """Write the figures that ``flexid identify --out`` writes.

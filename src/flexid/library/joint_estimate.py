@@ -30,6 +30,9 @@ from flexid.library.estimate_plots import EstimatePlots
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from numpy.typing import ArrayLike
+
+    from flexid.identification.frequency_response import FrequencyResponse
     from flexid.library.logs import Columns, Logs, OneLog
     from flexid.library.prediction import Prediction
     from flexid.library.validation import EstimateValidation
@@ -281,6 +284,56 @@ class JointEstimate(Answer):
         from flexid.library.validation import validate
 
         return validate(self, logs, columns=columns)
+
+    def frequency_response(
+        self,
+        logs: "Logs | None" = None,
+        *,
+        columns: "Columns | None" = None,
+        frequency: "ArrayLike | None" = None,
+        position: float | None = None,
+        level: float = CONFIDENCE,
+    ) -> "FrequencyResponse":
+        """Frequency responses of the joint for small motions: what ``plot.bode()`` draws.
+
+        Parameters
+        ----------
+        logs : log or list of logs, optional
+            Whose spectral estimate is to stand beside, as `flexid.read_log` takes them; that of the
+            log that the estimate was made from, if not given and still at hand.
+        columns : path, optional
+            A TOML column map for raw sensor columns.
+        frequency : array_like, shape (n,), optional
+            In Hz; chosen if not given, dense where a peak may be.
+        position : float, optional
+            Angle in rad about which link and motor move; where gravity has no torque, if not given.
+        level : float, optional
+            Nominal coverage of the intervals, at each frequency for itself.
+
+        Returns
+        -------
+        FrequencyResponse
+            Complex values in physical units with the ends of magnitude and phase, resonance and
+            antiresonance in Hz with their intervals, and the spectral estimates.
+
+        Raises
+        ------
+        SettingError
+            If a frequency is not positive, or the level or the position none.
+        RecordingError
+            If a log cannot be used.
+        """
+        from flexid.identification.frequency_response import frequency_response
+        from flexid.library.logs import all_recordings
+
+        given = (
+            self.result.recordings
+            if logs is None
+            else all_recordings("frequency_response", logs, columns)
+        )
+        return frequency_response(
+            self.result, given, frequency=frequency, position=position, level=level
+        )
 
     def save(self, path: "str | PathLike[str]") -> None:
         """Write an ``estimate.json``, which `flexid.load` and the commands read.

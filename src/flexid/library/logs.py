@@ -123,6 +123,11 @@ def all_logs(function: str, logs: Any, columns: Any) -> list[Log]:
     return [one_log(function, logs, columns)]
 
 
+def all_recordings(function: str, logs: Any, columns: Any) -> list[Recording]:
+    """All that logs hold, each stretch without a gap for itself; see `all_logs`."""
+    return [recording for log in all_logs(function, logs, columns) for recording in log.recordings]
+
+
 def one_log(function: str, log: Any, columns: Any) -> Log:
     """A log from what a user gives; see `all_logs`."""
     from flexid.recording.frame import is_frame, table_of_arrays, table_of_frame

@@ -9,8 +9,10 @@ from matplotlib.figure import Figure
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
 from flexid.identification.estimate import Estimate
+from flexid.identification.frequency_response import frequency_response
 from flexid.identification.intervals import CONFIDENCE
 from flexid.identification.result import Identification
+from flexid.report.bode_figure import bode_figure
 from flexid.report.confidence_region import confidence_region_figure, most_correlated
 from flexid.report.free_run_figure import free_run_figure
 from flexid.report.parameter_figures import estimates_figure, parameter_estimate
@@ -26,11 +28,12 @@ _PAIRS = (
 
 
 def save_identification_figures(result: Identification, directory: Path) -> None:
-    """Write fit.png, estimates.png, excitation.png, and regions.png where two are estimated."""
+    """Write fit, estimates, excitation, bode, and regions where two are estimated, as PNG."""
     with mpl.rc_context(STYLE):
         save(fit_figure(result), directory, "fit")
         save(estimates_figure(result), directory, "estimates")
         save(excitation_figure(result), directory, "excitation")
+        save(bode_figure(frequency_response(result, result.recordings)), directory, "bode")
         regions = regions_figure(result)
         if regions is not None:
             save(regions, directory, "regions")
