@@ -15,7 +15,8 @@ from flexid.experiments import read_experiment
 
 KILLED = """
 import os, signal, sys
-from flexid.campaigns import atomic, run_campaign
+from flexid import atomic
+from flexid.campaigns import run_campaign
 from flexid.experiments import read_experiment
 
 replace, count = os.replace, 0

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from flexid.campaigns.atomic import write_atomically
+from flexid.atomic import write_atomically
 from flexid.errors import CampaignError
 from flexid.experiments.variation import MOST_RUNS
 

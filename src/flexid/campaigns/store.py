@@ -8,7 +8,7 @@ from pathlib import Path
 import polars as pl
 from filelock import FileLock, Timeout
 
-from flexid.campaigns.atomic import write_atomically
+from flexid.atomic import write_atomically
 from flexid.campaigns.manifest import (
     FILE,
     Manifest,

@@ -160,12 +160,8 @@ class SegmentedMotion:
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
         coefficients = self._coefficients(point.values)
-        jacobians = np.array(
-            [
-                self._jacobian(state, self.segments.inputs[first], p)
-                for states in (point.initial_states, resting)
-                for first, state, p in zip(self.segments.starts, states, coefficients, strict=True)
-            ]
+        jacobians = np.concatenate(
+            [self._jacobians(states, coefficients) for states in (point.initial_states, resting)]
         )
         # Where the model has no linearisation, nothing is said of its poles.
         usable = jacobians[np.isfinite(jacobians).all(axis=(1, 2))]
@@ -191,20 +187,20 @@ class SegmentedMotion:
         recordings, place = np.unique(self.segments.recordings, return_inverse=True)
         return np.array([of_recording(recording) for recording in recordings.tolist()])[place]
 
-    def _jacobian(self, state: FloatArray, inputs: FloatArray, p: FloatArray) -> FloatArray:
-        """Derivatives of the rates by the states, about a state."""
+    def _jacobians(self, states: FloatArray, coefficients: FloatArray) -> FloatArray:
+        """Derivatives of the rates by the states, about a state at the start of each segment."""
         kernel = self._kernel
-        states = slice(1, 1 + kernel.N_STATES)
-        columns = np.zeros((kernel.N_STATES, 1 + kernel.N_STATES))
-        columns[:, 0] = state
-        columns[:, states] = np.eye(kernel.N_STATES)
-        rates = np.empty_like(columns)
+        columns = np.eye(kernel.N_STATES, 1 + kernel.N_STATES, k=1)
         none = np.zeros(kernel.N_COEFFICIENTS, dtype=np.int64)
-        modes = np.sign(state[1::2])
-        kernel.variation_rates(
-            columns, inputs, np.zeros_like(inputs), modes, p, self.constants, none, 0, rates
-        )
-        return rates[:, states]
+        inputs, modes = self.segments.inputs[self.segments.starts], np.sign(states[:, 1::2])
+        still = np.zeros_like(inputs[0])
+        rates = np.empty((len(states), *columns.shape))
+        for s, p in enumerate(coefficients):
+            columns[:, 0] = states[s]
+            kernel.variation_rates(
+                columns, inputs[s], still, modes[s], p, self.constants, none, 0, rates[s]
+            )
+        return rates[:, :, 1:]
 
     def _wanted(self) -> NDArray[np.int64]:
         """Places of the coefficients that some segment's motion is differentiated by."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,9 +198,16 @@ def first_states(segments: Segments) -> FloatArray:
     for s, part in enumerate(segments.of(positions)):
         sample_time = segments.sample_times[s]
         n = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
-        cubic = np.polynomial.polynomial.polyfit(np.arange(n), part[:n], 3)
-        states[s, ::2], states[s, 1::2] = cubic[0], cubic[1] / sample_time
+        value, slope = _cubic_start(n) @ part[:n]
+        states[s, ::2], states[s, 1::2] = value, slope / sample_time
     return states
+
+
+@cache
+def _cubic_start(n: int) -> FloatArray:
+    """Value and slope per sample, at the first of n samples, of the cubic through them: (2, n)."""
+    cubic = np.polynomial.polynomial.polyfit(np.arange(n), np.eye(n), 3)
+    return np.asarray(cubic[:2], dtype=np.float64)
 
 
 def _outputs(recording: Samples, use_velocities: bool) -> FloatArray:

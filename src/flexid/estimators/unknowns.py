@@ -104,9 +104,7 @@ class Unknowns:
 
     def columns(self, recording_index: int) -> NDArray[np.int64]:
         """Place in `names` of each of the system's coefficients, `FIXED` where it is not sought."""
-        place = {name: i for i, name in enumerate(self.names)}
-        labels = (self._label(c, recording_index) for c in self.system.coefficients)
-        return np.array([place.get(label, FIXED) for label in labels], dtype=np.int64)
+        return self._placed(recording_index)[0]
 
     def coefficients(
         self, values: FloatArray | Sequence[float], recording_index: int
@@ -180,10 +178,26 @@ class Unknowns:
         return f"{coefficient}[{self.groups[recording_index] + 1}]"
 
     def _fixed_values(self, recording_index: int) -> FloatArray:
-        labels = ((c, self._label(c, recording_index)) for c in self.system.coefficients)
-        return np.array(
-            [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels], dtype=np.float64
-        )
+        return self._placed(recording_index)[1]
+
+    def _placed(self, recording_index: int) -> tuple[NDArray[np.int64], FloatArray]:
+        """Columns and fixed values of a recording; every step of every fit asks for them."""
+        if recording_index not in self._found:
+            place = {name: i for i, name in enumerate(self.names)}
+            labels = [(c, self._label(c, recording_index)) for c in self.system.coefficients]
+            columns = np.array([place.get(label, FIXED) for _, label in labels], dtype=np.int64)
+            fixed = np.array(
+                [self.fixed.get(label, self.fixed.get(c, 0.0)) for c, label in labels],
+                dtype=np.float64,
+            )
+            for values in (columns, fixed):
+                values.setflags(write=False)
+            self._found[recording_index] = columns, fixed
+        return self._found[recording_index]
+
+    @cached_property
+    def _found(self) -> dict[int, tuple[NDArray[np.int64], FloatArray]]:
+        return {}
 
 
 def _check_known(setting: str, names: Iterable[str], known: Sequence[str]) -> None:

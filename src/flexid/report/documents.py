@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.analysis.excitation import Excitation
-from flexid.campaigns.atomic import write_atomically
+from flexid.atomic import write_atomically
 from flexid.errors import SettingError
 from flexid.identification.estimate_file import FORMAT_VERSION
 
