@@ -210,6 +210,59 @@ def cross_interval(z, h, substeps, motion, work, other):
         place += span
 
 
+@njit(cache=True, error_model="numpy")
+def position_noise(measured, weights):
+    """Standard deviation of each row's position; 0 where it is not measured."""
+    noise = np.zeros(N_ROWS)
+    for a in range(measured.shape[0]):
+        if measured[a] % 2 == 0:
+            noise[measured[a] // 2] = 1.0 / weights[a]
+    return noise
+
+
+@njit(cache=True, error_model="numpy")
+def add_delay(row, z, rate, drive, h, sensor):
+    """Move what an output should be, and its derivatives, to when the output is true.
+
+    sensor    the state that it measures; the state that it is relative to, if that is not -1, or
+              the input -2 - that, if it is below; the delay in s, and its place among what is
+              sought
+    """
+    state, reference, late, late_column = sensor
+    for j in range(z.shape[1]):
+        speed, acceleration = z[state + 1, j], rate[state + 1, j]
+        if reference >= 0:
+            speed -= z[reference + 1, j]
+            acceleration -= rate[reference + 1, j]
+        elif reference < -1 and j == 0:
+            i = -1 - reference  # the input after it, which is its velocity
+            speed -= drive[i, 0]
+            acceleration -= drive[i, 1] / h
+        row[j] += late * (0.5 * late * acceleration - speed)
+        if j == 0 and late_column >= 0:
+            row[1 + late_column] = late * acceleration - speed
+
+
+@njit(cache=True, error_model="numpy")
+def add_residual(residual, row, weight, normal, gradient):
+    """Add a residual to the lower half of a block's normal equations; its share of the cost."""
+    square = weight * weight
+    for j in range(gradient.shape[0]):
+        weighted = square * row[1 + j]
+        gradient[j] += weighted * residual
+        for i in range(j + 1):
+            normal[j, i] += weighted * row[1 + i]
+    return square * residual * residual
+
+
+@njit(cache=True, error_model="numpy")
+def mirror(normal):
+    """Fill the upper half of a symmetric matrix."""
+    for j in range(normal.shape[0]):
+        for i in range(j):
+            normal[i, j] = normal[j, i]
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def segment_equations(part, segments, sensors, model, substeps, sought, results):
     """Normal equations of every block for its segment's initial state and what is sought.
@@ -251,13 +304,9 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
     row = np.zeros(1 + size)
     u, du = np.empty(N_INPUTS), np.empty(N_INPUTS)
     modes = np.empty(N_ROWS)
-    trace = np.zeros(N_ROWS)  # the noise of each row's position
-    for a in range(measured.shape[0]):
-        if measured[a] % 2 == 0:
-            trace[measured[a] // 2] = 1.0 / weights[a]
-    any_late = False
-    for a in range(measured.shape[0]):
-        any_late = any_late or late[a] != 0.0 or late_columns[a] >= 0
+    noise = position_noise(measured, weights)
+    is_late = (late != 0.0) | (late_columns >= 0)
+    any_late = is_late.any()
     for s in range(first, stop):
         cost = 0.0
         z[:] = 0.0
@@ -266,7 +315,7 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
             z[i, 1 + i] = 1.0
         h = sample_times[s]
         motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du)
-        first_modes(z, h, trace, motion, rate)
+        first_modes(z, h, noise, motion, rate)
         blocks = first_blocks[s + 1] - first_blocks[s]
         for k in range(starts[s], starts[s] + lengths[s]):
             b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
@@ -280,33 +329,15 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
                 state = measured[a]
                 row[:] = 0.0
                 row[: 1 + carried] = z[state]
-                if late[a] != 0.0 or late_columns[a] >= 0:
-                    for j in range(1 + carried):
-                        speed, acceleration = z[state + 1, j], rate[state + 1, j]
-                        if reference[a] >= 0:
-                            speed -= z[reference[a] + 1, j]
-                            acceleration -= rate[reference[a] + 1, j]
-                        elif reference[a] < -1 and j == 0:
-                            i = -1 - reference[a]  # the input after it, which is its velocity
-                            speed -= drives[k, i, 0]
-                            acceleration -= drives[k, i, 1] / h
-                        row[j] += late[a] * (0.5 * late[a] * acceleration - speed)
-                        if j == 0 and late_columns[a] >= 0:
-                            row[1 + late_columns[a]] = late[a] * acceleration - speed
+                if is_late[a]:
+                    sensor = state, reference[a], late[a], late_columns[a]
+                    add_delay(row, z, rate, drives[k], h, sensor)
                 residual = outputs[k, a] - row[0]
                 if not abs(residual) < BOUND:
                     costs[s] = np.inf
                     return
                 residuals[k, a] = residual
-                square = weights[a] * weights[a]
-                cost += square * residual * residual
-                for j in range(size):
-                    weighted = square * row[1 + j]
-                    gradient[b, j] += weighted * residual
-                    for i in range(j + 1):
-                        normal[b, j, i] += weighted * row[1 + i]
+                cost += add_residual(residual, row, weights[a], normal[b], gradient[b])
         for b in range(first_blocks[s], first_blocks[s + 1]):
-            for j in range(size):
-                for i in range(j):
-                    normal[b, i, j] = normal[b, j, i]
+            mirror(normal[b])
         costs[s] = cost
