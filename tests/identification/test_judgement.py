@@ -105,5 +105,6 @@ def test_thresholds_are_these():
         "white_growth": 0.4,
         "repeated_growth": 0.8,
         "lost_condition": 1e5,
+        "mirrored_share": 0.25,
         "contradiction": 3.0,
     }

@@ -31,6 +31,7 @@ from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.link_delay import confused_covariance, in_doubt
 from flexid.identification.measured_input import input_noise
+from flexid.identification.mirrored import turned_round
 from flexid.identification.model_error import model_error, stand_in_covariance, widened
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import SplitRecordings, prepare
@@ -53,6 +54,7 @@ from flexid.identification.structure import Choice
 from flexid.identification.summary import summary
 from flexid.identification.warnings import (
     compliance_warnings,
+    deflection_warnings,
     model_warnings,
     sign_warnings,
     validation_warnings,
@@ -153,6 +155,9 @@ def identify(
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
         parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
+    turned = turned_round(
+        choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
+    )
     compliance = _compliance(choice.structure, coefficients, recordings, validation, progress)
     choices = _choices(choice, full, estimate, settings, filter_rate)
     if job.delay_in_doubt:
@@ -178,6 +183,7 @@ def identify(
             *retreat,
             *contradicted,
             *joined.against,
+            *deflection_warnings(turned_round=turned),
             *sign_warnings(coefficients),
             *model_warnings(error, job.joint.kind),
             *validation_warnings(validation.fit_percent),

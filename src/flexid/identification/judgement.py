@@ -89,6 +89,13 @@ class Thresholds:
         "condition number of a row's normalised Gram matrix beyond which its worst direction is "
         "lost: one sine of 0.1 rad has 1.5e7, one of 0.3 rad 1.8e5; both mislead by 20 %",
     )
+    mirrored_share: float = _threshold(
+        0.25,
+        "1",
+        "of the part of the link's acceleration that a measured deflection leaves unexplained, "
+        "below which the deflection turned round is the right one: 4e-5 where the sign is wrong, "
+        "30 where it is right",
+    )
     contradiction: float = _threshold(
         3.0, "standard deviations", "between log and prior knowledge, beyond which they contradict"
     )

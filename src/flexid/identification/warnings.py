@@ -8,8 +8,8 @@ from flexid.identification.joint import Kind
 from flexid.identification.result import CoefficientEstimate, Compliance, ModelError
 
 _SIGN_ADVICE = {
-    "theta2": "the sign of the deflection is probably wrong",
-    "alpha1": "the sign of the deflection is probably wrong",
+    "theta2": "an encoder is read late, or the sign of an angle is wrong",
+    "alpha1": "an encoder is read late, or the sign of an angle is wrong",
     "beta1": "the sign of the input is probably wrong",
 }
 
@@ -19,6 +19,16 @@ def sign_warnings(coefficients: Mapping[str, CoefficientEstimate]) -> Iterator[s
     for name, advice in _SIGN_ADVICE.items():
         if name in coefficients and coefficients[name].interval[1] < 0:
             yield f"{name} came out negative, which no spring or inertia can be: {advice}"
+
+
+def deflection_warnings(*, turned_round: bool) -> Iterator[str]:
+    """Warn of a deflection of the wrong sign."""
+    if turned_round:
+        yield (
+            "the deflection has the wrong sign: with the other one it explains the link's motion, "
+            "as it is it does not; give it scale = -1 in a column map (deflection is link angle "
+            "less motor angle), and trust nothing here until then"
+        )
 
 
 def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
