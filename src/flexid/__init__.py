@@ -56,6 +56,12 @@ _HOMES = {
     "least_squares_observer": "estimators.recursive_least_squares",
     "memory_regressor": "estimators.memory_regressor",
     "extended_kalman_filter": "estimators.extended_kalman",
+    # for python-control
+    "plant_io_system": "library.python_control",
+    "controller_io_system": "library.python_control",
+    "observer_io_system": "library.python_control",
+    "estimator_io_system": "library.python_control",
+    "loop_io_system": "library.python_control",
     # errors
     "FlexidError": "errors",
     "ArgumentError": "errors",

@@ -1,0 +1,385 @@
+"""Models, controllers and estimators as systems of python-control (the extra ``control``).
+
+The package of that name is not `flexid.control`, which declares controllers. Each function returns
+a ``control.NonlinearIOSystem``, whose signals have the names that the declaration gives them, so
+that ``control.interconnect`` joins them by name.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.arrays import FloatArray
+from flexid.control.controller import REFERENCE_NAMES, Controller
+from flexid.control.references import Reference
+from flexid.errors import SettingError
+from flexid.estimators.beside_least_squares import BesideLeastSquares
+from flexid.estimators.online import CompiledEstimator
+from flexid.kernels.store import load_kernel
+from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.free_run import free_run_kernel
+from flexid.simulation.loop import ClosedLoop
+
+if TYPE_CHECKING:
+    from control import InterconnectedSystem, NonlinearIOSystem
+
+
+def python_control() -> Any:
+    """The package python-control.
+
+    Raises
+    ------
+    SettingError
+        If it is not installed.
+    """
+    try:
+        import control
+    except ImportError:
+        raise SettingError(
+            "python-control", "is not installed: pip install 'flexid[control]'"
+        ) from None
+    return control
+
+
+def plant(
+    system: ParametricSystem, coefficients: Mapping[str, float], name: str = "plant"
+) -> "NonlinearIOSystem":
+    """A model as a continuous system whose output is its state.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model.
+    coefficients : mapping of str to float
+        A value for each of its coefficients. They and the model's constants are the system's
+        ``params``.
+    name : str, optional
+        Of the system.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed, or a coefficient has no value or is unknown.
+    """
+    control = python_control()
+    params = _complete("coefficients", coefficients, system.coefficients)
+    kernel, count = free_run_kernel(system), len(system.states)
+
+    def update(_t: float, x: Any, u: Any, given: Mapping[str, float]) -> FloatArray:
+        rates = np.empty(count)
+        p = np.array([given[c] for c in system.coefficients], dtype=np.float64)
+        c = np.array([given[c] for c in system.constants], dtype=np.float64)
+        kernel.right_hand_side(_vector(x), _vector(u), p, c, rates)
+        return rates
+
+    return control.nlsys(
+        update,
+        lambda _t, x, _u, _params: x,
+        inputs=list(system.inputs),
+        outputs=list(system.states),
+        states=list(system.states),
+        params={**params, **system.constants},
+        name=name,
+    )
+
+
+def law(
+    controller: Controller, system: ParametricSystem, name: str = "controller"
+) -> "NonlinearIOSystem":
+    """A controller as a static system from states and reference to the plant's inputs.
+
+    Parameters
+    ----------
+    controller : Controller
+        The law; its parameters are the system's ``params``.
+    system : ParametricSystem
+        The model that it controls.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    NonlinearIOSystem
+        Its inputs are the states, then those of ``qd``, ``qd_1``, ... that the law uses.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed.
+    ModelError, ExpressionError
+        If controller and system do not go together.
+    """
+    control = python_control()
+
+    def build() -> str:
+        from flexid.derivation.plain_functions import law_module
+
+        return law_module(controller, system)
+
+    module = load_kernel("control_law", (controller.digest, system.digest), build)
+    states = len(system.states)
+    names = (*controller.parameters, *system.constants)
+
+    @lru_cache(maxsize=8)
+    def values(*given: float) -> list[float]:
+        """What the law takes, with the parameters that follow from others."""
+        by_name = dict(zip(names, given, strict=True))
+        own = {name: by_name[name] for name in controller.parameters}
+        by_name |= controller.with_parameters(**own).values
+        return [by_name[name] for name in module.VALUES]
+
+    def output(_t: float, _x: Any, u: Any, given: Mapping[str, float]) -> FloatArray:
+        signals = _vector(u).tolist()
+        ordered = values(*(given[name] for name in names))
+        return np.array(module.law(signals[:states], signals[states:], ordered))
+
+    return control.nlsys(
+        None,
+        output,
+        inputs=[*system.states, *module.REFERENCE],
+        outputs=list(system.inputs),
+        params={**controller.parameters, **system.constants},
+        name=name,
+    )
+
+
+def signal(
+    reference: Reference, names: Iterable[str] = ("qd",), name: str = "reference"
+) -> "NonlinearIOSystem":
+    """A reference with its derivatives as a source: a system without inputs.
+
+    Parameters
+    ----------
+    reference : Reference
+        What is to be followed.
+    names : iterable of str, optional
+        Which of ``qd``, ``qd_1``, ... are its outputs.
+    name : str, optional
+        Of the system.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed, or a name is none of these.
+    """
+    control = python_control()
+    wanted = tuple(names)
+    for one in wanted:
+        if one not in REFERENCE_NAMES:
+            raise SettingError("names", f"{one!r} is none of {', '.join(REFERENCE_NAMES)}")
+    orders = [REFERENCE_NAMES.index(one) for one in wanted]
+
+    def output(t: float, _x: Any, _u: Any, _params: object) -> FloatArray:
+        return np.array([float(reference.evaluate(t, order)) for order in orders])
+
+    return control.nlsys(None, output, inputs=[], outputs=list(wanted), name=name)
+
+
+def observer(
+    system: ParametricSystem, gains: Mapping[str, float], name: str = "observer"
+) -> "NonlinearIOSystem":
+    """The parametric observer of Huang (2003), eqs. (2) and (3), in continuous time.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model whose coefficients it estimates; its constants are the system's ``params``.
+    gains : mapping of str to float
+        The gain c of each row, by the row's name.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    NonlinearIOSystem
+        From states and inputs of the plant to ``theta1_hat`` and so on, an estimate of each
+        coefficient; `observer_start` gives its state for estimates to start from.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed, or a row has no gain.
+    AccelerationError
+        If the observer needs an acceleration.
+    ModelError
+        If it needs the rate of an input.
+    """
+    control = python_control()
+    module = _observer_module(system)
+    rows = tuple(row.name for row in system.rows)
+    ordered = tuple(_complete("gains", gains, rows).values())
+    states, constants = len(system.states), tuple(system.constants)
+
+    def arguments(x: Any, u: Any, given: Mapping[str, float]) -> list[list[float]]:
+        signals = _vector(u).tolist()
+        values = [given[c] for c in constants]
+        groups = [signals[:states], signals[states:], _vector(x).tolist(), list(ordered), values]
+        return [group for group in groups if group]
+
+    return control.nlsys(
+        lambda _t, x, u, given: np.array(module.rates(*arguments(x, u, given))),
+        lambda _t, x, u, given: np.array(module.estimates(*arguments(x, u, given))),
+        inputs=[*system.states, *system.inputs],
+        outputs=[f"{c}_hat" for c in system.coefficients],
+        states=list(module.OWN_STATES),
+        params=dict(system.constants),
+        name=name,
+    )
+
+
+def observer_start(
+    system: ParametricSystem,
+    gains: Mapping[str, float],
+    estimates: Mapping[str, float],
+    state: Iterable[float],
+) -> FloatArray:
+    """State of an observer that begins with some estimates: y = p̂ - c b(x), from eq. (2).
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model.
+    gains : mapping of str to float
+        The gain c of each row.
+    estimates : mapping of str to float
+        p̂ at the start; 0 for those left out.
+    state : iterable of float
+        The plant's state at the start.
+
+    Returns
+    -------
+    array, shape (n_coefficients,)
+    """
+    module = _observer_module(system)
+    rows = tuple(row.name for row in system.rows)
+    ordered = list(_complete("gains", gains, rows).values())
+    nothing = [0.0] * len(system.coefficients)
+    groups = (list(state), [0.0] * len(system.inputs), nothing, ordered)
+    constants = list(system.constants.values())
+    offset = module.estimates(*(group for group in (*groups, constants) if group))
+    return np.array([estimates.get(c, 0.0) for c in system.coefficients]) - np.array(offset)
+
+
+def estimator(
+    online: CompiledEstimator | BesideLeastSquares, name: str = "estimator"
+) -> "NonlinearIOSystem":
+    """An online estimator as a system in discrete time.
+
+    Parameters
+    ----------
+    online : CompiledEstimator or BesideLeastSquares
+        Whichever.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    NonlinearIOSystem
+        From one sample to ``theta1_hat`` and so on, the estimates before that sample; it starts
+        from ``online.init()``.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed.
+    """
+    control = python_control()
+    system = online.system
+    sampled = online.least_squares if isinstance(online, BesideLeastSquares) else online
+    measured = system.states if sampled.needs_velocities else system.states[::2]
+    return control.nlsys(
+        lambda _t, x, u, _params: online.step(_vector(x), _vector(u))[0],
+        lambda _t, x, _u, _params: online.coefficients(_vector(x)),
+        inputs=[*measured, *system.inputs],
+        outputs=[f"{c}_hat" for c in system.coefficients],
+        states=len(online.init()),
+        dt=sampled.sample_time,
+        name=name,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class LoopSystem:
+    """A closed loop for python-control.
+
+    Parameters
+    ----------
+    system : InterconnectedSystem
+        Reference, controller, plant and observer, joined by name; it has no inputs.
+    start : array
+        Its state at the start.
+    """
+
+    system: "InterconnectedSystem"
+    start: FloatArray
+
+
+def closed_loop(loop: ClosedLoop) -> LoopSystem:
+    """A closed loop of plant, controller, reference and observer.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        With all its values.
+
+    Returns
+    -------
+    LoopSystem
+        Its outputs are the plant's states and inputs, the estimates, and the reference.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed.
+    AccelerationError
+        If the observer needs an acceleration.
+    """
+    control = python_control()
+    model = loop.system
+    plays = law(loop.controller, model)
+    follows = [label for label in plays.input_labels if label in REFERENCE_NAMES]
+    parts = [
+        signal(loop.reference, follows or ("qd",)),
+        plays,
+        plant(model, loop.coefficients),
+        observer(model, loop.observer_gains),
+    ]
+    estimates = [f"{c}_hat" for c in model.coefficients]
+    system = control.interconnect(
+        parts,
+        inputs=[],
+        outputs=[*model.states, *model.inputs, *estimates, *(follows or ("qd",))],
+        name="loop",
+    )
+    own = observer_start(model, loop.observer_gains, loop.initial_estimates, loop.initial_state)
+    return LoopSystem(system, np.concatenate((np.array(loop.initial_state), own)))
+
+
+def _observer_module(system: ParametricSystem) -> Any:
+    def build() -> str:
+        from flexid.derivation.plain_functions import observer_module
+
+        return observer_module(system)
+
+    return load_kernel("continuous_observer", (system.digest,), build)
+
+
+def _complete(
+    setting: str, values: Mapping[str, float], names: tuple[str, ...]
+) -> dict[str, float]:
+    """A value for each name, in order."""
+    for name in values:
+        if name not in names:
+            raise SettingError(setting, f"{name!r} is unknown; known are {', '.join(names)}")
+    missing = [name for name in names if name not in values]
+    if missing:
+        raise SettingError(setting, f"{', '.join(missing)} missing: give a value for each")
+    return {name: float(values[name]) for name in names}
+
+
+def _vector(values: Any) -> NDArray[np.float64]:
+    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)

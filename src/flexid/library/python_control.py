@@ -1,0 +1,211 @@
+"""Models, controllers and estimators for python-control: ``flexid.plant_io_system`` and others."""
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from flexid.errors import ArgumentError
+from flexid.library.checks import as_path, kind_of
+from flexid.library.entrance import entrance
+from flexid.library.options import as_mapping
+
+if TYPE_CHECKING:
+    from control import NonlinearIOSystem
+
+    from flexid.control.controller import Controller
+    from flexid.estimators.beside_least_squares import BesideLeastSquares
+    from flexid.estimators.online import CompiledEstimator
+    from flexid.exports.python_control import LoopSystem
+    from flexid.library.joint_estimate import JointEstimate
+    from flexid.library.simulate import SimulatedRun
+    from flexid.models.parametric_system import ParametricSystem
+
+
+@entrance
+def plant_io_system(
+    model: "JointEstimate | ParametricSystem | str | PathLike[str]",
+    coefficients: Mapping[str, float] | None = None,
+    *,
+    name: str = "plant",
+) -> "NonlinearIOSystem":
+    """What was identified, or a model, as a system of python-control.
+
+    Parameters
+    ----------
+    model : JointEstimate, ParametricSystem or path
+        What `flexid.identify` returned, an ``estimate.json``, a model or a TOML model file. Coulomb
+        friction is smoothed over the constant ``coulomb_velocity``.
+    coefficients : mapping of str to float, optional
+        A value for each coefficient; of an estimate, those that are to be others.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        In continuous time, from the model's inputs to its states, with its coefficients and
+        constants as ``params``.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed, or a coefficient has no value or is unknown.
+    ModelError
+        If the model file cannot be used.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.exports.python_control import plant
+    from flexid.library.export import export_source
+
+    source = export_source(model)
+    given = as_mapping("plant_io_system", "coefficients", coefficients, "{'theta2': 100.0}")
+    return plant(source.system, {**source.values, **given}, name)
+
+
+@entrance
+def controller_io_system(
+    controller: "Controller", system: "ParametricSystem", *, name: str = "controller"
+) -> "NonlinearIOSystem":
+    """A controller as a static system of python-control.
+
+    Parameters
+    ----------
+    controller : Controller
+        As those of ``flexid.control``; its parameters are the system's ``params``.
+    system : ParametricSystem
+        The model that it controls.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        From the model's states, then ``qd``, ``qd_1``, ... as far as the law uses them, to the
+        model's inputs.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed.
+    ModelError
+        If controller and system do not go together.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.exports.python_control import law
+
+    return law(controller, system, name)
+
+
+@entrance
+def observer_io_system(
+    system: "ParametricSystem", gains: Mapping[str, float], *, name: str = "observer"
+) -> "NonlinearIOSystem":
+    """The parametric observer of Huang (2003), eqs. (2) and (3), as a system of python-control.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model whose coefficients it estimates.
+    gains : mapping of str to float
+        The gain of each row, by the row's name.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        In continuous time, from the model's states and inputs to an estimate of each coefficient,
+        ``theta1_hat`` and so on.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed, or a row has no gain.
+    AccelerationError
+        If the observer needs an acceleration.
+    ModelError
+        If it needs the rate of an input.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.exports.python_control import observer
+
+    return observer(system, gains, name)
+
+
+@entrance
+def estimator_io_system(
+    estimator: "CompiledEstimator | BesideLeastSquares", *, name: str = "estimator"
+) -> "NonlinearIOSystem":
+    """An online estimator as a system of python-control, in discrete time.
+
+    Parameters
+    ----------
+    estimator : online estimator
+        As `flexid.recursive_least_squares` and the others make it.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        From a sample, as the estimator's ``pack`` makes it, to the estimates before that sample,
+        ``theta1_hat`` and so on. Its first state is ``estimator.init()``.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.estimators.beside_least_squares import BesideLeastSquares
+    from flexid.estimators.online import CompiledEstimator
+    from flexid.exports import python_control
+
+    if not isinstance(estimator, CompiledEstimator | BesideLeastSquares):
+        raise ArgumentError(
+            "estimator_io_system",
+            "estimator",
+            f"is {kind_of(estimator)}: give what flexid.recursive_least_squares or another returns",
+        )
+    return python_control.estimator(estimator, name)
+
+
+@entrance
+def loop_io_system(experiment: "SimulatedRun | str | PathLike[str]") -> "LoopSystem":
+    """The closed loop of an experiment file as a system of python-control, in continuous time.
+
+    Parameters
+    ----------
+    experiment : SimulatedRun or path
+        What `flexid.simulate` returned, or a TOML file. Of a sampled experiment sample time, limits
+        and sensors are left out.
+
+    Returns
+    -------
+    LoopSystem
+        ``system``, in which reference, controller, plant and observer are joined by name, and
+        ``start``, its state at the start.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed.
+    ExperimentError
+        If the file cannot be used.
+    AccelerationError, ModelError
+        If the observer has no continuous form.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
+    from flexid.experiments import read_experiment
+    from flexid.exports.python_control import closed_loop
+    from flexid.library.simulate import SimulatedRun
+
+    if isinstance(experiment, SimulatedRun):
+        return closed_loop(experiment.experiment.loop)
+    path = as_path("loop_io_system", "experiment", experiment)
+    return closed_loop(read_experiment(path).loop)
