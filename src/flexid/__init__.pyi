@@ -35,12 +35,14 @@ from flexid.library.design import ExperimentDesign as ExperimentDesign
 from flexid.library.design import design as design
 from flexid.library.excitation import LogExcitation as LogExcitation
 from flexid.library.excitation import excitation as excitation
+from flexid.library.export import ExportedFiles as ExportedFiles
 from flexid.library.export import export as export
 from flexid.library.identify import identify as identify
 from flexid.library.identify import load as load
 from flexid.library.joint_estimate import JointEstimate as JointEstimate
 from flexid.library.logs import read_log as read_log
 from flexid.library.logs import samples as samples
+from flexid.library.mujoco import mujoco_log as mujoco_log
 from flexid.library.prediction import Prediction as Prediction
 from flexid.library.python_control import controller_io_system as controller_io_system
 from flexid.library.python_control import estimator_io_system as estimator_io_system

@@ -8,12 +8,14 @@ import typer
 
 from flexid.cli.assignments import parse_names, parse_values
 from flexid.cli.options import Columns, directory
+from flexid.cli.output import print_warnings
 from flexid.errors import SettingError
 from flexid.exports.targets import TARGETS
 
 EXAMPLES = (
     "export results/estimate.json --to c99 --sample-time 0.001 --out drive",
     "export flexible-joint --to c99 --log run.csv --out drive",
+    "export results/estimate.json --to mjcf --out scene",
 )
 
 
@@ -21,6 +23,7 @@ class Target(StrEnum):
     """What is written; as in `TARGETS`."""
 
     C99 = "c99"
+    MJCF = "mjcf"
 
 
 class Hold(StrEnum):
@@ -92,7 +95,8 @@ def export(
     """Write an estimate or a model as code or files for another tool.
 
     c99 is the online estimator as one header and one source in C, with an example and a test
-    vector.
+    vector. mjcf is the joint of an estimate as a scene for MuJoCo; what MuJoCo has no word for is
+    left out, with a warning.
 
     Exit status: 0 when it is done, 2 for bad input.
     """
@@ -113,9 +117,9 @@ def export(
         "columns": columns,
         "terms": None if terms is None else parse_names(terms),
     }
-    with Console(stderr=True).status(
-        "exporting (the first run on a machine compiles for up to a minute)"
-    ):
+    errors = Console(stderr=True)
+    with errors.status("exporting (the first run on a machine compiles for up to a minute)"):
         files = run(what, to=to.value, out=out, **options)
-    for file in files:
-        typer.echo(str(file))
+    print_warnings(files.warnings, errors)
+    for path in files.paths:
+        typer.echo(str(path))

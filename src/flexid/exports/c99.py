@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from flexid.exports.targets import ExportRequest
 
 
-def write_c99(request: "ExportRequest", directory: Path) -> None:
+def write_c99(request: "ExportRequest", directory: Path) -> tuple[str, ...]:
     """Write the files of an estimator.
 
     Parameters
@@ -22,6 +22,11 @@ def write_c99(request: "ExportRequest", directory: Path) -> None:
     directory : path
         An empty one, for ``flexid_drive.h``, ``flexid_drive.c``, ``example_main.c``,
         ``test_vector.h`` and ``README.md``.
+
+    Returns
+    -------
+    tuple of str
+        Empty: nothing is left out.
 
     Raises
     ------
@@ -41,6 +46,7 @@ def write_c99(request: "ExportRequest", directory: Path) -> None:
     }
     for name, text in files.items():
         (directory / name).write_text(text, encoding="utf-8")
+    return ()
 
 
 def _example(drive: DriveSource) -> str:

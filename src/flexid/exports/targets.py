@@ -1,6 +1,6 @@
 """What can be exported: one entry per target of ``flexid export --to``."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -32,8 +32,8 @@ class ExportRequest:
     samples: "Samples | None" = None
 
 
-Write = Callable[[ExportRequest, Path], None]
-"""Writes the files of a target into an empty directory."""
+Write = Callable[[ExportRequest, Path], Sequence[str]]
+"""Writes the files of a target into an empty directory; returns what they do not hold."""
 
 
 class Target(NamedTuple):
@@ -60,13 +60,20 @@ def _c99() -> Write:
     return write_c99
 
 
+def _mjcf() -> Write:
+    from flexid.exports.mjcf import write_mjcf
+
+    return write_mjcf
+
+
 TARGETS = {
     "c99": Target("the online estimator in C99, for a drive", _c99, has_estimator=True),
+    "mjcf": Target("the joint as a MuJoCo scene", _mjcf, has_estimator=False),
 }
 """By name."""
 
 
-def export_to(target: str, request: ExportRequest, directory: Path) -> None:
+def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str, ...]:
     """Write the files of a target.
 
     Parameters
@@ -78,6 +85,11 @@ def export_to(target: str, request: ExportRequest, directory: Path) -> None:
     directory : path
         An empty one.
 
+    Returns
+    -------
+    tuple of str
+        What the files have not, or otherwise than the estimate; a sentence each.
+
     Raises
     ------
     SettingError
@@ -88,4 +100,4 @@ def export_to(target: str, request: ExportRequest, directory: Path) -> None:
         raise SettingError("sample-time", "is missing: give the seconds between samples, or a log")
     if request.settings is not None and not chosen.has_estimator:
         raise SettingError(target, "has no estimator: leave out the options of one")
-    chosen.load()(request, directory)
+    return tuple(chosen.load()(request, directory))

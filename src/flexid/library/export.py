@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from math import isfinite
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from flexid.errors import SettingError
 from flexid.exports.estimator import EstimatorSettings
@@ -21,11 +21,26 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns, OneLog
 
 
+class ExportedFiles(NamedTuple):
+    """What `flexid.export` has written.
+
+    Parameters
+    ----------
+    paths : tuple of Path
+        The files.
+    warnings : tuple of str
+        What they do not hold of the estimate, or hold otherwise; a sentence each.
+    """
+
+    paths: tuple[Path, ...]
+    warnings: tuple[str, ...]
+
+
 @entrance
 def export(
     what: "JointEstimate | ParametricSystem | str | PathLike[str]",
     *,
-    to: Literal["c99"],
+    to: Literal["c99", "mjcf"],
     out: "str | PathLike[str]",
     sample_time: float | None = None,
     hold: Literal["zero", "linear"] | None = None,
@@ -36,7 +51,7 @@ def export(
     log: "OneLog | None" = None,
     columns: "Columns | None" = None,
     terms: Iterable[str] | None = None,
-) -> tuple[Path, ...]:
+) -> ExportedFiles:
     """Write an estimate or a model as code or files for another tool.
 
     Parameters
@@ -44,8 +59,9 @@ def export(
     what : JointEstimate, ParametricSystem or path
         What `flexid.identify` returned, an ``estimate.json``, a model, a TOML model file, or
         ``"flexible-joint"``.
-    to : {"c99"}
-        The target: ``"c99"``, the online estimator in C for a drive.
+    to : {"c99", "mjcf"}
+        The target: ``"c99"``, the online estimator in C for a drive; ``"mjcf"``, the joint of an
+        estimate as a MuJoCo scene.
     out : path
         Directory for the files.
     sample_time : float, optional
@@ -69,8 +85,8 @@ def export(
 
     Returns
     -------
-    tuple of Path
-        The files.
+    ExportedFiles
+        Their paths, and what they do not hold.
 
     Raises
     ------
@@ -100,9 +116,9 @@ def export(
         source, samples, sample_time, {k: v for k, v in given.items() if v is not None}
     )
     with output_directory(as_path("export", "out", out)) as directory:
-        export_to(to, ExportRequest(source, settings, samples), directory)
+        warnings = export_to(to, ExportRequest(source, settings, samples), directory)
         names = sorted(path.name for path in directory.iterdir())
-    return tuple(Path(out) / name for name in names)
+    return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
 
 
 def export_source(what: Any, terms: Iterable[str] | None = None) -> ExportSource:

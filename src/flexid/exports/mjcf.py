@@ -1,0 +1,310 @@
+"""An identified joint as a MuJoCo scene.
+
+Link and motor are two hinges about one axis, and a fixed tendon between them is the spring. The
+link hangs under gravity at a lever that, with its mass, gives the identified torque; the motor's
+inertia is its hinge's armature. What MuJoCo has no word for is left out, and named.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isclose, isfinite, sqrt
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from flexid.errors import SettingError
+from flexid.estimators.segmented_motion import INPUT as INPUT_DELAY
+from flexid.exports.mjcf_elements import Side, Spring, scene
+from flexid.exports.targets import ExportRequest
+from flexid.identification.full_model import LINK as LINK_DELAY
+from flexid.identification.rebuilt import Described, described
+from flexid.models.flexible_joint import (
+    BACKLASH_WIDTH,
+    HYSTERESIS_VELOCITY,
+    SHAPE_TERMS,
+    TERMS,
+    TIES,
+)
+
+TORQUE = "N m"
+
+_STEP = 1e-3  # s, the longest
+_STEPS_PER_RADIAN = 40.0  # of the resonance; Runge-Kutta's phase error is then below 1e-8
+# The engine does not look for the instant at which dry friction changes: it is up to a step late.
+_DRY_STEP = 1.25e-4  # s, the longest
+_DRY_STEPS_PER_RADIAN = 200.0
+_SAME = 1e-6  # relative difference of a spring's two sides that is rounding
+
+_LINK = {
+    "sine": "theta1",
+    "cosine": "theta_cosine",
+    "viscous": "theta_viscous",
+    "drag": "theta_drag",
+    "coulomb": "theta_coulomb",
+    "offset": "theta_offset",
+}
+_MOTOR = {
+    "viscous": "alpha2",
+    "drag": "alpha_drag",
+    "coulomb": "alpha_coulomb",
+    "offset": "alpha_offset",
+}
+_RIGID = {
+    "sine": "gamma1",
+    "cosine": "gamma_cosine",
+    "viscous": "gamma_viscous",
+    "coulomb": "gamma_coulomb",
+    "offset": "gamma_offset",
+}
+_SPRING = ("lopsided", "cubic", "damping", "hysteresis", "backlash")
+"""Coefficients that have a place in a scene, by what they are there."""
+
+_REPRESENTED = (
+    {"beta1", "theta2", "alpha1", *_LINK.values(), *_MOTOR.values(), *_RIGID.values()}
+    | {f"theta_{name}" for name in _SPRING}
+    | {f"alpha_{name}" for name in _SPRING}
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A joint as a MuJoCo scene.
+
+    Parameters
+    ----------
+    xml : str
+        The scene in MJCF, MuJoCo's XML.
+    notes : tuple of str
+        One sentence for each thing that moves otherwise than the identified joint.
+    """
+
+    xml: str
+    notes: tuple[str, ...]
+
+
+def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
+    """Write ``joint.xml``, the scene of an estimate.
+
+    Returns
+    -------
+    tuple of str
+        What the scene has not, or otherwise.
+
+    Raises
+    ------
+    SettingError
+        If a model without values is given, or the estimate makes no scene.
+    """
+    result = request.source.identification
+    if result is None:
+        raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
+    model = described(result, 0, result.choices.shapes)
+    for name, value in model.coefficients.items():
+        if not isfinite(value):
+            raise SettingError(name, "has no value in this estimate: the log says nothing of it")
+    unit = result.coefficients["beta1"].unit if "beta1" in model.coefficients else ""
+    made = mjcf_scene(model, unit.removeprefix("rad/s^2/").strip("()"))
+    (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
+    guessed = [name for name, c in result.coefficients.items() if c.verdict == "undetermined"]
+    doubts = [f"the estimate leaves {', '.join(guessed)} undetermined"] if guessed else []
+    several = [name for name in result.coefficients if name.endswith("[1]")]
+    doubts += [
+        f"{name.removesuffix('[1]')} differs from log to log: the scene has that of the first"
+        for name in several
+    ]
+    return (*doubts, *made.notes)
+
+
+def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:
+    """Write a joint as a MuJoCo scene.
+
+    Parameters
+    ----------
+    joint : Described
+        A flexible or a rigid joint with the values of its coefficients.
+    input_unit : str, optional
+        Unit of the input. Where it is no torque, the motor gets the inertia 1 kg m², which no log
+        of such an input shows; the scene then moves as the joint does, under other torques.
+
+    Returns
+    -------
+    Scene
+        With hinges ``link`` and ``motor``, the tendon ``spring``, the actuator ``motor``, which
+        takes the input, and a sensor for each position and velocity. A rigid joint has ``motor``
+        alone.
+
+    Raises
+    ------
+    SettingError
+        If it is a link alone, or an inertia is not positive.
+    """
+    if joint.model == "link":
+        raise SettingError(
+            "mjcf",
+            "needs a joint with its motor, and the estimate is of the link alone: identify a log "
+            "with the motor's torque",
+        )
+    values = joint.coefficients
+    torque = input_unit == TORQUE
+    notes = [] if torque else [_scaled(input_unit)]
+    inertia = _positive("motor_inertia", 1.0, values["beta1"] if torque else 1.0)
+    if joint.model == "rigid":
+        link, motor, spring = None, _side(values, _RIGID, inertia), None
+    else:
+        stiffness = values["alpha1"] * inertia
+        link = _side(values, _LINK, _positive("link_inertia", stiffness, values["theta2"]))
+        motor = _side(values, _MOTOR, inertia)
+        spring = _spring(values, stiffness, inertia, link.inertia, notes)
+    notes += _shapes(joint, values)
+    notes += _left_out(values)
+    link = None if link is None else _possible(link, "link", notes)
+    motor = _possible(motor, "motor", notes)
+    notes += _delays(joint)
+    dry = any(side is not None and side.coulomb > 0.0 for side in (link, motor))
+    dry |= spring is not None and spring.hysteresis > 0.0
+    root = scene(
+        link,
+        motor,
+        spring,
+        gain=values["beta1"] * motor.inertia,
+        delay=max(joint.delays.get(INPUT_DELAY, 0.0), 0.0),
+        step=_timestep(values, dry=dry),
+    )
+    root.insert(0, ET.Comment(_heading(notes)))
+    ET.indent(root)
+    return Scene(ET.tostring(root, encoding="unicode") + "\n", tuple(notes))
+
+
+def _scaled(unit: str) -> str:
+    return (
+        f"the input is in {unit}, so that no torque is known: the motor's inertia is set to "
+        f"1 kg m^2, and all torques follow from that"
+    )
+
+
+def _positive(name: str, numerator: float, denominator: float) -> float:
+    """An inertia, if there can be one."""
+    inertia = numerator / denominator if denominator else 0.0
+    if not 0.0 < inertia < inf:
+        raise SettingError(name, f"is {inertia:g} kg m^2 by this estimate: no body has that")
+    return inertia
+
+
+def _side(values: Mapping[str, float], names: Mapping[str, str], inertia: float) -> Side:
+    torques = {what: inertia * values[c] for what, c in names.items() if c in values}
+    return Side(inertia, **torques)
+
+
+def _spring(
+    values: Mapping[str, float],
+    stiffness: float,
+    motor_inertia: float,
+    link_inertia: float,
+    notes: list[str],
+) -> Spring:
+    """What acts between link and motor; the motor's side counts where they differ."""
+
+    def torque(name: str) -> float:
+        there = motor_inertia * values.get(f"alpha_{name}", 0.0)
+        back = link_inertia * values.get(f"theta_{name}", 0.0)
+        if not isclose(there, back, rel_tol=_SAME):
+            notes.append(
+                f"alpha_{name} and theta_{name} are {there:.4g} and {back:.4g} on the two sides of "
+                f"the spring, where a tendon pulls both alike: the first is taken"
+            )
+        return there
+
+    half_gap, hysteresis = torque("backlash") / stiffness, torque("hysteresis")
+    for name, value in (("backlash", half_gap), ("spring_hysteresis", hysteresis)):
+        if value < 0.0:
+            notes.append(f"{name} is negative, which no tendon has: it is left out")
+    return Spring(
+        stiffness,
+        torque("lopsided"),
+        torque("cubic"),
+        torque("damping"),
+        max(hysteresis, 0.0),
+        max(half_gap, 0.0),
+    )
+
+
+def _possible(side: Side, name: str, notes: list[str]) -> Side:
+    """The side without a dry friction that drives, which the engine takes for none."""
+    if side.coulomb >= 0.0:
+        return side
+    notes.append(f"the {name}'s Coulomb friction is negative, which no hinge has: it is left out")
+    return side._replace(coulomb=0.0)
+
+
+def _shapes(joint: Described, values: Mapping[str, float]) -> list[str]:
+    """What the scene has sharp and the fit has round."""
+    notes = []
+    width = joint.coulomb_velocity
+    if width is not None and any(c.endswith("_coulomb") for c in values):
+        notes.append(
+            f"Coulomb friction sticks here, where the estimate smooths it over {width:.4g} rad/s"
+        )
+    if "alpha_hysteresis" in values:
+        width = joint.shapes.get(HYSTERESIS_VELOCITY, 0.0)
+        notes.append(
+            f"the friction within the spring sticks here, where the estimate smooths it over "
+            f"{width:.4g} rad/s"
+        )
+    if "alpha_backlash" in values:
+        width = joint.shapes.get(BACKLASH_WIDTH, 0.0)
+        notes.append(
+            f"the play of the spring has sharp ends here, where the estimate rounds them over "
+            f"{width:.4g} rad"
+        )
+    return notes
+
+
+def _delays(joint: Described) -> list[str]:
+    """Delays that have no place in a scene."""
+    notes = []
+    early = -joint.delays.get(INPUT_DELAY, 0.0)
+    if early > 0.0:
+        notes.append(
+            f"the input acts {1e3 * early:.4g} ms before it was recorded: here it acts at once"
+        )
+    late = joint.delays.get(LINK_DELAY, 0.0)
+    if late and joint.model == "flexible":
+        which = "late" if late > 0.0 else "early"
+        notes.append(
+            f"the link's encoder is {abs(1e3 * late):.4g} ms {which}: the scene's is on time"
+        )
+    return notes
+
+
+def _left_out(values: Mapping[str, float]) -> list[str]:
+    """Terms that have no place in a scene."""
+    lost = [c for c, value in values.items() if c not in _REPRESENTED and value]
+    notes = []
+    for name, term in (TERMS | SHAPE_TERMS).items():
+        own = {c: values[c] for c in (*term.link, *term.motor) if c in lost}
+        if own:
+            shown = ", ".join(f"{c} = {v:.4g}" for c, v in own.items() if c not in TIES)
+            notes.append(
+                f"{name} ({term.description}; {shown}) is left out: MuJoCo has nothing like it"
+            )
+            lost = [c for c in lost if c not in own]
+    notes += [f"{c} is left out: MuJoCo has nothing like it" for c in lost]
+    return notes
+
+
+def _timestep(values: Mapping[str, float], *, dry: bool) -> float:
+    """Step in s: a millisecond, halved until it is short enough."""
+    fastest = sqrt(abs(values.get("theta2", 0.0) + values.get("alpha1", 0.0)))
+    most, steps = (_DRY_STEP, _DRY_STEPS_PER_RADIAN) if dry else (_STEP, _STEPS_PER_RADIAN)
+    step = _STEP
+    while step > most or step * fastest * steps > 1.0:
+        step /= 2.0
+    return step
+
+
+def _heading(notes: list[str]) -> str:
+    lines = [
+        "A joint that flexid identified. SI units; angles at the link's side of the gear.",
+        "Of mass, lever and gravity only the product acts on the link.",
+        *(f"Note: {note}." for note in notes),
+    ]
+    return "\n    " + "\n    ".join(line.replace("--", "- -") for line in lines) + "\n  "

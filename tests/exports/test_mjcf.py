@@ -1,0 +1,227 @@
+"""An identified joint as a MuJoCo scene moves as the joint does."""
+
+# MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
+# pyright: reportAttributeAccessIssue=false
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+import pytest
+
+from flexid.errors import SettingError
+from flexid.exports.mjcf import Scene, mjcf_scene
+from flexid.identification.rebuilt import Described
+
+PAPER = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+
+_LINK_INERTIA, _MOTOR_INERTIA = 1.0, 0.3
+
+
+def _both(**torques: float) -> dict[str, float]:
+    """Coefficients of torques that act between link and motor."""
+    return {
+        f"{row}_{name}": torque / inertia
+        for name, torque in torques.items()
+        for row, inertia in (("theta", _LINK_INERTIA), ("alpha", _MOTOR_INERTIA))
+    }
+
+
+def _scene(more: Mapping[str, float], unit: str = "N m", **keywords: object) -> Scene:
+    described = Described("flexible", {**PAPER, **more}, "zero", **keywords)  # pyright: ignore[reportArgumentType]
+    return mjcf_scene(described, unit)
+
+
+def _accelerations(scene: Scene, x: np.ndarray, u: float) -> np.ndarray:
+    """Of link and motor in the engine, at (x1, x2, x3, x4) and an input."""
+    model = mujoco.MjModel.from_xml_string(scene.xml)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[0] = x[[0, 2]], x[[1, 3]], u
+    mujoco.mj_forward(model, data)
+    return data.qacc.copy()
+
+
+def _by_hand(c: Mapping[str, float], x: np.ndarray, u: float) -> np.ndarray:
+    """Huang (2003), eq. (4), with terms that have no corner, written anew."""
+    x1, x2, x3, x4 = x
+    d, rate = x1 - x3, x2 - x4
+    link = -c["theta1"] * np.sin(x1) - c["theta_cosine"] * np.cos(x1) - c["theta2"] * d
+    link += -c["theta_viscous"] * x2 - c["theta_drag"] * x2 * abs(x2) + c["theta_offset"]
+    link += -c["theta_damping"] * rate - c["theta_cubic"] * d**3 - c["theta_lopsided"] * d**2
+    motor = c["alpha1"] * d - c["alpha2"] * x4 - c["alpha_drag"] * x4 * abs(x4)
+    motor += c["alpha_offset"] + c["beta1"] * u
+    motor += c["alpha_damping"] * rate + c["alpha_cubic"] * d**3 + c["alpha_lopsided"] * d**2
+    return np.array([link, motor])
+
+
+SMOOTH = {
+    **_both(damping=0.4, cubic=700.0, lopsided=-30.0),
+    "theta_cosine": -2.0,
+    "theta_viscous": 0.25,
+    "theta_drag": 0.06,
+    "theta_offset": -0.3,
+    "alpha_drag": 0.07,
+    "alpha_offset": 0.8,
+}
+
+
+@pytest.mark.parametrize("unit", ["N m", "V"])
+@pytest.mark.parametrize("theta1", [5.0, -3.0, 1e-4])
+def test_accelerations_are_those_of_the_model(unit, theta1):
+    """Assert that every term without a corner acts as its equation says, whatever the input is."""
+    coefficients = {**PAPER, **SMOOTH, "theta1": theta1}
+    scene = _scene({**SMOOTH, "theta1": theta1}, unit)
+    rng = np.random.default_rng(1)
+    for x in rng.normal(size=(8, 4)) * (1.0, 3.0, 1.0, 5.0):
+        found = _accelerations(scene, x, 1.7)
+        # Ten digits are written, of torques that may nearly cancel.
+        np.testing.assert_allclose(found, _by_hand(coefficients, x, 1.7), rtol=1e-6)
+    assert len(scene.notes) == (unit == "V")
+
+
+def test_without_gravity():
+    """Assert that a link which nothing pulls down has no lever."""
+    described = Described("flexible", {c: v for c, v in PAPER.items() if c != "theta1"}, "zero")
+    found = _accelerations(mjcf_scene(described), np.array([0.5, 0.0, 0.5, 0.0]), 0.0)
+    np.testing.assert_allclose(found, 0.0, atol=1e-9)
+
+
+def test_a_rigid_joint_is_one_hinge():
+    """Assert that a joint with one encoder moves as its one equation says."""
+    values = {"gamma1": 4.0, "gamma_cosine": 1.0, "gamma_viscous": 0.5, "gamma_offset": 0.2}
+    scene = mjcf_scene(Described("rigid", {**values, "beta1": 2.0}, "zero"))
+    model = mujoco.MjModel.from_xml_string(scene.xml)
+    data = mujoco.MjData(model)
+    data.qpos[0], data.qvel[0], data.ctrl[0] = 0.7, -2.0, 3.0
+    mujoco.mj_forward(model, data)
+    expected = -4.0 * np.sin(0.7) - np.cos(0.7) + 0.5 * 2.0 + 0.2 + 2.0 * 3.0
+    assert data.qacc[0] == pytest.approx(expected, rel=1e-8)
+    assert model.njnt == 1
+
+
+@pytest.mark.parametrize(("side", "place"), [("theta", 0), ("alpha", 1)])
+def test_dry_friction_slides_and_sticks(side, place):
+    """Assert that friction opposes motion with its torque, and holds what it can at rest."""
+    scene = _scene({"theta1": 0.0, "alpha2": 0.0, f"{side}_coulomb": 2.0})
+    assert not scene.notes
+    moving, resting = np.zeros(4), np.zeros(4)
+    moving[2 * place + 1] = 1.0
+    found = _accelerations(scene, moving, 0.0)
+    assert found[place] == pytest.approx(-2.0, rel=1e-6)
+    # A deflection that pulls with nine tenths of the friction, then with eleven.
+    pull = PAPER["theta2" if place == 0 else "alpha1"]
+    for share, expected in ((0.9, 0.0), (1.1, 0.2)):
+        resting[2 * place] = -2.0 * share / pull
+        found = _accelerations(scene, resting, 0.0)
+        assert found[place] == pytest.approx(expected, abs=1e-3)
+
+
+def test_play_is_a_dead_zone():
+    """Assert that within the play nothing pulls, and beyond it what is beyond."""
+    scene = _scene({"theta1": 0.0, **_both(backlash=0.2)}, shapes={"backlash_width": 1e-4})
+    half_gap = 0.2 / 100.0
+    inside = _accelerations(scene, np.array([0.9 * half_gap, 0.0, 0.0, 0.0]), 0.0)
+    beyond = _accelerations(scene, np.array([0.0, 0.0, 3.0 * half_gap, 0.0]), 0.0)
+    np.testing.assert_allclose(inside, 0.0, atol=1e-9)
+    np.testing.assert_allclose(beyond, [0.4, -0.4 / 0.3], rtol=1e-6)
+    assert "0.0001 rad" in scene.notes[0]
+
+
+def test_friction_within_the_spring():
+    """Assert that it acts on both sides, against the rate of the deflection."""
+    scene = _scene(
+        {"theta1": 0.0, "alpha2": 0.0, **_both(hysteresis=0.3)}, shapes={"hysteresis_velocity": 0.1}
+    )
+    found = _accelerations(scene, np.array([0.0, 1.0, 0.0, -1.0]), 0.0)
+    np.testing.assert_allclose(found, [-0.3, 1.0], rtol=1e-6)
+    assert "0.1 rad/s" in scene.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("more", "term"),
+    [
+        ({"alpha_stribeck": 0.5}, "motor_stribeck"),
+        ({"alpha_saturation": 0.001}, "torque_saturation"),
+        (_both(ecc_sine=0.1, ecc_cosine=0.2), "eccentricity"),
+        ({"theta_unheard_of": 1.0}, "theta_unheard_of"),
+    ],
+)
+def test_what_has_no_place_is_named(more, term):
+    """Assert that a term which MuJoCo lacks is named once, in the scene as well, and left out."""
+    scene = _scene(more)
+    assert [term in note for note in scene.notes] == [True]
+    assert f"Note: {scene.notes[0]}." in scene.xml
+    x = np.array([0.3, 1.0, 0.2, 2.0])
+    plain = _accelerations(_scene({}), x, 1.0)
+    np.testing.assert_array_equal(_accelerations(scene, x, 1.0), plain)
+
+
+def test_a_spring_with_two_dampings_is_named():
+    """Assert that the two sides of a spring which differ are said to, and the motor's counts."""
+    scene = _scene({"theta_damping": 0.4, "alpha_damping": 2.0})
+    assert "alpha_damping and theta_damping" in scene.notes[0]
+    found = _accelerations(scene, np.array([0.0, 1.0, 0.0, 0.0]), 0.0)
+    np.testing.assert_allclose(found, [-0.6, 2.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [
+        ({"alpha_coulomb": -1.0}, "motor's Coulomb friction"),
+        (_both(hysteresis=-0.1), "spring_hysteresis"),
+        (_both(backlash=-0.1), "backlash"),
+    ],
+)
+def test_friction_that_drives_is_left_out(more, word):
+    """Assert that a negative friction is named instead of handed to an engine that drops it."""
+    scene = _scene(more)
+    assert any(word in note and "negative" in note for note in scene.notes)
+    assert "frictionloss" not in scene.xml
+    assert 'springlength="0"' in scene.xml
+
+
+def test_smoothed_friction_is_named():
+    """Assert that friction which the estimate has smooth is said to be dry in the scene."""
+    scene = _scene({"alpha_coulomb": 1.0}, coulomb_velocity=0.05)
+    assert "0.05 rad/s" in scene.notes[0]
+
+
+def test_steps_suit_what_is_fast():
+    """Assert that stiff joints and dry friction get shorter steps, which divide a millisecond."""
+
+    def step(more: Mapping[str, float]) -> float:
+        return mujoco.MjModel.from_xml_string(_scene(more).xml).opt.timestep
+
+    assert step({}) == 1e-3
+    assert step({"theta2": 1e4, "alpha1": 3e4}) == 1.25e-4
+    assert step({"alpha_coulomb": 1.0}) == 1.25e-4
+    assert step({"alpha_coulomb": 1.0, "theta2": 1e4, "alpha1": 3e4}) == 1e-3 / 64
+
+
+def test_delays_that_have_no_place_are_named():
+    """Assert that a torque ahead of its record and a late encoder are not passed over."""
+    early = _scene({}, delays={"input_delay": -0.002})
+    assert "2 ms before" in early.notes[0]
+    late = _scene({}, delays={"link_delay": 0.0015})
+    assert "1.5 ms late" in late.notes[0]
+
+
+def test_a_link_without_a_motor_is_refused():
+    """Assert that what was identified without an input makes no scene."""
+    with pytest.raises(SettingError, match="of the link alone"):
+        mjcf_scene(Described("link", {"theta2": 100.0}, "zero"))
+
+
+@pytest.mark.parametrize(
+    ("more", "which"),
+    [
+        ({"beta1": -2.0}, "motor_inertia"),
+        ({"beta1": 0.0}, "motor_inertia"),
+        ({"theta2": -1.0}, "link_inertia"),
+        ({"alpha1": 0.0}, "link_inertia"),
+    ],
+)
+def test_inertias_that_cannot_be_are_refused(more, which):
+    """Assert that an inertia which no body has is an error with its name and not a scene."""
+    with pytest.raises(SettingError, match=which):
+        _scene(more)

@@ -1,0 +1,113 @@
+"""From a log to a scene and back: the command, the library, and MuJoCo beside the log."""
+
+# MuJoCo's compiled half has no type stubs, so pyright cannot see what it exports.
+# pyright: reportAttributeAccessIssue=false
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+
+from flexid.errors import SettingError
+from flexid.exports.mujoco_log import mujoco_log
+from flexid.library.export import export
+from flexid.library.identify import identify
+from flexid.library.joint_estimate import JointEstimate
+from flexid.library.logs import read_log
+
+
+@pytest.fixture(scope="module")
+def estimate(examples) -> JointEstimate:
+    """The example log, identified."""
+    log = examples / "flexible_joint.csv"
+    return identify(log, terms=("gravity", "motor_viscous"), hold="zero")
+
+
+@pytest.fixture
+def document(estimate):
+    """The same as its file has it, to be changed."""
+    return json.loads(json.dumps(estimate.document))
+
+
+def _stored(document, folder):
+    path = folder / "estimate.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_the_example_goes_round(estimate, examples, tmp_path):
+    """Assert that the scene, played the log's torque, is as far off as the fit itself.
+
+    The log begins at rest. Its encoders' noise is 1e-4 rad, and rounded to 16 bits.
+    """
+    (scene,), warnings = export(estimate, to="mjcf", out=tmp_path / "scene")
+    log = read_log(examples / "flexible_joint.csv")
+    (recorded,) = log.recordings
+    played = mujoco_log(scene, recorded.needed_input, recorded.sample_time)
+    own = estimate.validate(log).residuals[np.inf]
+    for channel in ("link_position", "motor_position", "deflection"):
+        off = getattr(played, channel) - getattr(recorded, channel)
+        assert np.sqrt(np.mean(off**2)) < 1.05 * own[channel]
+    assert warnings == ()
+
+
+def test_the_command_writes_the_same(estimate, document, tmp_path, flexid):
+    """Assert that a stored estimate becomes the scene that the library writes of it at once."""
+    path = _stored(document, tmp_path)
+    done = flexid("export", path, "--to", "mjcf", "--out", tmp_path / "command")
+    assert (done.status, done.stderr) == (0, "")
+    assert done.stdout.split() == [str(tmp_path / "command" / "joint.xml")]
+    (made,), _ = export(estimate, to="mjcf", out=tmp_path / "library")
+    assert made.read_text() == (tmp_path / "command" / "joint.xml").read_text()
+
+
+def test_warnings_are_printed(document, tmp_path, flexid):
+    """Assert that a term without a place in the scene, and a guess in it, are told to the user."""
+    document["coefficients"]["alpha_stribeck"] = document["coefficients"]["alpha2"]
+    document["choices"]["shapes"]["stribeck_velocity"] = 0.05
+    document["coefficients"]["theta1"]["verdict"] = "undetermined"
+    path = _stored(document, tmp_path)
+    done = flexid("export", path, "--to", "mjcf", "--out", tmp_path / "scene")
+    assert done.status == 0
+    guess, lost = done.stderr.splitlines()
+    assert guess == "warning: the estimate leaves theta1 undetermined"
+    assert lost.startswith("warning: motor_stribeck")
+
+
+def test_offsets_that_differ_from_log_to_log(document, tmp_path):
+    """Assert that the first log's offset stands in the scene, and that this is said."""
+    from flexid.library.identify import load
+
+    for number, value in enumerate((1.5, 2.5), 1):
+        own = document["coefficients"]["alpha2"] | {"value": value}
+        document["coefficients"][f"alpha_offset[{number}]"] = own
+    path = _stored(document, tmp_path)
+    (scene,), warnings = export(load(path), to="mjcf", out=tmp_path / "scene")
+    assert "alpha_offset differs from log to log" in warnings[0]
+    inertia = 1.0 / document["coefficients"]["beta1"]["value"]
+    model = mujoco.MjModel.from_xml_path(str(scene))
+    assert model.actuator_biasprm[0, 0] == pytest.approx(1.5 * inertia)
+
+
+def test_a_model_without_values_is_refused(tmp_path, flexid):
+    """Assert that what is no estimate ends with a sentence, and leaves no file."""
+    done = flexid("export", "flexible-joint", "--to", "mjcf", "--out", tmp_path / "scene")
+    assert done.status == 2
+    assert "needs values: give an estimate.json" in done.stderr
+    assert not (tmp_path / "scene").exists()
+
+
+def test_a_value_that_is_missing_is_refused(document, tmp_path, flexid):
+    """Assert that a coefficient without a value makes no scene."""
+    document["coefficients"]["alpha2"]["value"] = None
+    path = _stored(document, tmp_path)
+    done = flexid("export", path, "--to", "mjcf", "--out", tmp_path / "scene")
+    assert done.status == 2
+    assert "alpha2: has no value" in done.stderr
+
+
+def test_options_of_an_estimator_are_refused(estimate, tmp_path):
+    """Assert that what a scene has no use for is not passed over."""
+    with pytest.raises(SettingError, match="has no estimator"):
+        export(estimate, to="mjcf", out=tmp_path / "scene", sample_time=1e-3)
