@@ -142,14 +142,15 @@ def test_block_at_rest_under_a_greater_force_moves_at_once(side):
     assert found[:, 0] == pytest.approx(side * TIME**2, abs=1e-10)
 
 
-def test_two_changes_within_one_interval():
-    """Assert that a block stops and is let go again between two samples.
+@pytest.mark.parametrize("substeps", [1, 2, 4])
+def test_two_changes_within_one_interval(substeps):
+    """Assert that a block stops and is let go again between two samples, or within one step.
 
     At t = 4 its speed is 0.2; from there v' = -1 + 2 t: at rest from t = (1 - √0.2)/2 to 1/2, then
     v = (t - 1/2)².
     """
     force = np.array([1.0, 1.0, 1.0, 1.0, 0.0, *[2.0] * 15])
-    problem = replace(problem_of(BLOCK, force, 1.0), substeps=4)
+    problem = replace(problem_of(BLOCK, force, 1.0), substeps=substeps)
     stop = 0.5 * (1.0 - 0.2**0.5)
     rest = 0.2 * stop - 0.5 * stop**2 + stop**3 / 3.0
     found = motion(problem, point_of([1.0, 1.0], 0.0, 0.7))

@@ -8,7 +8,12 @@ from made_joint import COEFFICIENTS, made
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
-from flexid.identification.climbing import climb_full, held_otherwise, hold_covariance
+from flexid.identification.climbing import (
+    climb_full,
+    held_otherwise,
+    hold_covariance,
+    residual_variance,
+)
 from flexid.identification.fitting import climb, lengths, refit
 from flexid.identification.full_model import FINE, LINK, Data, Structure, data_of
 from flexid.identification.joint import flexible
@@ -189,6 +194,29 @@ def test_a_fall_decides_on_the_hold():
     thresholds = replace(THRESHOLDS, hold_fall=1e9)
     found = climb_full(structure(log), log, ("zero", "linear"), (), silent, thresholds)
     assert found.tied == ("linear",)
+
+
+@pytest.mark.parametrize("samples", [1, 30])
+def test_a_fall_counts_less_where_residuals_are_correlated(samples):
+    """Assert that errors that last for 30 samples are taken for a thirtieth of as many."""
+    exact = made(5, 6.0, held=True, noise=0.0)
+    rng = np.random.default_rng(12)
+    count = len(exact)
+    errors = rng.standard_normal((2, count + samples))
+    sums = np.cumsum(errors, axis=1)
+    lasting = 1e-4 * (sums[:, samples:] - sums[:, :-samples]) / samples**0.5
+    assert exact.link_position is not None
+    recording = replace(
+        exact,
+        link_position=exact.link_position + lasting[0],
+        motor_position=exact.motor_position + lasting[1],
+    )
+    log = replace(data_of(JOINT, [with_velocities(recording)], (0,)), noise=np.full(2, 1e-4))
+    base = structure(log)
+    (fitted,) = climb(base, log, COEFFICIENTS, lengths(log)[-1:])
+    assert fitted.excess == pytest.approx(1.0, abs=0.3)
+    low, high = (1.0, 2.5) if samples == 1 else (6.0, 90.0)
+    assert low <= residual_variance([fitted]) <= high
 
 
 def test_given_hold_is_not_tried():

@@ -43,7 +43,8 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
         A module with the sizes of the model and the function, which fills dz = z' for the matrix
         z of shape (N_STATES, n_columns); at[i] is the column of coefficient i, or 0 if it has none,
         `delay` that of the inputs' delay, m[j] the mode of row j. ``DRY[j]`` holds the places of
-        the coefficients of row j that multiply its mode, and `KNOWN` if its known part does.
+        the coefficients of row j that multiply its mode, and `KNOWN` if its known part does. A z of
+        one column is x alone.
     """
     symbolic = _with_modes(symbolic_system(system))
     return "\n\n".join((module_header(system, purpose), _dry(symbolic), _variation_rates(symbolic)))
@@ -93,7 +94,7 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
         gains = {i: gain for i, gain in gains.items() if gain != 0}
         targets += [f"_g{j}_{i}" for i in gains]
         expressions += list(gains.values())
-        delayed += [f"        _dz[{2 * j + 1}, _delay] += _g{j}_{i} * _du[{i}]" for i in gains]
+        delayed += [f"            _dz[{2 * j + 1}, _delay] += _g{j}_{i} * _du[{i}]" for i in gains]
         products = [f"_a{j}_{place} * _z[{place}, _j]" for place in jacobian]
         loop.append(f"        _dz[{2 * j}, _j] = _z[{2 * j + 1}, _j]")
         loop.append(f"        _dz[{2 * j + 1}, _j] = {' + '.join(products) or '0.0'}")
@@ -101,8 +102,8 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
             targets.append(f"_r{j}_{i}")
             expressions.append(regressor)
             sources.append(
-                f"    if _at[{coefficient}]:\n"
-                f"        _dz[{2 * j + 1}, _at[{coefficient}]] += _r{j}_{i}"
+                f"        if _at[{coefficient}]:\n"
+                f"            _dz[{2 * j + 1}, _at[{coefficient}]] += _r{j}_{i}"
             )
             coefficient += 1
     states = [f"    {name} = _z[{place}, 0]" for place, name in enumerate(symbolic.states)]
@@ -118,8 +119,9 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
         "\n".join(f"    _dz[{2 * j}, 0] = {row.velocity}" for j, row in enumerate(symbolic.rows)),
         "    for _j in range(1, _z.shape[1]):",
         "\n".join(loop),
+        "    if _z.shape[1] > 1:",
         "\n".join(sources),
-        "    if _delay:\n" + ("\n".join(delayed) or "        pass"),
+        "        if _delay:\n" + ("\n".join(delayed) or "            pass"),
     )
 
 

@@ -214,7 +214,9 @@ def _best_hold(
     words = _WORDS[best.structure.timing.hold]
     if len(ordered) == 1:
         return best, f"{words}; otherwise the model does not follow", ()
-    fall = (ordered[1].minimum.equations.cost - best.minimum.equations.cost) / max(1.0, best.excess)
+    fall = (ordered[1].minimum.equations.cost - best.minimum.equations.cost) / residual_variance(
+        found
+    )
     if fall <= thresholds.hold_fall:
         return best, f"{words}; otherwise a delay would be just half a sample by chance", ()
     less = f"the residuals' weighted sum of squares is {fall:.3g} less than otherwise"
@@ -228,19 +230,42 @@ def _misfits(found: Sequence[Fitted]) -> FloatArray:
     the margin of the data, and that it came out at just half a sample is a coincidence to pay for
     (Bayes' factor of a uniform prior).
     """
-    scale = max(1.0, min(fitted.excess for fitted in found))
+    scale = residual_variance(found)
     misfits = np.array([fitted.minimum.equations.cost for fitted in found]) / scale
     for i, fitted in enumerate(found):
         if INPUT not in fitted.names:
             continue
         place = fitted.names.index(INPUT)
-        white = float(fitted.unit_deviations[place]) * np.sqrt(scale)
+        white = float(fitted.unit_deviations[place]) * np.sqrt(max(1.0, fitted.excess))
         deviation = max(white, float(fitted.fit.standard_deviations[place]))
         if np.isfinite(deviation) and deviation > 0.0:
             room = 2.0 * fitted.data.margin / (np.sqrt(2.0 * np.pi) * deviation)
             away = (fitted.delays[INPUT] / deviation) ** 2
             misfits[i] += min(away, 2.0 * np.log(max(room, 1.0)))
     return misfits
+
+
+def residual_variance(found: Sequence[Fitted]) -> float:
+    """Variance of the best fit's residuals over the sensors', as it acts on the input's delay.
+
+    An encoder's steps under a slow motion are correlated for many samples; their sum of squares
+    falls by chance as much as if there were fewer of them.
+
+    Parameters
+    ----------
+    found : sequence of Fitted
+        With one hold each.
+    """
+    return max(1.0, min(max(fitted.excess, _correlated(fitted)) for fitted in found))
+
+
+def _correlated(fitted: Fitted) -> float:
+    """Variance of the input's delay over what white noise of the sensors would make it."""
+    if INPUT not in fitted.names:
+        return 1.0
+    place = fitted.names.index(INPUT)
+    ratio = float(fitted.fit.standard_deviations[place] / fitted.unit_deviations[place])
+    return ratio**2 if np.isfinite(ratio) else 1.0
 
 
 def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:

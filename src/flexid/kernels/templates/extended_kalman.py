@@ -68,7 +68,8 @@ def predict(belief, inputs, settings, work):
         modes[j] = np.sign(belief[2 * j + 1])
     p, c = belief[N_STATES:SIZE], settings[CONSTANTS:]
     motion = Motion(drive, modes, dry, p, c, at, 0, np.empty(N_INPUTS), np.empty(N_INPUTS))
-    cross_interval(z, h, 1, motion, (work[2], work[3], work[4]), product)
+    arrays = work[2], work[3], work[4]
+    cross_interval(z, h, 1, motion, arrays, arrays, product)
     for i in range(N_STATES):
         for k in range(SIZE):
             value = 0.0

@@ -52,34 +52,37 @@ def rates_at(z, place, motion, rate):
 
 
 @njit(cache=True, error_model="numpy")
-def pull(z, row, side, place, motion, rate):
+def pull(z, row, side, place, motion, alone):
     """Acceleration of a row at rest if its friction were that of sliding to a side."""
+    _, rate, state = alone
+    for i in range(N_STATES):
+        state[i, 0] = z[i, 0]
     modes = motion.modes
     kept = modes[row]
     modes[row] = side
-    rates_at(z, place, motion, rate)
+    rates_at(state, place, motion, rate)
     modes[row] = kept
     return rate[2 * row + 1, 0]
 
 
 @njit(cache=True, error_model="numpy")
-def margin(z, row, place, motion, rate):
+def margin(z, row, place, motion, alone):
     """Positive as long as a row stays in its mode: its speed, or what friction has in reserve."""
     mode = motion.modes[row]
     if mode != 0.0:
         return mode * z[2 * row + 1, 0]
-    forward = pull(z, row, 1.0, place, motion, rate)
-    backward = pull(z, row, -1.0, place, motion, rate)
+    forward = pull(z, row, 1.0, place, motion, alone)
+    backward = pull(z, row, -1.0, place, motion, alone)
     return min(-forward, backward)
 
 
 @njit(cache=True, error_model="numpy")
-def change_mode(z, row, place, motion, rate, other):
+def change_mode(z, row, place, motion, alone, rate, other):
     """Let a row whose margin is used up change its mode: reverse, stick, or let go."""
     modes = motion.modes
     velocity = 2 * row + 1
-    forward = pull(z, row, 1.0, place, motion, rate)
-    backward = pull(z, row, -1.0, place, motion, rate)
+    forward = pull(z, row, 1.0, place, motion, alone)
+    backward = pull(z, row, -1.0, place, motion, alone)
     old = modes[row]
     if old == 0.0:
         modes[row] = 1.0 if forward > -backward else -1.0
@@ -105,7 +108,7 @@ def change_mode(z, row, place, motion, rate, other):
 
 
 @njit(cache=True, error_model="numpy")
-def first_modes(z, h, trace, motion, rate):
+def first_modes(z, h, trace, motion, alone):
     """Modes at the start of a segment; a row that would stop within a few samples sticks at once.
 
     How fast such a row was leaves no trace in its positions, if it moves by less than `trace`, and
@@ -117,8 +120,8 @@ def first_modes(z, h, trace, motion, rate):
         modes[row] = -1.0 if velocity < 0.0 else 1.0
         if not motion.dry[row]:
             continue
-        forward = pull(z, row, 1.0, 0.0, motion, rate)
-        backward = pull(z, row, -1.0, 0.0, motion, rate)
+        forward = pull(z, row, 1.0, 0.0, motion, alone)
+        backward = pull(z, row, -1.0, 0.0, motion, alone)
         braking = -forward if velocity >= 0.0 else backward
         soon = abs(velocity) <= STOPPING_SAMPLES * h * braking
         near = velocity * velocity <= 2.0 * braking * trace[row]
@@ -131,44 +134,75 @@ def first_modes(z, h, trace, motion, rate):
 
 
 @njit(cache=True, error_model="numpy")
-def leaving_row(z, end, place, span, motion, rate):
-    """The row whose mode ends first within a span, by linear interpolation; or -1.
+def leaving_row(z, place, span, h, motion, work, alone):
+    """The row whose mode ends first, by linear interpolation, and a span within which it does.
 
-    A held input jumps between two intervals: it may let go of a row that stuck, and hold it again
-    before the interval ends.
+    It is -1 where none ends within the span that `work` holds the end of. A held input jumps
+    between two intervals: it may let go of a row that stuck, and hold it again before the interval
+    ends.
     """
-    chosen, earliest = -1, 2.0
+    end, rate, _ = work
+    chosen, earliest, reach = -1, 2.0, span
     for row in range(N_ROWS):
         if motion.dry[row]:
-            last = margin(end, row, place + span, motion, rate)
-            if last < 0.0 or motion.modes[row] == 0.0:
-                first = margin(z, row, place, motion, rate)
-                when = 2.0
+            mode = motion.modes[row]
+            last = margin(end, row, place + span, motion, alone)
+            when, within = 2.0, span
+            if last < 0.0 or mode == 0.0:
+                first = margin(z, row, place, motion, alone)
                 if first < 0.0:
                     when = 0.0
                 elif last < 0.0:
                     when = first / (first - last)
-                if when < earliest:
-                    chosen, earliest = row, when
-    return chosen
+            else:
+                rise = mode * rate[2 * row + 1, 0] * h
+                lowest, least = turning_point(z, row, place, span, last, rise, h, motion, alone)
+                if least < 0.0:
+                    first = mode * z[2 * row + 1, 0]
+                    when, within = lowest / span * first / (first - least), lowest
+            if when < earliest:
+                chosen, earliest, reach = row, when, within
+    return chosen, reach
 
 
 @njit(cache=True, error_model="numpy")
-def span_to_change(z, row, place, span, h, motion, work):
+def turning_point(z, row, place, span, last, rise, h, motion, alone):
+    """Span after which a row that slides is slowest, and its margin there.
+
+    A row may turn back and forth within one span and slide at its end as it did at its start; the
+    margin is that of the end where it cannot have done so, by a parabola through both ends with
+    the slope at the end.
+    """
+    mode = motion.modes[row]
+    first = mode * z[2 * row + 1, 0]
+    fall = rise - 2.0 * (last - first) / span
+    if first <= 0.0 or rise <= 0.0 or fall <= 0.0 or last >= rise * span:
+        return span, last
+    fall = -mode * pull(z, row, mode, place, motion, alone) * h
+    if fall <= 0.0:
+        return span, last
+    lowest = span * fall / (fall + rise)
+    runge_kutta(z, place, lowest, h, motion, alone)
+    return lowest, mode * alone[0][2 * row + 1, 0]
+
+
+@njit(cache=True, error_model="numpy")
+def span_to_change(z, row, place, span, h, motion, alone):
     """Span after which the margin of a row is used up (regula falsi after Illinois)."""
-    end, rate, _ = work
+    end = alone[0]
     low, high = 0.0, span
-    at_low = margin(z, row, place, motion, rate)
-    at_high = margin(end, row, place + span, motion, rate)
+    at_low = margin(z, row, place, motion, alone)
+    runge_kutta(z, place, span, h, motion, alone)
+    at_high = margin(end, row, place + span, motion, alone)
     if at_low <= 0.0:
         side = motion.modes[row]
-        gain = side * pull(z, row, side, place, motion, rate)
+        gain = side * pull(z, row, side, place, motion, alone)
         if side == 0.0 or gain <= 0.0:
             return 0.0
         # It has just been let go and comes to rest again: at constant jerk, not before this.
         low = 0.5 * span * gain * span * h / (gain * span * h - at_high)
-        runge_kutta(z, place, low, h, motion, work)
-        at_low = margin(end, row, place + low, motion, rate)
+        runge_kutta(z, place, low, h, motion, alone)
+        at_low = margin(end, row, place + low, motion, alone)
         if at_low <= 0.0:
             return low
     found = high
@@ -176,8 +210,8 @@ def span_to_change(z, row, place, span, h, motion, work):
         found = low + (high - low) * at_low / (at_low - at_high)
         if found - low < NEAR or high - found < NEAR:
             break
-        runge_kutta(z, place, found, h, motion, work)
-        value = margin(end, row, place + found, motion, rate)
+        runge_kutta(z, place, found, h, motion, alone)
+        value = margin(end, row, place + found, motion, alone)
         if value < 0.0:
             high, at_high = found, value
             at_low *= 0.5
@@ -188,7 +222,7 @@ def span_to_change(z, row, place, span, h, motion, work):
 
 
 @njit(cache=True, error_model="numpy")
-def cross_interval(z, h, substeps, motion, work, other):
+def cross_interval(z, h, substeps, motion, work, alone, other):
     """Bring z over one sampling interval, in place."""
     end, rate, _ = work
     place, events = 0.0, 0
@@ -198,13 +232,13 @@ def cross_interval(z, h, substeps, motion, work, other):
     while place < 1.0 - NEAR:
         span = min(1.0 / substeps, 1.0 - place)
         runge_kutta(z, place, span, h, motion, work)
-        row = -1
+        row, reach = -1, span
         if any_dry and events < MOST_EVENTS:
-            row = leaving_row(z, end, place, span, motion, rate)
+            row, reach = leaving_row(z, place, span, h, motion, work, alone)
         if row >= 0:
-            span = span_to_change(z, row, place, span, h, motion, work)
+            span = span_to_change(z, row, place, reach, h, motion, alone)
             runge_kutta(z, place, span, h, motion, work)
-            change_mode(end, row, place + span, motion, rate, other)
+            change_mode(end, row, place + span, motion, alone, rate, other)
             events += 1
         z[:] = end
         place += span
@@ -300,6 +334,8 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
     shape = (N_STATES, 1 + carried)
     z, other = np.empty(shape), np.empty(shape)
     work = np.empty(shape), np.empty(shape), np.empty(shape)
+    single = (N_STATES, 1)  # the state without its derivatives, which no event is located by
+    alone = np.empty(single), np.empty(single), np.empty(single)
     rate = work[1]
     row = np.zeros(1 + size)
     u, du = np.empty(N_INPUTS), np.empty(N_INPUTS)
@@ -315,13 +351,13 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
             z[i, 1 + i] = 1.0
         h = sample_times[s]
         motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du)
-        first_modes(z, h, noise, motion, rate)
+        first_modes(z, h, noise, motion, alone)
         blocks = first_blocks[s + 1] - first_blocks[s]
         for k in range(starts[s], starts[s] + lengths[s]):
             b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
             if k > starts[s]:
                 motion = Motion(drives[k - 1], modes, dry, p[s], c, at, delay, u, du)
-                cross_interval(z, h, substeps, motion, work, other)
+                cross_interval(z, h, substeps, motion, work, alone, other)
             if any_late:
                 motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du)
                 rates_at(z, 0.0, motion, rate)

@@ -16,11 +16,14 @@ if TYPE_CHECKING:
 
 @njit(cache=True, error_model="numpy")
 def runge_kutta(z, place, span, h, motion, work):
-    """Bring z over a span of an interval of h seconds; the end is the first array of the work."""
+    """Bring z over a span of an interval of h seconds; the end is the first array of the work.
+
+    Only as many columns of z as the arrays of the work have.
+    """
     end, rate, trial = work
     step = span * h
     for i in range(N_STATES):
-        for j in range(z.shape[1]):
+        for j in range(end.shape[1]):
             end[i, j] = z[i, j]
             trial[i, j] = z[i, j]
     for stage in range(4):
@@ -29,6 +32,6 @@ def runge_kutta(z, place, span, h, motion, work):
         weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
         rates_at(trial, place + node * span, motion, rate)
         for i in range(N_STATES):
-            for j in range(z.shape[1]):
+            for j in range(end.shape[1]):
                 end[i, j] += weight * rate[i, j]
                 trial[i, j] = z[i, j] + reach * step * rate[i, j]
