@@ -67,8 +67,10 @@ def _delay(channel: str, delay: Delay) -> str:
     if delay.status == "given":
         return f"{channel} {1e3 * delay.value:.3g} ms late, as given"
     if delay.status == "found":
-        lower, upper = (1e3 * end for end in delay.interval)
-        return f"{channel} {1e3 * delay.value:.3g} [{lower:.3g}, {upper:.3g}] ms late"
+        value, lower, upper = (1e3 * each for each in (delay.value, *delay.interval))
+        digits = next((d for d in range(3, 9) if f"{lower:.{d}g}" != f"{upper:.{d}g}"), 9)
+        ends = f"{lower:.{digits}g}, {upper:.{digits}g}"
+        return f"{channel} {value:.{digits}g} [{ends}] ms late"
     return f"{channel} delay none"
 
 

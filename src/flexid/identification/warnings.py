@@ -7,6 +7,8 @@ from flexid.identification.compliance import WEAK_FIT
 from flexid.identification.joint import Kind
 from flexid.identification.result import CoefficientEstimate, Compliance, ModelError
 
+_SLIGHT = 1.005  # which would be printed as 1
+
 _SIGN_ADVICE = {
     "theta2": "an encoder is read late, or the sign of an angle is wrong",
     "alpha1": "an encoder is read late, or the sign of an angle is wrong",
@@ -51,17 +53,21 @@ def model_warnings(error: ModelError, model: Kind) -> Iterator[str]:
     """Warn of residuals that show a drive which no model here describes."""
     if error.share > 0.0 and model == "link":
         yield (
-            f"the residuals are {(1.0 + error.excess) ** 0.5:.3g} times the sensors' noise: the "
-            f"joint has something that no term here describes, or an encoder is not as even as it "
-            f"is fine; the intervals make allowance for that"
+            f"the residuals are {_times(error)} the sensors' noise: the joint has something that "
+            f"no term here describes, or an encoder is not as even as it is fine; the intervals "
+            f"make allowance for that"
         )
     elif error.share > 0.0:
         yield (
-            f"the residuals are {(1.0 + error.excess) ** 0.5:.3g} times the sensors' noise, and do "
-            f"not grow as noise of the torque would: the drive has something that no term here "
-            f"describes, or the input as recorded is not what acted; the intervals make allowance "
-            f"for that"
+            f"the residuals are {_times(error)} the sensors' noise, and do not grow as noise of "
+            f"the torque would: the drive has something that no term here describes, or the input "
+            f"as recorded is not what acted; the intervals make allowance for that"
         )
+
+
+def _times(error: ModelError) -> str:
+    times = (1.0 + error.excess) ** 0.5
+    return "slightly above" if times < _SLIGHT else f"{times:.3g} times"
 
 
 def compliance_warnings(compliance: Compliance) -> Iterator[str]:

@@ -31,7 +31,7 @@ def excitation_parts(report: ExcitationReport) -> Iterator[Part]:
     yield Text()
     for row, excitation in report.assessment.excitation.items():
         pair = " and ".join(excitation.correlated)
-        detail = f"; {pair} correlate by {excitation.correlation:.6g}" if pair else ""
+        detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
         yield Text(
             f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
         )
