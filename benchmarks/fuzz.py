@@ -12,30 +12,22 @@ from __future__ import annotations
 
 import argparse
 import codecs
-import io
 import json
 import random
 import re
 import subprocess
 import sys
-import tempfile
 import time
 import warnings
 import zlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from datetime import date, datetime, timedelta
-from datetime import time as dt_time
-from decimal import Decimal
 from pathlib import Path
 
-import numpy as np
-import polars as pl
-
+from benchmarks.fuzz_targets import Target, made_estimate, targets
 from flexid.errors import FlexidError
 
-ROOT = Path(__file__).parents[1]
 LONGEST = 5.0  # s of processor that one file may take
 HANG = 60.0  # s of grace before a process is taken to hang
 PER_PROCESS = 5_000  # files
@@ -62,28 +54,6 @@ _ANY = (
 )
 
 Mutation = Callable[[random.Random, bytes, "Target"], bytes]
-
-
-@dataclass(frozen=True)
-class Target:
-    """A reader and what it is tried with.
-
-    Parameters
-    ----------
-    suffix : str
-        Of the files' names.
-    seeds : sequence of bytes
-        Files that are read.
-    read : callable
-        Reads a path.
-    words : sequence of bytes
-        Of the format, for insertion.
-    """
-
-    suffix: str
-    seeds: tuple[bytes, ...]
-    read: Callable[[Path], object]
-    words: tuple[bytes, ...] = ()
 
 
 @dataclass
@@ -259,152 +229,6 @@ def _peak() -> float:
     if not status.exists():
         return 0.0
     return int(status.read_text().partition("VmHWM:")[2].split()[0]) / 1e3
-
-
-def log_columns(rows: int = 100) -> dict[str, np.ndarray]:
-    """A small log with two encoders."""
-    t = 0.005 * np.arange(rows)
-    motor = np.sin(20.0 * t) + 0.4 * np.sin(53.0 * t)
-    return {
-        "time": t,
-        "link_position": motor + 0.05 * np.sin(37.0 * t + 1.0),
-        "motor_position": motor,
-        "motor_torque": 20.0 * np.sin(20.0 * t),
-    }
-
-
-def log_text() -> bytes:
-    """It as a CSV file."""
-    return pl.DataFrame(log_columns()).write_csv(float_precision=6).encode()
-
-
-def log_parquet() -> tuple[bytes, ...]:
-    """It as Parquet files."""
-    buffers = []
-    for compression in ("zstd", "snappy", "uncompressed"):
-        buffers.append(io.BytesIO())
-        pl.DataFrame(log_columns()).write_parquet(buffers[-1], compression=compression)
-    return tuple(buffer.getvalue() for buffer in buffers)
-
-
-def strange_parquet() -> tuple[bytes, ...]:
-    """Parquet files with columns of every type where numbers are expected."""
-    frame = pl.DataFrame(log_columns())
-    rows = frame.height
-    columns = (
-        pl.Series(["1.5"] * rows), pl.Series([b"1.5"] * rows), pl.Series([True] * rows),
-        pl.Series([None] * rows), pl.Series([[1.0, 2.0]] * rows), pl.Series([{"a": 1.0}] * rows),
-        pl.Series([date(2024, 5, 1)] * rows), pl.Series([datetime(2024, 5, 1)] * rows),
-        pl.Series([timedelta(seconds=1)] * rows), pl.Series([dt_time(12)] * rows),
-        pl.Series([Decimal("1.5")] * rows), pl.Series(["a"] * rows, dtype=pl.Categorical),
-        pl.Series([1.0, None] * (rows // 2)), pl.Series([np.inf] * rows),
-        pl.Series(range(rows), dtype=pl.Int8), pl.Series(range(rows), dtype=pl.UInt64) + 2**60,
-        pl.Series(range(rows), dtype=pl.Float32),
-    )  # fmt: skip
-    files = []
-    for column in columns:
-        for name in ("time", "motor_torque"):
-            buffer = io.BytesIO()
-            frame.with_columns(column.alias(name)).write_parquet(buffer)
-            files.append(buffer.getvalue())
-    return tuple(files)
-
-
-def targets(estimate: bytes) -> dict[str, Target]:
-    """Every reader, by what it reads.
-
-    Parameters
-    ----------
-    estimate : bytes
-        An ``estimate.json``.
-    """
-    from flexid.experiment_design.drive_file import read_drive
-    from flexid.experiments.experiment_file import read_experiment
-    from flexid.identification.estimate_file import read_estimate, stored_identification
-    from flexid.identification.validate_estimate import validate_estimate
-    from flexid.models.model_file import read_model
-    from flexid.recording import read_log
-    from flexid.recording.columns import read_channels
-    from flexid.recording.stream import LogStream
-    from flexid.recording.table import Table
-
-    table = Table("log.csv", "line 1", 2, "line", pl.DataFrame(log_columns()), "")
-
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "log.csv").write_bytes(pl.DataFrame(log_columns(400)).write_csv().encode())
-        log = read_log(Path(folder) / "log.csv")
-    drive = ROOT / "examples" / "drive.toml"
-
-    def stream(path: Path) -> None:
-        for _ in LogStream(path, None, 50).chunks(30):
-            pass
-
-    def of(folder: str) -> tuple[bytes, ...]:
-        return tuple(path.read_bytes() for path in sorted(ROOT.glob(folder)))
-
-    parquets = (*log_parquet() * 10, *strange_parquet())
-    text, toml = log_text(), (b"=", b"[", b"]", b"[[a]]", b"{", b"}", b'"""', b"= {", b"= [1, 'a']")
-    logs = (
-        text,
-        b"# " + text.replace(b",", b" "),
-        text.replace(b",", b";").replace(b".", b","),
-        b"Logger 3\n\n" + text.replace(b"\n", b"\ns,rad,rad,Nm\n", 1),
-    )
-    maps = (
-        b'gear_ratio = "1/2"\ntime = {column = "time", unit = "s"}\nmotor_position = '
-        b'{sum = ["motor_position", {column = "motor_torque", scale = 0.0}], side = "link"}\n',
-        b'# angles\n[deflection]\ncolumn = "Link_Position"\nscale = 0.1\nunit = "deg"\n',
-    )
-    estimates = (estimate, json.dumps(json.loads(estimate), indent=0).encode())
-    json_words = (b"null", b"[]", b"{}", b'""', b"NaN", b"-Infinity", b":", b"1e400", b'"\\ud800"')
-    entry = (
-        b"gear_ratio = 3\n",
-        b"sum = []",
-        b'side = "link"',
-        b"scale = '1/3'",
-        b"offset = 1e300",
-    )
-    header = (b"time [ms]", b"(deg)", b"[rad]", b"tau", b"q_m", b"; ", b"\t", b"1,5", b"\xc2\xb0")
-    expressions = (b"sin(", b"**", b"/0", b"abs(q)", b"__import__", b"lambda", b"1e999*")
-    return {
-        "log, text": Target(".csv", logs, read_log, header),
-        "log, Parquet": Target(".parquet", parquets, read_log),
-        "log, stream": Target(".parquet", parquets, stream),
-        "column map": Target(".toml", maps, lambda p: read_channels(table, p), (*toml, *entry)),
-        "drive file": Target(".toml", of("examples/drive.toml"), read_drive, toml),
-        "experiment file": Target(
-            ".toml", of("experiments/*.toml"), read_experiment, (*toml, *expressions)
-        ),
-        "model file": Target(
-            ".toml", of("examples/models/*.toml"), read_model, (*toml, *expressions)
-        ),
-        "estimate": Target(
-            ".json", estimates, lambda path: stored_identification(read_estimate(path)), json_words
-        ),
-        "estimate, validated": Target(
-            ".json", estimates, lambda path: validate_estimate(path, [log]), json_words
-        ),
-        "estimate for a design": Target(
-            ".json", estimates, lambda path: read_drive(drive, path), json_words
-        ),
-    }
-
-
-def made_estimate() -> bytes:
-    """An estimate of the example log's beginning."""
-    from flexid.identification.identify import identify
-    from flexid.identification.settings import Settings
-    from flexid.recording import read_log
-    from flexid.report.documents import identification_document, to_json
-
-    with tempfile.TemporaryDirectory() as folder:
-        lines = (ROOT / "examples" / "flexible_joint.csv").read_bytes().split(b"\n")[:3001]
-        (Path(folder) / "log.csv").write_bytes(b"\n".join(lines))
-        settings = Settings(
-            terms=("gravity", "motor_viscous"), hold="zero", input_delay=0.0, link_delay=0.0
-        )
-        result = identify([read_log(Path(folder) / "log.csv")], settings)
-    return to_json(identification_document(result)).encode()
 
 
 def _in_processes(name: str, seconds: float, seed: int, keep: Path) -> Tally:

@@ -6,6 +6,7 @@ Every reader has an error of its own; it hands in a function that makes that err
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
 from typing import TYPE_CHECKING
@@ -77,18 +78,26 @@ def read_bytes(path: Path, limit: int, wanted: str, refuse: Refuse, *, shorten: 
     shorten : str, optional
         What to do with a file that is too large; without it, to give what is wanted.
     """
-    if check_file(path, wanted, refuse) <= limit:
+    size = check_file(path, wanted, refuse)
+    if size <= limit:
         try:
-            with path.open("rb") as file:
-                raw = file.read(limit + 1)
+            with path.open("rb") as file:  # as many bytes as are asked for are reserved
+                raw = file.read(size + 1)
         except OSError as error:
             raise refuse(_not_opened(error, f"give the path of {wanted}")) from None
-        if len(raw) <= limit:
+        if len(raw) <= size:
             return raw
+        raise refuse("the file grows while it is read: wait until it is complete")
     most = f"{limit / 1e6:g} MB" if limit >= 1_000_000 else f"{limit / 1e3:g} kB"
     raise refuse(
         f"the file is larger than {most}, the most that is read: {shorten or f'give {wanted}'}"
     )
+
+
+def sha256(path: Path) -> str:
+    """Digest of a file's bytes, however long it is."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _not_opened(error: OSError | ValueError, remedy: str) -> str:

@@ -178,9 +178,13 @@ def test_a_damaged_middle(tmp_path: Path):
     """Assert that a file whose data are destroyed behind the head is refused with the place."""
     path = written(tmp_path / "log.parquet", table())
     raw = bytearray(path.read_bytes())
-    raw[len(raw) // 2 : len(raw) // 2 + 60_000] = bytes(60_000)
+    middle = len(raw) // 2  # within a page, whose header is left alone
+    raw[middle : middle + 100] = bytes(100)
     path.write_bytes(raw)
     assert "the file cannot be read on from there" in refusal(path)
+    raw[middle : middle + 60_000] = bytes(60_000)
+    path.write_bytes(raw)
+    assert "no readable Parquet file" in refusal(path)
 
 
 def test_wrong_units(tmp_path: Path):

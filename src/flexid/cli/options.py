@@ -40,7 +40,11 @@ def out_option(what: str) -> Any:
 
 Logs = Annotated[
     list[Path],
-    typer.Argument(metavar="LOG", help="CSV or Parquet files of one drive.", show_default=False),
+    typer.Argument(
+        metavar="LOG",
+        help="Logs of one drive: CSV, Parquet, MATLAB, HDF5, MDF, MCAP or ROS bags.",
+        show_default=False,
+    ),
 ]
 
 Columns = Annotated[

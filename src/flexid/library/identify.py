@@ -48,7 +48,7 @@ def identify(
     Parameters
     ----------
     logs : log or list of logs
-        Of one drive: paths of CSV or Parquet files, data frames of pandas, Polars, PyArrow or
+        Of one drive: paths of files, data frames of pandas, Polars, PyArrow or
         another library that narwhals knows, mappings of arrays, or what `flexid.read_log` read.
         Columns are found by name, with their unit in brackets: ``"time [s]"``,
         ``"link_position [deg]"``, ``"motor_position [deg]"``, ``"motor_torque [N m]"``.

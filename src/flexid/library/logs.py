@@ -40,10 +40,10 @@ def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
     Parameters
     ----------
     log : path, data frame, mapping of arrays, Log or Recording
-        A CSV or Parquet file; a data frame of pandas, Polars, PyArrow or another library that
-        narwhals knows; arrays by name. Columns are found by name, with their unit in brackets:
-        ``"time [s]"``, ``"link_position [deg]"``, ``"motor_position [deg]"``,
-        ``"motor_torque [N m]"``; without a unit they are in SI.
+        A CSV, Parquet, MATLAB, HDF5, MDF or MCAP file, or a ROS bag; a data frame of pandas,
+        Polars, PyArrow or another library that narwhals knows; arrays by name. Columns are found
+        by name, with their unit in brackets: ``"time [s]"``, ``"link_position [deg]"``,
+        ``"motor_position [deg]"``, ``"motor_torque [N m]"``; without a unit they are in SI.
     columns : path or mapping, optional
         A column map for raw sensor columns: a TOML file, or what it would hold, such as
         ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.

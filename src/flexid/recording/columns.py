@@ -84,15 +84,25 @@ def read_channels(
 
 def channel_columns(table: Table, columns: MapSource | None) -> list[str]:
     """Headers of the columns that `read_channels` reads, in the file's order."""
-    plan = _plan(table, columns)
-    used = set()
-    for name in plan.wanted:
-        if plan.column_map is not None and name in plan.entries:
-            terms = plan.entries[name].terms
-            used |= {_find(table, term.column, name, plan.column_map.file) for term in terms}
-        else:
-            used.add(plan.found[name].header)
+    used = {header for headers in sources(table, columns)[0].values() for header in headers}
     return [header for header in table.names if header in used]
+
+
+def sources(
+    table: Table, columns: MapSource | None
+) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
+    """Headers that each channel is read from, and warnings, from the names alone."""
+    plan = _plan(table, columns)
+    headers = {}
+    for name in SI_UNITS:
+        if name not in plan.wanted:
+            continue
+        if plan.column_map is not None and name in plan.entries:
+            terms, map_file = plan.entries[name].terms, plan.column_map.file
+            headers[name] = tuple(_find(table, term.column, name, map_file) for term in terms)
+        else:
+            headers[name] = (plan.found[name].header,)
+    return headers, tuple(plan.warnings)
 
 
 def _plan(table: Table, columns: MapSource | None) -> _Plan:
@@ -107,7 +117,7 @@ def _plan(table: Table, columns: MapSource | None) -> _Plan:
         _add_usual(table, plan)
     _require(table, plan)
     _choose(table, plan)
-    if column_map is None:
+    if column_map is None and not table.kinds:  # a bag holds much that no joint needs
         taken = {column.header for column in plan.found.values()}
         unused = [name for name in table.names if name not in taken]
         if unused:
@@ -122,7 +132,7 @@ def _canonical_columns(table: Table) -> dict[str, _Column]:
     """Return the columns that have canonical names, in whatever letters, by that name."""
     found: dict[str, _Column] = {}
     for header in table.names:
-        bare, unit = split_header(header)
+        bare, unit = split_header(table.short_name(header))
         name = _BY_FOLDED.get(folded(bare).replace("_", ""))
         if name is None:
             continue
@@ -142,7 +152,7 @@ def _add_usual(table: Table, plan: _Plan) -> None:
     taken = {column.header for column in plan.found.values()}
     candidates: dict[str, list[_Column]] = {}
     for header in table.names:
-        usual = None if header in taken else usual_channel(header)
+        usual = None if header in taken else usual_channel(table.short_name(header))
         if usual is not None:
             candidates.setdefault(usual[0], []).append(_Column(header, usual[1]))
     known = set(plan.found) | set(candidates)
@@ -214,13 +224,13 @@ def _require(table: Table, plan: _Plan) -> None:
         raise RecordingError(
             table.file,
             table.header,
-            f"there is no {labels}; found {quoted(table.names)}: rename the columns or say in "
+            f"there is no {labels}; found {table.listing}: rename the columns or say in "
             f"{what} which is which",
         )
     plan.warnings.append(
         f"{table.file}: there is no {labels}, so only the rigid joint can be identified: to "
         f"identify the compliance, log it or name its column in {what}; found "
-        f"{quoted(table.names)}"
+        f"{table.listing}"
     )
 
 
@@ -309,6 +319,7 @@ def _find(table: Table, column: str, name: str, map_file: str) -> str:
             header
             for header in table.names
             if folded(column) in (folded(header), folded(bare[header]))
+            or column == split_header(table.short_name(header))[0]
         ],
     ):
         if len(matches) == 1:
@@ -320,5 +331,5 @@ def _find(table: Table, column: str, name: str, map_file: str) -> str:
     raise RecordingError(
         map_file,
         f"key '{name}'",
-        f"{table.file} has no column {column!r}{hint}: name one of {quoted(table.names)}",
+        f"{table.file} has no column {column!r}{hint}: name one of {table.listing}",
     )

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 _QUANTITIES = {
     "position": {"position", "pos", "angle", "ang", "q", "theta", "phi"},
     "velocity": {"velocity", "vel", "speed", "omega", "qd", "dq", "qdot", "dtheta", "thetadot"},
-    "torque": {"torque", "tau", "trq"},
+    "torque": {"torque", "tau", "trq", "effort"},
     "current": {"current", "cur", "curr", "i", "iq"},
     "voltage": {"voltage", "volt", "u"},
     "time": {"time", "t", "timestamp", "clock"},
@@ -21,7 +21,9 @@ _SIDES = {
     "motor": {"motor", "mot", "m", "rotor", "drive"},
     "link": {"link", "load", "l", "arm", "output"},
 }
-_FILLERS = {"meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value"}
+_FILLERS = {
+    "meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value", "data",
+}  # fmt: skip
 _UNITS = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "rad": "rad", "deg": "deg", "rpm": "rpm",
     "rad_s": "rad/s", "rad/s": "rad/s", "radps": "rad/s", "rads": "rad/s",
@@ -43,6 +45,8 @@ def split_header(header: str) -> tuple[str, str | None]:
     ('time', 's')
     >>> split_header("position[0]")
     ('position[0]', None)
+    >>> split_header("q(:,2)")
+    ('q(:,2)', None)
     """
     header = header.strip()
     match = None
@@ -51,7 +55,7 @@ def split_header(header: str) -> tuple[str, str | None]:
     if match is None:
         return header, None
     unit = (match[2] if match[2] is not None else match[3]).strip()
-    if unit.isdecimal():
+    if re.fullmatch(r"[\d:, ]+", unit):
         return header, None
     return match[1].strip(), unit
 
@@ -121,7 +125,15 @@ def did_you_mean(word: str, candidates: Iterable[str]) -> str:
 
 def quoted(names: Iterable[str]) -> str:
     """Names between quotation marks, as many and as much of them as one can read."""
-    shown = [repr(name if len(name) <= 40 else name[:37] + "...") for name in names]
-    if len(shown) > 20:
-        shown = [*shown[:20], f"and {len(shown) - 20} more"]
+    return first_of([repr(cut(name)) for name in names])
+
+
+def cut(name: str, longest: int = 60) -> str:
+    """As much of a name as one can read."""
+    return name if len(name) <= longest else name[: longest - 3] + "..."
+
+
+def first_of(items: list[str]) -> str:
+    """As many items as one can read, in one line."""
+    shown = items if len(items) <= 20 else [*items[:20], f"and {len(items) - 20} more"]
     return ", ".join(shown)

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 from flexid.recording import checks
 from flexid.recording.channel import INPUTS, VELOCITIES, Channel
 from flexid.recording.columns import read_channels
+from flexid.recording.formats import table_of_file
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import check_increasing, even_grid, to_grid
-from flexid.recording.table import Table, read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from flexid.arrays import FloatArray
     from flexid.recording.column_map import MapSource
+    from flexid.recording.table import Table
 
 ENCODERS = ("link_position", "motor_position")
 
@@ -27,7 +28,7 @@ def read_log(path: Path, columns: MapSource | None = None) -> Log:
     Parameters
     ----------
     path : Path
-        A CSV file, or a Parquet file if its name ends in ``.parquet`` or ``.pq``.
+        A CSV or Parquet file, or one of `flexid.recording.formats`, by the end of its name.
     columns : Path, mapping or None
         A column map: a TOML file, or what it would hold.
 
@@ -41,13 +42,13 @@ def read_log(path: Path, columns: MapSource | None = None) -> Log:
     RecordingError
         If the log cannot be used; the message names the place and the remedy.
     """
-    return log_of_table(read_table(path), columns)
+    return log_of_table(table_of_file(path, columns), columns)
 
 
 def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
     """As `read_log`, from a file's columns."""
     channels, warnings = read_channels(table, columns)
-    warnings = table.warnings + warnings
+    warnings = tuple(dict.fromkeys(table.warnings + warnings))
     origins = {name: channel.origin for name, channel in channels.items()}
     clock = channels.pop("time")
     checks.check_magnitude(table.file, "time", clock)

@@ -6,7 +6,6 @@ head; what a single sample can do wrong is looked at in every chunk.
 
 from __future__ import annotations
 
-import hashlib
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.files import shown
+from flexid.files import sha256, shown
 from flexid.recording import checks
 from flexid.recording.columns import channel_columns, read_channels
 from flexid.recording.limits import check_cells
@@ -110,7 +109,7 @@ class LogStream:
         """
         state = _State(self.file, self.sample_time, self.head)
         with ThreadPoolExecutor(1) as digests:
-            digest = digests.submit(_sha256, self._path)
+            digest = digests.submit(sha256, self._path)
             for table in self._tables(size):
                 yield from state.chunks(table, read_channels(table, self._map)[0])
             self.warnings += state.finished(self.rows)
@@ -266,8 +265,3 @@ class _State:
                 moves = max(float(np.ptp(getattr(p, other))) for p in self.head.recordings)
                 self.still[name] = Still(self.file, name, channels[name].column, 0.1 * moves)
             self.still[name].look(channels[name].values, channels[other].values, time)
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -6,7 +6,7 @@ import hashlib
 import io
 import re
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -14,10 +14,18 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.files import check_file, read_bytes, shown
-from flexid.recording.limits import LARGEST_FILE, MOST_ROWS, check_cells
+from flexid.recording.limits import (
+    LARGEST_FILE,
+    LARGEST_UNPACKED,
+    MOST_CELLS,
+    MOST_ROWS,
+    check_cells,
+)
+from flexid.recording.names import cut, first_of, quoted
+from flexid.recording.parquet_pages import DamagedError, shape_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     import polars
@@ -25,7 +33,6 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
 
 LARGE_REMEDY = "identify it as Parquet with --stream, or cut the log into shorter files"
-PARQUET_MAGIC = b"PAR1"
 PARQUET_SUFFIXES = (".parquet", ".pq")
 WANTED = "a log"
 _DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eE][+-]?\d+)?$"
@@ -33,6 +40,16 @@ _THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
 _OTHERS = {  # what else flexid reads, and where it belongs
     ".toml": "this is a TOML file, not a log: a column map is given with --columns",
     ".json": "this is a JSON file, not a log: export the log as CSV or Parquet",
+}
+_MAGIC = {  # how files begin that are read by the end of their names
+    b"PAR1": ("a Parquet file", ".parquet"),
+    b"\x89HDF": ("an HDF5 file", ".h5"),
+    b"MATLAB 5.0 MAT-file": ("a MATLAB file", ".mat"),
+    b"MATLAB 7.3 MAT-file": ("a MATLAB file", ".mat"),
+    b"\x89MCAP": ("an MCAP file", ".mcap"),
+    b"#ROSBAG V": ("a ROS bag", ".bag"),
+    b"SQLite format 3\0": ("a database, perhaps a ROS 2 bag", ".db3"),
+    b"MDF     ": ("an MDF file", ".mf4"),
 }
 
 
@@ -56,6 +73,10 @@ class Table:
         Digest of the file's bytes.
     warnings : tuple of str
         What was not read of it.
+    short : mapping of str to str
+        By name of a column, the end of its path by which a channel is recognised.
+    kinds : mapping of str to str
+        By name of a column, its type and length, for a list of what the file holds.
     """
 
     file: str
@@ -65,11 +86,24 @@ class Table:
     frame: polars.DataFrame
     sha256: str
     warnings: tuple[str, ...] = ()
+    short: Mapping[str, str] = field(default_factory=dict)
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the columns, as they stand in the file."""
         return tuple(self.frame.columns)
+
+    @property
+    def listing(self) -> str:
+        """What the file holds: the names, with type and length where the format has them."""
+        if not self.kinds:
+            return quoted(self.names)
+        return first_of([f"{cut(name)!r} ({kind})" for name, kind in self.kinds.items()])
+
+    def short_name(self, name: str) -> str:
+        """The part of a column's name by which a channel is recognised."""
+        return self.short.get(name, name)
 
     def place(self, index: int, name: str) -> str:
         """Return where the value of column `name` in row `index` (from 0) stands in the file."""
@@ -168,8 +202,9 @@ def read_table(path: Path) -> Table:
         return _read_parquet(file, raw, digest)
     if path.suffix.lower() in _OTHERS:
         raise refuse(_OTHERS[path.suffix.lower()])
-    if raw.startswith(PARQUET_MAGIC):
-        raise refuse("this is a Parquet file: rename it so that it ends in .parquet")
+    for magic, (kind, suffix) in _MAGIC.items():
+        if raw.startswith(magic):
+            raise refuse(f"this is {kind}: rename it so that it ends in {suffix}")
     from flexid.recording.text import read_text
 
     layout, frame = read_text(file, raw)
@@ -214,13 +249,10 @@ def scan_parquet(path: Path) -> tuple[polars.LazyFrame, int]:
         raise refuse("only a Parquet file can be streamed: write the log as .parquet")
     try:
         with path.open("rb") as opened:
-            whole = opened.read(4) == PARQUET_MAGIC and opened.seek(-4, io.SEEK_END) > 0
-            whole = whole and opened.read(4) == PARQUET_MAGIC
-        if not whole:
-            raise _broken_parquet(file)
+            rows = shape_of(opened).rows
         frame = pl.scan_parquet(path)
-        rows = int(frame.select(pl.len()).collect().item())
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        frame.collect_schema()
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, DamagedError) as error:
         raise _broken_parquet(file) from error
     except OSError as error:
         raise refuse(f"the file cannot be read ({error.strerror}): copy it again") from error
@@ -238,22 +270,31 @@ def _broken_parquet(file: str) -> RecordingError:
 def _read_parquet(file: str, raw: bytes, digest: str) -> Table:
     import polars as pl
 
-    broken = _broken_parquet(file)
-    if not (raw.startswith(PARQUET_MAGIC) and raw.endswith(PARQUET_MAGIC)):
-        raise broken
     try:
-        count = int(pl.scan_parquet(io.BytesIO(raw)).select(pl.len()).collect().item())
-        if count > MOST_ROWS:
+        shape = shape_of(io.BytesIO(raw))
+        if shape.rows > MOST_ROWS:
             raise RecordingError(
                 file,
                 "",
-                f"the file has {count} rows, more than the {MOST_ROWS} that are read at once: "
+                f"the file has {shape.rows} rows, more than the {MOST_ROWS} that are read at once: "
                 f"identify it with --stream, or cut the log into shorter files",
             )
-        check_cells(file, count, pl.scan_parquet(io.BytesIO(raw)).collect_schema().len())
+        check_cells(file, shape.rows, shape.columns)
+        if shape.values > MOST_CELLS or shape.unpacked > LARGEST_UNPACKED:
+            raise RecordingError(
+                file,
+                "",
+                f"unpacked it has {shape.unpacked / 1e9:.2g} GB of {shape.values} values, more "
+                f"than are read at once: write the columns of one joint",
+            )
         frame = pl.read_parquet(io.BytesIO(raw))
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-        raise broken from error
+    except (
+        pl.exceptions.PolarsError,
+        pl.exceptions.PanicException,
+        DamagedError,
+        OSError,
+    ) as error:
+        raise _broken_parquet(file) from error
     if frame.width == 0 or frame.height == 0:
         raise RecordingError(file, "", "the file holds no samples: export the log again")
     return Table(file, "", 1, "row", frame, digest)

@@ -1,0 +1,139 @@
+"""Signals with time stamps of their own, brought to common times."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexid.errors import RecordingError
+from flexid.recording.names import quoted
+from flexid.recording.sampling import EVEN, GAP
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from flexid.arrays import FloatArray
+
+_SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
+_WRAP = 0.5  # of a position's range, which no position moves within one sample
+
+
+class Signal(NamedTuple):
+    """A signal, its clock, and whether it may step, as an input does."""
+
+    header: str
+    clock: str
+    values: FloatArray
+    held: bool
+
+
+def on_one_clock(
+    file: str, clocks: Mapping[str, FloatArray], signals: Sequence[Signal]
+) -> tuple[FloatArray, dict[str, FloatArray], tuple[str, ...]]:
+    """Bring signals to the times of the slowest, of several the first clock.
+
+    Positions and velocities are interpolated by cubic splines, inputs without overshoot. Where
+    another clock has a gap, the times are left out, so that the log has a gap there, too.
+
+    Parameters
+    ----------
+    file : str
+    clocks : mapping of str to FloatArray
+        Time stamps in s, the preferred clock first.
+    signals : sequence of Signal
+
+    Returns
+    -------
+    times : FloatArray, shape (n,)
+    columns : dict of str to FloatArray, each of shape (n,)
+        By header.
+    warnings : tuple of str
+
+    Raises
+    ------
+    RecordingError
+        If time stamps do not increase, have no span in common, or a position that wraps would have
+        to be interpolated.
+    """
+    for name, stamps in clocks.items():
+        _check_stamps(file, name, stamps)
+    rates = {name: (len(t) - 1) / (t[-1] - t[0]) for name, t in clocks.items()}
+    slowest = min(rates.values())
+    chosen = next(name for name, rate in rates.items() if rate <= _SAME_RATE * slowest)
+    times = clocks[chosen]
+    usable = np.ones(len(times), dtype=bool)
+    apart = {name: t for name, t in clocks.items() if not _same(t, times)}
+    for stamps in apart.values():
+        usable &= _between_samples(stamps, times)
+    if usable.sum() < 2:
+        raise RecordingError(
+            file,
+            "",
+            f"{quoted(clocks)} have no times in common: log them together, by one clock",
+        )
+    columns = {}
+    for signal in signals:
+        if signal.clock not in apart:
+            columns[signal.header] = signal.values[usable]
+            continue
+        _check_wraps(file, signal, chosen)
+        columns[signal.header] = _at(clocks[signal.clock], signal, times[usable])
+    moved = [signal.header for signal in signals if signal.clock in apart]
+    warnings = ()
+    if moved:
+        warnings = (
+            f"{file}: {quoted(moved)} had time stamps of their own and were interpolated to those "
+            f"of {chosen!r}: log all channels together",
+        )
+    return times[usable], columns, warnings
+
+
+def _check_stamps(file: str, clock: str, stamps: FloatArray) -> None:
+    if len(stamps) < 2:
+        raise RecordingError(
+            file, f"{clock!r}", f"it has {len(stamps)} samples: log it as often as the others"
+        )
+    steps = np.diff(stamps)
+    if not steps.min() > 0.0:
+        index = int(np.argmax(~(steps > 0.0)))
+        raise RecordingError(
+            file,
+            f"row {index + 2} of {clock!r}",
+            f"time runs backwards or repeats (from {stamps[index]:.9g} s to "
+            f"{stamps[index + 1]:.9g} s): remove what was logged twice",
+        )
+
+
+def _same(stamps: FloatArray, times: FloatArray) -> bool:
+    """Whether time stamps are the same but for rounding."""
+    return len(stamps) == len(times) and bool(
+        np.abs(stamps - times).max() <= EVEN * np.median(np.diff(times))
+    )
+
+
+def _between_samples(stamps: FloatArray, times: FloatArray) -> np.ndarray:
+    """Which times lie between two samples that follow each other without a gap."""
+    after = np.searchsorted(stamps, times)
+    inside = (times >= stamps[0]) & (times <= stamps[-1])
+    after = np.clip(after, 1, len(stamps) - 1)
+    steps = np.diff(stamps)
+    return inside & (steps[after - 1] <= GAP * np.median(steps))
+
+
+def _check_wraps(file: str, signal: Signal, chosen: str) -> None:
+    jumps = np.abs(np.diff(signal.values))
+    if not signal.held and jumps.max() > _WRAP * np.ptp(signal.values):
+        raise RecordingError(
+            file,
+            f"{signal.header!r}",
+            f"it jumps, as an absolute encoder does that wraps, and cannot be interpolated to the "
+            f"times of {chosen!r}: unwrap it, or log the two together",
+        )
+
+
+def _at(stamps: FloatArray, signal: Signal, times: FloatArray) -> FloatArray:
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
+    interpolator = PchipInterpolator if signal.held else CubicSpline
+    return np.asarray(interpolator(stamps, signal.values)(times), dtype=np.float64)

@@ -1,0 +1,240 @@
+"""Signals by name, each of its own length and clock, as the columns of a log."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexid.errors import RecordingError
+from flexid.recording.channel import INPUTS
+from flexid.recording.columns import sources
+from flexid.recording.limits import MOST_ROWS, check_cells
+from flexid.recording.names import cut, first_of, folded, split_header
+from flexid.recording.one_clock import Signal, on_one_clock
+from flexid.recording.table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping
+
+    import polars
+    from numpy.typing import NDArray
+
+    from flexid.arrays import FloatArray
+    from flexid.recording.column_map import MapSource
+
+TIME = "time [s]"
+LONGEST_PATH = 300  # characters
+_MOST_PARTS = 8  # of a path that are looked at for its shortest end
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A signal of a file, not yet read.
+
+    Parameters
+    ----------
+    path : str
+        Where it stands, as a column map names it.
+    kind : str
+        Type of its values, for a list of what the file holds.
+    length : int
+        How many there are.
+    values : callable
+        Reads them, shape (length,).
+    unit : str
+        As the file states it; empty where it does not.
+    clock : str
+        Whose time stamps are those of the values: a key of `SeriesFile.clocks`, or in a file of
+        arrays the path of the times beside them; empty where it has none.
+    """
+
+    path: str
+    kind: str
+    length: int
+    values: Callable[[], NDArray[np.generic]]
+    unit: str = ""
+    clock: str = ""
+
+    @property
+    def header(self) -> str:
+        """Its path, with the unit in brackets."""
+        return f"{self.path} [{self.unit}]" if self.unit else self.path
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesFile:
+    """What a file holds.
+
+    Parameters
+    ----------
+    file : str
+        Its path, as it was given.
+    sha256 : str
+        Digest of its bytes.
+    series : tuple of Series
+    others : mapping of str to str
+        What else it holds, and why that is no signal.
+    clocks : mapping of str to callable
+        Read time stamps in s. Without any, the file holds arrays, and one of them is the time.
+    clock_warnings : mapping of str to str
+        What there is to say of a clock where it is used.
+    prepare : callable
+        Called with the signals that are wanted before their values are, for formats of which a
+        signal cannot be read alone.
+    """
+
+    file: str
+    sha256: str
+    series: tuple[Series, ...]
+    others: Mapping[str, str] = field(default_factory=dict)
+    clocks: Mapping[str, Callable[[], FloatArray]] = field(default_factory=dict)
+    clock_warnings: Mapping[str, str] = field(default_factory=dict)
+    prepare: Callable[[Collection[Series]], None] = lambda _: None
+
+
+def table_of_series(held: SeriesFile, columns: MapSource | None) -> Table:
+    """The signals that a log needs, read and brought to one clock.
+
+    Parameters
+    ----------
+    held : SeriesFile
+    columns : Path, mapping or None
+        A column map: a TOML file, or what it would hold.
+
+    Raises
+    ------
+    RecordingError
+        If a signal that is needed is missing, or signals have no clock in common.
+    """
+    names = _names(held)
+    wanted, warnings = sources(names, columns)
+    headers = {channel: [h for h in found if h != TIME] for channel, found in wanted.items()}
+    by_header = {series.header: series for series in held.series}
+    chosen = {h: by_header[h] for found in headers.values() for h in found}
+    longest = max((series.length for series in chosen.values()), default=0)
+    check_cells(held.file, longest, len(chosen))
+    if longest > MOST_ROWS:
+        raise RecordingError(
+            held.file,
+            "",
+            f"a signal has {longest} values, more than the {MOST_ROWS} that are read at once: "
+            f"write a shorter part of the log",
+        )
+    held.prepare(chosen.values())
+    if held.clocks:
+        frame, found = _clocked(held, headers, chosen)
+        warnings += found
+    else:
+        _check_together(held, headers, chosen)
+        frame = _frame(held.file, {header: series.values() for header, series in chosen.items()})
+    short = {header: end for header, end in names.short.items() if header in chosen}
+    return Table(held.file, "", 1, "row", frame, held.sha256, warnings, short, names.kinds)
+
+
+def _names(held: SeriesFile) -> Table:
+    """A table without rows, from which is decided what is read."""
+    import polars as pl
+
+    if not held.series:
+        found = first_of([f"{cut(name)!r} ({why})" for name, why in held.others.items()])
+        raise RecordingError(
+            held.file,
+            "",
+            f"the file holds no signals{f', only {found}' if found else ''}: export the log again",
+        )
+    check_cells(held.file, 1, len(held.series))
+    short = _shortest_ends(held.series)
+    headers = list(short)
+    if held.clocks:  # these are the time; a signal that is called so is not
+        for header, end in short.items():
+            if folded(split_header(end)[0]) == "time":
+                short[header] = f"logged {end}"
+        headers = [TIME, *headers]
+    kinds = {series.header: f"{series.kind}, {series.length} values" for series in held.series}
+    frame = pl.DataFrame(schema=dict.fromkeys(headers, pl.Float64))
+    return Table(held.file, "", 1, "row", frame, held.sha256, (), short, {**kinds, **held.others})
+
+
+def _shortest_ends(series: tuple[Series, ...]) -> dict[str, str]:
+    """By header, the shortest end of its path that no other path has, with the unit."""
+    ends: dict[str, str] = {}
+    for count in range(1, _MOST_PARTS + 1):
+        tails = {one.header: _end(one.path, count) for one in series}
+        times = Counter(tails.values())
+        for one in series:
+            tail = tails[one.header]
+            if times[tail] == 1 and one.header not in ends:
+                ends[one.header] = tail + one.header[len(one.path) :]
+    return {one.header: ends.get(one.header, one.header) for one in series}
+
+
+def _end(path: str, count: int) -> str:
+    """The last so many parts of a path."""
+    starts = [0, *(match.end() for match in re.finditer(r"[/.]", path))]
+    return path[starts[-count] :] if count <= len(starts) else path
+
+
+def _check_together(
+    held: SeriesFile, headers: Mapping[str, list[str]], chosen: Mapping[str, Series]
+) -> None:
+    """Raise unless arrays are of one length, and of the clock that was chosen."""
+    by_path = {series.path: series for series in held.series}
+    time = chosen[headers["time"][0]]
+    for series in chosen.values():
+        if series.length != time.length:
+            raise RecordingError(
+                held.file,
+                f"{series.path!r}",
+                f"it has {series.length} values where {time.path!r} has {time.length}: bring the "
+                f"two to one clock, and save them at one length",
+            )
+        own = by_path.get(series.clock)
+        if own is None or own is time:
+            continue
+        if own.length != time.length or not np.array_equal(own.values(), time.values()):
+            raise RecordingError(
+                held.file,
+                f"{series.path!r}",
+                f"its times stand in {own.path!r} and differ from those in {time.path!r}: bring "
+                f"the two to one clock, and save them with one time",
+            )
+
+
+def _clocked(
+    held: SeriesFile, headers: Mapping[str, list[str]], chosen: Mapping[str, Series]
+) -> tuple[polars.DataFrame, tuple[str, ...]]:
+    """The chosen signals at common times."""
+    first = [chosen[header] for header in headers.get("motor_position", ())]
+    names = dict.fromkeys(series.clock for series in (*first, *chosen.values()))
+    warnings = tuple(held.clock_warnings[name] for name in names if name in held.clock_warnings)
+    clocks = {name: held.clocks[name]() for name in names}
+    if len(clocks) == 1:
+        (times,) = clocks.values()
+        columns = {header: series.values() for header, series in chosen.items()}
+        return _frame(held.file, {TIME: times, **columns}), warnings
+    inputs = {header for name in INPUTS for header in headers.get(name, ())}
+    signals = [
+        Signal(header, series.clock, _numbers(held, series), header in inputs)
+        for header, series in chosen.items()
+    ]
+    times, columns, found = on_one_clock(held.file, clocks, signals)
+    return _frame(held.file, {TIME: times, **columns}), warnings + found
+
+
+def _numbers(held: SeriesFile, series: Series) -> FloatArray:
+    """Values of a signal; raise where one is not finite."""
+    frame = _frame(held.file, {series.header: series.values()})
+    return Table(held.file, "", 1, "row", frame, held.sha256).numbers(series.header)
+
+
+def _frame(file: str, columns: Mapping[str, NDArray[np.generic]]) -> polars.DataFrame:
+    import polars as pl
+
+    lengths = {len(values) for values in columns.values()}
+    if lengths == {0}:
+        raise RecordingError(file, "", "the signals hold no samples: export the log again")
+    return pl.DataFrame({name: np.ascontiguousarray(values) for name, values in columns.items()})

@@ -1,0 +1,112 @@
+"""MDF files: what is found in them, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from asammdf import MDF, Signal
+from joint_log import joint_columns
+from test_matlab import refusal
+
+from flexid.recording import outside, read_log
+
+COLUMNS = joint_columns(200)
+TIME = COLUMNS["time"]
+ENCODERS = ("motor_position", "link_position")
+
+
+def signal(name: str, values: np.ndarray, time: np.ndarray = TIME, unit: str = "") -> Signal:
+    """A channel with its time stamps."""
+    return Signal(values, time, name=name, unit=unit)
+
+
+def written(path: Path, *groups: list[Signal], version: str = "4.10") -> Path:
+    """A file of groups, each with a clock of its own."""
+    with MDF(version=version) as file:
+        for number, group in enumerate(groups):
+            file.append(group, acq_name=f"task{number}", common_timebase=True)
+        file.save(path, overwrite=True)
+    return path
+
+
+def encoders() -> list[Signal]:
+    """Both encoders, the motor's in degrees."""
+    return [
+        signal("motor_position", np.degrees(COLUMNS["motor_position"]), unit="deg"),
+        signal("link_position", COLUMNS["link_position"], unit="rad"),
+    ]
+
+
+@pytest.mark.parametrize(("version", "name"), [("4.10", "log.mf4"), ("3.30", "log.mdf")])
+def test_channels(tmp_path: Path, version: str, name: str):
+    """Assert that channels with their units and the clock of their group are a log."""
+    torque = [signal("motor_torque", COLUMNS["motor_torque"], unit="Nm")]
+    log = read_log(written(tmp_path / name, encoders(), torque, version=version))
+    (recording,) = log.recordings
+    for channel in ENCODERS:
+        np.testing.assert_allclose(getattr(recording, channel), COLUMNS[channel], atol=1e-12)
+    np.testing.assert_array_equal(recording.input, COLUMNS["motor_torque"])
+    assert recording.sample_time == pytest.approx(0.005)
+    assert not log.warnings
+
+
+def test_clocks_that_differ(tmp_path: Path):
+    """Assert that a channel of another rate is brought to the slower clock, with a warning."""
+    fast = np.arange(0.0, 1.0, 0.001)
+    truth = np.sin(4.0 * fast)
+    path = written(tmp_path / "log.mf4", encoders(), [signal("motor_torque", truth, fast)])
+    log = read_log(path)
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(0.005)
+    assert recording.input is not None
+    np.testing.assert_allclose(
+        recording.input, np.sin(4.0 * TIME[: len(recording)]), atol=1e-5
+    )  # twice the cubic's error over a step: 4**4 * 0.001**4 / 50
+    assert "'motor_torque' had time stamps of their own and were interpolated" in log.warnings[0]
+
+
+def test_the_same_name_in_two_groups(tmp_path: Path):
+    """Assert that channels of one name are told apart by their groups."""
+    path = written(tmp_path / "log.mf4", encoders(), encoders(), [signal("tau", TIME)])
+    assert "'group 0 task0/motor_position [deg]' (number, 200 values)" in refusal(path)
+    (tmp_path / "map.toml").write_text(
+        'motor_position = "group 1 task1/motor_position"\n'
+        'link_position = "group 1 task1/link_position"\nmotor_torque = "tau"\n'
+    )
+    (recording,) = read_log(path, tmp_path / "map.toml").recordings
+    np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
+
+
+def test_what_it_holds(tmp_path: Path):
+    """Assert that texts are listed with the numbers where a channel is missing."""
+    text = Signal(np.array([b"ok"] * 200), TIME, name="state", encoding="utf-8")
+    message = refusal(written(tmp_path / "log.mf4", [signal("speed", TIME, unit="rpm"), text]))
+    assert "there is no motor_position" in message
+    assert "found 'speed [rpm]' (number, 200 values), 'state' (text, an array or a str" in message
+
+
+def test_invalid_samples(tmp_path: Path):
+    """Assert that samples which the recorder marked as invalid are not taken for numbers."""
+    torque = signal("motor_torque", COLUMNS["motor_torque"])
+    torque.invalidation_bits = np.arange(200) == 17
+    message = refusal(written(tmp_path / "log.mf4", [*encoders(), torque]))
+    assert "'motor_torque'" in message
+    assert "1 of its 200 samples are marked as invalid" in message
+
+
+def test_without_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that where asammdf is not installed the extra is named."""
+    path = written(tmp_path / "log.mf4", encoders())
+    monkeypatch.setattr(outside, "find_spec", lambda _: None)
+    assert "pip install 'flexid[mdf]'" in refusal(path)
+
+
+def test_damaged_files(tmp_path: Path):
+    """Assert that files cut short or overwritten are refused."""
+    raw = written(tmp_path / "log.mf4", encoders()).read_bytes()
+    (tmp_path / "cut.mf4").write_bytes(raw[:200])
+    assert "no MDF file that can be read" in refusal(tmp_path / "cut.mf4")
+    (tmp_path / "text.mf4").write_text("time,motor_position\n")
+    assert "no MDF file that can be read" in refusal(tmp_path / "text.mf4")

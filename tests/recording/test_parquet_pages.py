@@ -1,0 +1,133 @@
+"""What a Parquet file says of itself, before it is believed."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pyarrow.parquet
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from joint_log import joint_columns
+
+from flexid.errors import RecordingError
+from flexid.recording import read_log, table
+from flexid.recording.parquet_pages import DamagedError, shape_of
+from flexid.recording.stream import LogStream
+
+FRAME = pl.DataFrame(joint_columns(100)).with_columns(
+    texts=pl.lit("a"), nothing=pl.lit(None), lists=pl.lit([1, 2, 3]), structs=pl.struct("time")
+)
+
+
+def parquet(frame: pl.DataFrame = FRAME, **options: Any) -> bytes:
+    """A frame as Polars writes it."""
+    buffer = io.BytesIO()
+    frame.write_parquet(buffer, **options)
+    return buffer.getvalue()
+
+
+def arrow(**options: Any) -> bytes:
+    """A frame as PyArrow writes it."""
+    buffer = io.BytesIO()
+    frame = FRAME.drop("nothing")
+    pyarrow.parquet.write_table(frame.to_arrow(), buffer, **options)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"compression": "uncompressed"}, {"row_group_size": 7}, {"data_page_size": 64}],
+)
+def test_polars_files(options: dict[str, Any]):
+    """Assert that rows, columns and values are those of the frame."""
+    shape = shape_of(io.BytesIO(parquet(**options)))
+    assert shape[:3] == (100, 10, 1200)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"data_page_version": "2.0", "data_page_size": 64},
+        {"use_dictionary": False, "compression": "gzip"},
+        {"write_page_checksum": True, "write_page_index": True},
+    ],
+)
+def test_pyarrow_files(options: dict[str, Any]):
+    """Assert that what another library writes is read."""
+    assert shape_of(io.BytesIO(arrow(**options)))[:3] == (100, 9, 1100)
+
+
+def page_says(count: int) -> bytes:
+    """A file of one column whose page says that it has so many values, for 100."""
+    raw = bytearray(parquet(pl.DataFrame({"time": np.random.default_rng(1).normal(size=100)})))
+    number = bytes([0xC8, 0x01])  # 100, as Thrift writes it
+    at = raw.index(number)
+    value = (count << 1) ^ (count >> 63)
+    raw[at : at + 2] = bytes([value & 127 | 128, value >> 7 & 127])
+    return bytes(raw)
+
+
+def test_a_page_that_promises_too_much(tmp_path: Path):
+    """Assert that a page whose header contradicts the footer is refused in both ways of reading."""
+    with pytest.raises(DamagedError):
+        shape_of(io.BytesIO(page_says(-1)))
+    path = tmp_path / "log.parquet"
+    path.write_bytes(page_says(-1))
+    for read in (read_log, lambda one: LogStream(one, None, 50)):
+        with pytest.raises(RecordingError, match="no readable Parquet file"):
+            read(path)
+
+
+def test_what_it_saves_from(tmp_path: Path):
+    """Assert that the same file ends a process that hands it to Polars unchecked."""
+    path = tmp_path / "log.parquet"
+    path.write_bytes(page_says(-1))
+    code = f"import polars; polars.read_parquet({str(path)!r})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert done.returncode != 0
+
+
+def test_lists_that_are_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that values in lists are counted, too."""
+    monkeypatch.setattr(table, "MOST_CELLS", 100_000)
+    path = tmp_path / "log.parquet"
+    pl.DataFrame({"time": [[0.0] * 200_000]}).write_parquet(path)
+    with pytest.raises(RecordingError, match="of 200000 values, more than are read at once"):
+        read_log(path)
+
+
+WHOLE = parquet(row_group_size=50)
+
+
+@settings(deadline=None, max_examples=150, derandomize=True)
+@given(st.integers(0, 2**32), st.integers(1, 4))
+def test_any_damage(seed: int, count: int):
+    """Assert that of a damaged file nothing is raised but that it is damaged."""
+    draw = np.random.default_rng(seed)
+    raw = bytearray(WHOLE)
+    for _ in range(count):
+        at = int(draw.integers(len(raw)))
+        raw[at : at + int(draw.integers(3))] = draw.bytes(int(draw.integers(4)))
+    try:
+        shape = shape_of(io.BytesIO(bytes(raw)))
+    except DamagedError:
+        return
+    assert shape.rows >= 0
+
+
+@settings(deadline=None, max_examples=150, derandomize=True)
+@given(st.binary(max_size=300))
+def test_any_bytes(footer: bytes):
+    """Assert that any footer is read or found damaged."""
+    raw = b"PAR1" + footer + len(footer).to_bytes(4, "little") + b"PAR1"
+    with suppress(DamagedError):
+        shape_of(io.BytesIO(raw))
