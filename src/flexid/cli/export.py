@@ -16,6 +16,7 @@ EXAMPLES = (
     "export results/estimate.json --to c99 --sample-time 0.001 --out drive",
     "export flexible-joint --to c99 --log run.csv --out drive",
     "export results/estimate.json --to mjcf --out scene",
+    "export results/estimate.json --to fmu --sample-time 0.001 --out units",
 )
 
 
@@ -24,6 +25,7 @@ class Target(StrEnum):
 
     C99 = "c99"
     MJCF = "mjcf"
+    FMU = "fmu"
 
 
 class Hold(StrEnum):
@@ -96,7 +98,8 @@ def export(
 
     c99 is the online estimator as one header and one source in C, with an example and a test
     vector. mjcf is the joint of an estimate as a scene for MuJoCo; what MuJoCo has no word for is
-    left out, with a warning.
+    left out, with a warning. fmu is the plant of an estimate and, with a sample time, the online
+    estimator as FMUs for co-simulation, with sources and, where there is a compiler, compiled.
 
     Exit status: 0 when it is done, 2 for bad input.
     """

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from flexid.errors import SettingError
 
@@ -45,13 +45,13 @@ class Target(NamedTuple):
         What they are, for the help.
     load : callable
         Returns the function that writes them, which is imported only then.
-    has_estimator : bool
+    estimator : {"needed", "possible", "none"}
         Whether the settings of an online estimator belong to it.
     """
 
     summary: str
     load: Callable[[], Write]
-    has_estimator: bool
+    estimator: Literal["needed", "possible", "none"]
 
 
 def _c99() -> Write:
@@ -66,9 +66,16 @@ def _mjcf() -> Write:
     return write_mjcf
 
 
+def _fmu() -> Write:
+    from flexid.exports.fmu import write_fmu
+
+    return write_fmu
+
+
 TARGETS = {
-    "c99": Target("the online estimator in C99, for a drive", _c99, has_estimator=True),
-    "mjcf": Target("the joint as a MuJoCo scene", _mjcf, has_estimator=False),
+    "c99": Target("the online estimator in C99, for a drive", _c99, "needed"),
+    "mjcf": Target("the joint as a MuJoCo scene", _mjcf, "none"),
+    "fmu": Target("plant and online estimator for simulators, FMI 2.0 and 3.0", _fmu, "possible"),
 }
 """By name."""
 
@@ -96,8 +103,8 @@ def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str
         If the target has no use for a setting, or lacks one.
     """
     chosen = TARGETS[target]
-    if request.settings is None and chosen.has_estimator:
+    if request.settings is None and chosen.estimator == "needed":
         raise SettingError("sample-time", "is missing: give the seconds between samples, or a log")
-    if request.settings is not None and not chosen.has_estimator:
+    if request.settings is not None and chosen.estimator == "none":
         raise SettingError(target, "has no estimator: leave out the options of one")
     return tuple(chosen.load()(request, directory))

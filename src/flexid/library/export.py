@@ -40,7 +40,7 @@ class ExportedFiles(NamedTuple):
 def export(
     what: "JointEstimate | ParametricSystem | str | PathLike[str]",
     *,
-    to: Literal["c99", "mjcf"],
+    to: Literal["c99", "mjcf", "fmu"],
     out: "str | PathLike[str]",
     sample_time: float | None = None,
     hold: Literal["zero", "linear"] | None = None,
@@ -59,9 +59,10 @@ def export(
     what : JointEstimate, ParametricSystem or path
         What `flexid.identify` returned, an ``estimate.json``, a model, a TOML model file, or
         ``"flexible-joint"``.
-    to : {"c99", "mjcf"}
+    to : {"c99", "mjcf", "fmu"}
         The target: ``"c99"``, the online estimator in C for a drive; ``"mjcf"``, the joint of an
-        estimate as a MuJoCo scene.
+        estimate as a MuJoCo scene; ``"fmu"``, the plant of an estimate for simulators, and with a
+        sample time the online estimator, as FMUs of FMI 2.0 and 3.0.
     out : path
         Directory for the files.
     sample_time : float, optional

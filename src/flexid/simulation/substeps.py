@@ -10,7 +10,9 @@ from flexid.errors import SimulationError
 HELD_INPUT = ("bound", "held_rates", "runge_kutta")
 """Templates by which a model alone moves under an input."""
 
-_STEPS_PER_TIME_CONSTANT = 20.0  # of the fastest pole; the method then errs by 3e-9 per step
+STEPS_PER_TIME_CONSTANT = 20.0
+"""Steps of the integrator per time constant of the fastest pole; it then errs by 3e-9 per step."""
+
 _MOST_SUBSTEPS = 1000  # per sample
 
 
@@ -43,10 +45,8 @@ def runge_kutta_substeps(
     SimulationError
         If the model is too stiff for samples so far apart, or jumps with a velocity's sign.
     """
-    # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
-    points = [np.zeros_like(x), x] if np.any(x) else [x]
-    fastest = max(_fastest_rate(kernel, at, u, p, c) for at in points)
-    substeps = max(1.0, np.ceil(_STEPS_PER_TIME_CONSTANT * fastest * sample_time))
+    fastest = fastest_pole(kernel, x, u, p, c)
+    substeps = max(1.0, np.ceil(STEPS_PER_TIME_CONSTANT * fastest * sample_time))
     if substeps > _MOST_SUBSTEPS:
         raise SimulationError(
             f"the model has a pole of {fastest:.3g} 1/s, too fast for samples {sample_time:.3g} s "
@@ -54,6 +54,28 @@ def runge_kutta_substeps(
             0.0,
         )
     return int(substeps)
+
+
+def fastest_pole(
+    kernel: ModuleType, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
+) -> float:
+    """Largest magnitude of a model's poles in 1/s, at the start and at rest.
+
+    Parameters
+    ----------
+    kernel : module
+        With the model's ``linearised``.
+    x, u, p, c : ndarray
+        State and input at the start, coefficients and constants.
+
+    Raises
+    ------
+    SimulationError
+        If the model jumps with a velocity's sign.
+    """
+    # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
+    points = [np.zeros_like(x), x] if np.any(x) else [x]
+    return max(_fastest_rate(kernel, at, u, p, c) for at in points)
 
 
 def _fastest_rate(

@@ -1,0 +1,150 @@
+"""The target ``fmu``: plant and estimator for simulators, as FMUs of FMI 2.0 and 3.0.
+
+An FMU has its C sources inside, so that any importer with a compiler can use it; where there is a
+compiler here, it holds a library for this machine as well.
+"""
+
+import io
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexid.errors import SettingError
+from flexid.exports.fmu_description import build_description, model_description, sources
+from flexid.exports.fmu_model import FmuModel, estimator_model, plant_model, template_text
+from flexid.models.terms import SMOOTHING
+
+if TYPE_CHECKING:
+    from flexid.exports.source import ExportSource
+    from flexid.exports.targets import ExportRequest
+
+VERSIONS = ("2.0", "3.0")
+
+_COMPILERS = ("cc", "gcc", "clang")
+_OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
+_SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib")}
+_PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+_YEAR = (1980, 1, 1, 0, 0, 0)  # the same content is the same file
+
+
+def write_fmu(request: "ExportRequest", directory: Path) -> list[str]:
+    """Write the FMUs of a plant, of an estimator, or of both.
+
+    Parameters
+    ----------
+    request : ExportRequest
+        With values of the model for a plant, with settings for an estimator.
+    directory : path
+        An empty one, for ``plant_fmi2.fmu``, ``estimator_fmi3.fmu`` and so on.
+
+    Returns
+    -------
+    list of str
+        What they have not, or otherwise than the estimate.
+
+    Raises
+    ------
+    SettingError
+        If there is nothing to write, or the compiler that is there fails.
+    """
+    models: list[FmuModel] = []
+    if request.source.values or request.settings is None:
+        models.append(plant_model(request.source))
+    if request.settings is not None:
+        models.append(estimator_model(request.source, request.settings))
+    for model in models:
+        for version in VERSIONS:
+            name = f"{model.identifier}_fmi{version[0]}.fmu"
+            (directory / name).write_bytes(packed(model, version))
+    return _warnings(request.source, models)
+
+
+def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
+    """What the FMUs have not, or otherwise than the estimate."""
+    found = []
+    names = {v.name for model in models if model.identifier == "plant" for v in model.variables}
+    if SMOOTHING in names:
+        found.append(
+            f"the plant's friction changes its sign over {SMOOTHING}, a parameter in rad/s: it "
+            f"creeps where the drive sticks"
+        )
+    if source.identification is not None and names:
+        alignment = source.identification.choices.alignment
+        late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
+        found += [
+            f"the plant does not have the delay of {1e3 * delay:.3g} ms of the {name}: delay the "
+            f"signal outside"
+            for name, delay in late.items()
+            if delay
+        ]
+    if _compiler() is None or _place("3.0") is None:
+        found.append(
+            "there is no C compiler here: the FMUs hold sources alone, which importers compile"
+        )
+    return found
+
+
+def packed(model: FmuModel, version: str) -> bytes:
+    """An FMU as bytes.
+
+    Parameters
+    ----------
+    model : FmuModel
+        What it holds.
+    version : {"2.0", "3.0"}
+        Of FMI.
+    """
+    interface = f"fmi{version[0]}.c"
+    texts = {**model.sources, "model.h": model.header(), interface: template_text(interface)}
+    files = {f"sources/{name}": text.encode() for name, text in texts.items()}
+    files["modelDescription.xml"] = model_description(model, version)
+    if version == "3.0":
+        files["sources/buildDescription.xml"] = build_description(model)
+    files |= _library(model, version, texts)
+    with io.BytesIO() as file:
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(files):
+                archive.writestr(zipfile.ZipInfo(name, _YEAR), files[name], zipfile.ZIP_DEFLATED)
+        return file.getvalue()
+
+
+def _library(model: FmuModel, version: str, texts: dict[str, str]) -> dict[str, bytes]:
+    """The compiled library, by its path in the FMU; nothing where none can be made."""
+    compiler, place = _compiler(), _place(version)
+    if compiler is None or place is None:
+        return {}
+    folder, suffix = place
+    with tempfile.TemporaryDirectory() as made:
+        for name, text in texts.items():
+            Path(made, name).write_text(text, encoding="utf-8")
+        library = f"{model.identifier}{suffix}"
+        command = [compiler, *_OPTIONS, *sources(model, version), "-o", library, "-lm"]
+        done = subprocess.run(command, cwd=made, capture_output=True, text=True, check=False)
+        if done.returncode:
+            first = next(iter(done.stderr.splitlines()), "no message")
+            raise SettingError(
+                "fmu", f"{compiler} cannot compile it ({first}): mend the compiler, or hide it"
+            )
+        return {f"binaries/{folder}/{library}": Path(made, library).read_bytes()}
+
+
+def _compiler() -> str | None:
+    """A C compiler of this machine."""
+    return next(filter(None, map(shutil.which, _COMPILERS)), None)
+
+
+def _place(version: str) -> tuple[str, str] | None:
+    """Folder of this machine's library and its suffix; None where the standard names none."""
+    system = _SYSTEMS.get(sys.platform)
+    processor = _PROCESSORS.get(platform.machine().lower())
+    if system is None or processor is None:
+        return None
+    name, suffix = system
+    if version == "3.0":
+        return f"{processor}-{name}", suffix
+    return (f"{name}64", suffix) if processor == "x86_64" else None

@@ -1,0 +1,289 @@
+"""What goes into an FMU: the plant or the estimator, as variables and C sources."""
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib import resources
+from string import Template
+from typing import Literal
+
+import numpy as np
+
+from flexid.errors import SettingError
+from flexid.exports.c99_source import DriveSource
+from flexid.exports.estimator import EstimatorSettings
+from flexid.exports.source import ExportSource
+from flexid.kernels.templates.bound import BOUND
+from flexid.models.parametric_system import ParametricSystem
+from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING
+from flexid.simulation.free_run import free_run_kernel
+from flexid.simulation.substeps import STEPS_PER_TIME_CONSTANT, fastest_pole
+
+FIRST_INTEGER = 1001
+"""Value reference of the first integer output."""
+
+Causality = Literal["output", "input", "parameter"]
+
+HEALTH = ("converging", "converged", "not excited", "inconsistent", "sensor fault")
+"""What the numbers of the estimator's health mean, from 0 on."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of an FMU.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the model.
+    causality : {"output", "input", "parameter"}
+        Parameters can be changed between communication steps.
+    start : float or None
+        Its start; None for what only a step gives.
+    unit : str
+        Its unit; empty where none is known.
+    description : str
+        What it is.
+    integer : bool
+        Whether it is an integer.
+    """
+
+    name: str
+    causality: Causality
+    start: float | None
+    unit: str = ""
+    description: str = ""
+    integer: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FmuModel:
+    """A model for co-simulation.
+
+    Parameters
+    ----------
+    identifier : str
+        ``"plant"`` or ``"estimator"``: also the name of the compiled library.
+    description : str
+        What it is.
+    variables : tuple of Variable
+        Outputs, inputs, parameters; then integer outputs.
+    sources : mapping of str to str
+        C files by name, but ``model.h``.
+    includes : tuple of str
+        What ``model.h`` includes.
+    own : str
+        Members that the model's struct has beside the variables.
+    step : float
+        Communication step in s: the only one if it is fixed, else a usual one.
+    fixed_step : bool
+        Whether any other communication step is refused.
+    """
+
+    identifier: str
+    description: str
+    variables: tuple[Variable, ...]
+    sources: dict[str, str] = field(repr=False)
+    includes: tuple[str, ...]
+    own: str
+    step: float
+    fixed_step: bool
+
+    def __post_init__(self) -> None:
+        names = ["time", *(v.name for v in self.variables)]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise SettingError(
+                "fmu", f"has a variable of its own that is called {twice!r}: rename the model's"
+            )
+
+    @property
+    def reals(self) -> tuple[Variable, ...]:
+        """Those that are no integers; the value reference of each is its place plus 1."""
+        return tuple(v for v in self.variables if not v.integer)
+
+    def reference(self, variable: Variable) -> int:
+        """Value reference of a variable."""
+        if variable.integer:
+            return FIRST_INTEGER + [v for v in self.variables if v.integer].index(variable)
+        return 1 + self.reals.index(variable)
+
+    @cached_property
+    def token(self) -> str:
+        """What an importer has to name: it changes with everything that the FMU does."""
+        content = hashlib.sha256()
+        for text in (repr(self.variables), repr(self.step), *self.sources.values()):
+            content.update(text.encode() + b"\0")
+        digits = content.hexdigest()
+        parts = (digits[:8], digits[8:12], digits[12:16], digits[16:20], digits[20:32])
+        return f"{{{'-'.join(parts)}}}"
+
+    def header(self) -> str:
+        """Text of ``model.h``."""
+        count = {c: sum(v.causality == c for v in self.reals) for c in _CAUSALITIES}
+        return filled(
+            "model.h",
+            title=comment(self.description),
+            includes="".join(f'#include "{name}"\n' for name in self.includes),
+            token=self.token,
+            outputs=str(count["output"]),
+            inputs=str(count["input"]),
+            parameters=str(count["parameter"]),
+            first_integer=f"{FIRST_INTEGER}U",
+            integers=f"{len(self.variables) - len(self.reals)}U",
+            starts=str(int(self.reals[0].start is not None)),
+            own=self.own,
+        )
+
+
+_CAUSALITIES: tuple[Causality, ...] = ("output", "input", "parameter")
+
+
+def plant_model(source: ExportSource) -> FmuModel:
+    """The model with its values, as a plant.
+
+    Parameters
+    ----------
+    source : ExportSource
+        With a value for each coefficient.
+
+    Raises
+    ------
+    SettingError
+        If a coefficient has no value.
+    SimulationError
+        If the model jumps with a velocity's sign.
+    """
+    from flexid.derivation.plant_source import plant_rates
+
+    system = without_jumps(source.system)
+    missing = [name for name in system.coefficients if name not in source.values]
+    if missing:
+        raise SettingError(
+            "fmu", f"{', '.join(missing)} has no value: export an estimate, or add --sample-time"
+        )
+    values = {name: float(source.values[name]) for name in system.coefficients}
+    variables = (
+        *(
+            Variable(name, "output", 0.0, unit, what)
+            for row in system.rows
+            for name, unit, what in (
+                (row.coordinate, "rad", f"position of the {row.name}"),
+                (row.velocity, "rad/s", f"velocity of the {row.name}"),
+            )
+        ),
+        *(Variable(name, "input", 0.0, "", "held over a step") for name in system.inputs),
+        *(
+            Variable(name, "parameter", value, source.units.get(name, ""), regressor)
+            for row in system.rows
+            for name, regressor in row.regressors.items()
+            for value in (values[name],)
+        ),
+        *(Variable(name, "parameter", value) for name, value in system.constants.items()),
+    )
+    text = filled(
+        "plant.c",
+        title=comment(system.name),
+        steps_per_second=repr(STEPS_PER_TIME_CONSTANT * _fastest(system, values)),
+        bound=repr(BOUND),
+        start="\n".join(f"    {v.start!r}, /* {v.name} */" for v in variables),
+        rates=plant_rates(system),
+    )
+    title = f"{system.name}: the plant, from its inputs to its states"
+    return FmuModel("plant", title, variables, {"plant.c": text}, (), "", 1e-3, False)
+
+
+def estimator_model(source: ExportSource, settings: EstimatorSettings) -> FmuModel:
+    """The online estimator of ``--to c99``, one sample for each communication step.
+
+    Parameters
+    ----------
+    source : ExportSource
+        The model.
+    settings : EstimatorSettings
+        Of the estimator.
+    """
+    drive = DriveSource(source, settings)
+    names = drive.names
+    variables = (
+        *(
+            Variable(f"{name}_hat", "output", None, source.units.get(name, ""), "estimate")
+            for name in drive.system.coefficients
+        ),
+        *(Variable(name, "input", 0.0, "", "sample") for name in drive.sample_names),
+        Variable("health", "output", None, "", _health(), integer=True),
+    )
+    count = len(drive.system.coefficients)
+    text = filled(
+        "estimator.c",
+        sample_time=repr(settings.sample_time),
+        show=_lines(
+            f"model->real[{i}] = values.{names[name]};"
+            for i, name in enumerate(drive.system.coefficients)
+        ),
+        sample=_lines(
+            f"sample.{names[name]} = model->real[{count + i}];"
+            for i, name in enumerate(drive.sample_names)
+        ),
+    )
+    return FmuModel(
+        "estimator",
+        f"{drive.system.name}: {settings.summary}",
+        variables,
+        {"estimator.c": text, "flexid_drive.c": drive.source(), "flexid_drive.h": drive.header()},
+        ("flexid_drive.h",),
+        "    flexid_state state;\n",
+        settings.sample_time,
+        True,
+    )
+
+
+def without_jumps(system: ParametricSystem) -> ParametricSystem:
+    """The same with the sign of a row's own velocity smoothed as Coulomb friction is."""
+    rows = tuple(
+        replace(
+            row,
+            regressors={
+                c: text.replace(f"sign({row.velocity})", f"tanh({row.velocity}/{SMOOTHING})")
+                for c, text in row.regressors.items()
+            },
+            known=row.known.replace(f"sign({row.velocity})", f"tanh({row.velocity}/{SMOOTHING})"),
+        )
+        for row in system.rows
+    )
+    if rows == system.rows:
+        return system
+    constants = {SMOOTHING: COULOMB_VELOCITY, **system.constants}
+    return ParametricSystem(system.name, rows, system.inputs, constants)
+
+
+def _fastest(system: ParametricSystem, values: dict[str, float]) -> float:
+    """Fastest pole in 1/s of the model at rest."""
+    p = np.array([values[name] for name in system.coefficients])
+    c = np.array(list(system.constants.values()), dtype=np.float64)
+    rest, still = np.zeros(len(system.states)), np.zeros(len(system.inputs))
+    return fastest_pole(free_run_kernel(system), rest, still, p, c)
+
+
+def _health() -> str:
+    return ", ".join(f"{number} {word}" for number, word in enumerate(HEALTH))
+
+
+def _lines(lines: Iterable[str]) -> str:
+    return "\n".join(f"    {line}" for line in lines)
+
+
+def comment(text: str) -> str:
+    """A text that ends no comment of C."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
+
+def filled(name: str, **values: str) -> str:
+    """A template of C with its placeholders filled."""
+    return Template(template_text(name)).substitute(values)
+
+
+def template_text(name: str) -> str:
+    """Text of a template of C."""
+    return resources.files("flexid.exports").joinpath("templates_fmu", name).read_text("utf-8")

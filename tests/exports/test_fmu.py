@@ -1,0 +1,297 @@
+"""Plant and estimator as FMUs: valid, compiled anywhere, and with the trajectories of Python."""
+
+# What FMPy returns depends on the version of FMI, which it does not declare.
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
+
+import os
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from drive import LOG, run, tool
+from fmpy.build import build_platform_binary
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
+
+import flexid
+from flexid.errors import SettingError
+from flexid.exports.estimator import EstimatorSettings
+from flexid.exports.fmu import write_fmu
+from flexid.exports.source import ExportSource
+from flexid.exports.targets import ExportRequest
+from flexid.simulation.free_run import free_run
+
+TRUE = {
+    "theta1": 5.0,
+    "theta2": 100.0,
+    "theta_cubic": 30.0,
+    "alpha1": 400.0,
+    "alpha2": 1.5,
+    "alpha_coulomb": 0.4,
+    "alpha_cubic": 120.0,
+    "beta1": 4.0,
+}
+STEP = 1e-3
+SETTINGS = EstimatorSettings(STEP)
+EVERY = tuple(f"{name}_fmi{version}" for name in ("plant", "estimator") for version in (2, 3))
+
+
+@pytest.fixture(scope="module")
+def joint():
+    """A joint with powers and friction in it."""
+    return flexid.flexible_joint(("gravity", "motor_viscous", "motor_coulomb", "cubic_stiffness"))
+
+
+@pytest.fixture(scope="module")
+def units(joint, tmp_path_factory):
+    """The four FMUs of that joint, and what was said of them."""
+    tool("gcc")
+    directory = tmp_path_factory.mktemp("units")
+    source = ExportSource(joint, TRUE, {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)"})
+    warnings = write_fmu(ExportRequest(source, SETTINGS), directory)
+    return directory, warnings
+
+
+def signals(time, **inputs):
+    """Inputs as FMPy takes them."""
+    table = np.zeros(len(time), dtype=[("time", float), *((name, float) for name in inputs)])
+    table["time"] = time
+    for name, values in inputs.items():
+        table[name] = values
+    return table
+
+
+def simulated(unit, time, inputs, outputs, **options):
+    """Trajectories of an FMU, shape (n, n_outputs)."""
+    found = fmpy.simulate_fmu(
+        str(unit),
+        stop_time=time[-1],
+        step_size=STEP,
+        output_interval=STEP,
+        input=signals(time, **inputs),
+        output=list(outputs),
+        **options,
+    )
+    return np.array([found[name] for name in outputs]).T
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_it_is_valid(units, name):
+    """Assert that FMPy has no complaint about the description."""
+    assert validate_fmu(str(units[0] / f"{name}.fmu")) == []
+
+
+def torque(time):
+    """A torque of two tones."""
+    return 12 * np.sin(3 * time) + 6 * np.sin(17 * time)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_the_plant_moves_as_in_python(units, joint, version):
+    """Assert that its trajectory is the free run's under a held input, from any start."""
+    time = STEP * np.arange(1500)
+    unit = units[0] / f"plant_fmi{version}.fmu"
+    states = ("x1", "x2", "x3", "x4")
+    start = {"x1": 0.2, "x3": 0.1}
+    found = simulated(unit, time, {"u": torque(time)}, states, start_values=start)
+    own = free_run(joint, TRUE, np.array([0.2, 0, 0.1, 0]), torque(time), STEP, "zero")
+    np.testing.assert_allclose(found, own, atol=1e-9)
+    softer = {"theta2": 50.0, "coulomb_velocity": 0.5}
+    found = simulated(unit, time, {"u": torque(time)}, states, start_values=softer)
+    other = joint.with_constants({"coulomb_velocity": 0.5})
+    own = free_run(other, TRUE | {"theta2": 50.0}, np.zeros(4), torque(time), STEP, "zero")
+    # With other values the poles are others, and so may be the number of steps.
+    np.testing.assert_allclose(found, own, atol=1e-7)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("built", ["here", "by FMPy"])
+def test_the_estimator_estimates_as_in_python(units, joint, version, built, tmp_path, monkeypatch):
+    """Assert that its estimates are those of the replay, also where FMPy has compiled it."""
+    unit = units[0] / f"estimator_fmi{version}.fmu"
+    if built == "by FMPy":
+        unit = compiled_by_fmpy(unit, tmp_path, monkeypatch)
+    (samples,) = flexid.samples(LOG)
+    online = SETTINGS.twin(joint)
+    rows = online.pack(samples)[:1200]
+    own = online.replay(online.init(SETTINGS.start), rows).coefficients
+    time = STEP * np.arange(len(rows))
+    inputs = dict(zip(("x1", "x3", "u"), rows.T, strict=True))
+    outputs = [f"{name}_hat" for name in joint.coefficients]
+    found = simulated(unit, time, inputs, [*outputs, "health"])
+    determined = slice(800, None)  # before, eight coefficients magnify rounding
+    scale = np.abs(own[-1])
+    np.testing.assert_allclose(
+        found[1:, :-1][determined] / scale, own[:-1][determined] / scale, atol=1e-7
+    )
+    assert set(found[:, -1]) <= set(range(5))
+
+
+def compiled_by_fmpy(unit, directory, monkeypatch):
+    """The sources of an FMU compiled by FMPy, unpacked."""
+    tool("make")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")  # its cmake
+    (directory / "build").mkdir()
+    with zipfile.ZipFile(unit) as whole:
+        sources = [name for name in whole.namelist() if not name.startswith("binaries")]
+        whole.extractall(directory / "bare", sources)
+    build_platform_binary(directory / "bare", directory / "build", "Unix Makefiles")
+    assert list((directory / "bare" / "binaries").glob("*/estimator.*"))
+    return directory / "bare"
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("name", EVERY)
+def test_its_sources_leave_compilers_silent(units, name, compiler, tmp_path):
+    """Assert that they are C99 without a warning, and link with a prefix for static use."""
+    with zipfile.ZipFile(units[0] / f"{name}.fmu") as unit:
+        unit.extractall(tmp_path)
+    version = name[-1]
+    strict = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+    files = sorted((tmp_path / "sources").glob("*.c"))
+    prefix = f"-DFMI{version}_FUNCTION_PREFIX=my_"
+    library = tmp_path / "unit.so"
+    run(tool(compiler), *strict, "-fPIC", "-shared", prefix, *files, "-o", library, "-lm")
+    symbols = run(tool("nm"), "-D", "--defined-only", library)
+    assert f"my_fmi{version}DoStep" in symbols
+    assert f"my_fmi{version}GetVersion" in symbols
+
+
+def opened(unit, folder, guid=None):
+    """An instance of an FMU after initialisation, and the value references by name."""
+    fmpy.extract(str(unit), str(folder))
+    described = fmpy.read_model_description(str(unit))
+    kinds = {"2.0": FMU2Slave, "3.0": FMU3Slave}
+    slave = kinds[described.fmiVersion](
+        guid=guid or described.guid,
+        unzipDirectory=str(folder),
+        modelIdentifier=described.coSimulation.modelIdentifier,
+        instanceName="one",
+    )
+    slave.instantiate()
+    if described.fmiVersion == "2.0":
+        slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    places = {v.name: v.valueReference for v in described.modelVariables}
+    return slave, places
+
+
+def reals(slave):
+    """How reals are read and set."""
+    if isinstance(slave, FMU2Slave):
+        return slave.getReal, slave.setReal
+    return slave.getFloat64, slave.setFloat64
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_kept_state_goes_on_as_it_was(units, version, tmp_path):
+    """Assert that a plant set back repeats itself to the bit, and a reset one begins anew."""
+    slave, places = opened(units[0] / f"plant_fmi{version}.fmu", tmp_path)
+    get, put = reals(slave)
+    kept = slave.getFMUState() if version == 3 else slave.getFMUstate()
+    put([places["u"]], [7.0])
+    for number in range(50):
+        slave.doStep(number * STEP, STEP)
+    there = get([places["x1"], places["x4"]])
+    (slave.setFMUState if version == 3 else slave.setFMUstate)(kept)
+    assert get([places["x4"], 0]) == [0.0, 0.0]
+    put([places["u"]], [7.0])
+    for number in range(50):
+        slave.doStep(number * STEP, STEP)
+    assert get([places["x1"], places["x4"]]) == there
+    (slave.freeFMUState if version == 3 else slave.freeFMUstate)(kept)
+    slave.reset()
+    assert get([places["x4"], places["u"]]) == [0.0, 0.0]
+    slave.terminate()
+    slave.freeInstance()
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_what_cannot_be_is_refused(units, version, tmp_path):
+    """Assert that other steps, other variables and another token are errors, not wrong numbers."""
+    slave, places = opened(units[0] / f"estimator_fmi{version}.fmu", tmp_path / "estimator")
+    get, put = reals(slave)
+    for wrong in (
+        lambda: slave.doStep(0.0, 2 * STEP),
+        lambda: put([places["theta2_hat"]], [1.0]),
+        lambda: get([999]),
+        lambda: put([0], [1.0]),
+    ):
+        with pytest.raises(FMICallException):
+            wrong()
+    slave.freeInstance()
+    plant, places = opened(units[0] / f"plant_fmi{version}.fmu", tmp_path / "plant")
+    get, put = reals(plant)
+    with pytest.raises(FMICallException):  # initialisation is over
+        put([places["x1"]], [1.0])
+    put([places["alpha1"]], [-1e9])
+    put([places["u"]], [1e9])
+    with pytest.raises(FMICallException):
+        plant.doStep(0.0, 1.0)
+    plant.freeInstance()
+    with pytest.raises(Exception, match=r"[Ii]nstantiate"):
+        opened(units[0] / f"plant_fmi{version}.fmu", tmp_path / "again", "{another}")
+
+
+def test_what_it_lacks_is_said(units, joint, tmp_path, monkeypatch):
+    """Assert that smoothed friction, a missing compiler and missing values are sentences."""
+    assert [w for w in units[1] if "coulomb_velocity" in w] == units[1]
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    plain = flexid.flexible_joint(known={"beta1": 4.0})
+    (tmp_path / "bare").mkdir()
+    values = {name: TRUE[name] for name in plain.coefficients}
+    (said,) = write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path / "bare")
+    assert "sources alone" in said
+    names = sorted(path.name for path in (tmp_path / "bare").iterdir())
+    assert names == ["plant_fmi2.fmu", "plant_fmi3.fmu"]
+    for name in names:
+        content = zipfile.ZipFile(tmp_path / "bare" / name).namelist()
+        assert "sources/plant.c" in content
+        assert not [path for path in content if path.startswith("binaries")]
+    with pytest.raises(SettingError, match=r"theta1.* no value.*--sample-time"):
+        write_fmu(ExportRequest(ExportSource(joint)), tmp_path)
+
+
+def test_a_jump_is_smoothed(tmp_path):
+    """Assert that a friction that jumps otherwise than Coulomb's is smoothed as that is."""
+    system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})
+    values = {"theta2": 100.0, "alpha1": 400.0, "alpha_stribeck": 0.5}
+    warnings = write_fmu(ExportRequest(ExportSource(system, values)), tmp_path)
+    assert any("coulomb_velocity" in w for w in warnings)
+    described = fmpy.read_model_description(str(tmp_path / "plant_fmi3.fmu"))
+    assert "coulomb_velocity" in {v.name for v in described.modelVariables}
+
+
+def test_names_that_it_has_itself_are_refused(tmp_path):
+    """Assert that a model whose state is called time is refused, not written as an invalid unit."""
+    row = flexid.Row("arm", "time", "v", {"stiffness": "-time"}, "u")
+    source = ExportSource(flexid.ParametricSystem("odd", (row,)), {"stiffness": 1.0})
+    with pytest.raises(SettingError, match="'time'"):
+        write_fmu(ExportRequest(source), tmp_path)
+
+
+def test_the_command_writes_them(flexid_command, tmp_path):
+    """Assert that a model gives an estimator alone, the same file for the same model."""
+    for folder in ("one", "two"):
+        outcome = flexid_command(
+            *("export", "flexible-joint", "--to", "fmu", "--sample-time", "0.001"),
+            *("--out", tmp_path / folder),
+        )
+        assert outcome.status == 0, outcome.stderr
+    names = [Path(line).name for line in outcome.stdout.splitlines()]
+    assert names == ["estimator_fmi2.fmu", "estimator_fmi3.fmu"]
+    for name in names:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+@pytest.fixture
+def flexid_command(request):
+    """The command, under a name that leaves the library's to the library."""
+    return request.getfixturevalue("flexid")
