@@ -20,6 +20,7 @@ _HOMES = {
     "simulate": "library.simulate",
     "campaign": "library.campaign",
     "reproduce": "library.reproduce",
+    "watch": "library.watch",
     # logs, and estimates that were saved
     "load": "library.identify",
     "read_log": "library.logs",
@@ -39,6 +40,8 @@ _HOMES = {
     "SimulatedRun": "library.simulate",
     "CampaignResult": "library.campaign",
     "PaperReproduction": "library.reproduce",
+    "Watch": "library.watch",
+    "Health": "streaming.health",
     "Thresholds": "identification.judgement",
     # models
     "ParametricSystem": "models.parametric_system",

@@ -55,6 +55,8 @@ from flexid.library.simulate import SimulatedRun as SimulatedRun
 from flexid.library.simulate import simulate as simulate
 from flexid.library.validation import EstimateValidation as EstimateValidation
 from flexid.library.validation import validate as validate
+from flexid.library.watch import Watch as Watch
+from flexid.library.watch import watch as watch
 from flexid.models.flexible_joint import SHAPE_TERMS as SHAPE_TERMS
 from flexid.models.flexible_joint import TERMS as TERMS
 from flexid.models.flexible_joint import flexible_joint as flexible_joint
@@ -64,5 +66,6 @@ from flexid.models.parametric_system import Row as Row
 from flexid.models.rigid_joint import rigid_joint as rigid_joint
 from flexid.recording.recording import Log as Log
 from flexid.recording.recording import Recording as Recording
+from flexid.streaming.health import Health as Health
 
 __version__: str

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numba.core import config
 
+from flexid.arrays import FloatArray
 from flexid.control.loop import LoopDeclaration
 from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import sinusoid
@@ -43,6 +44,7 @@ from flexid.simulation.free_run import free_run
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.played_run import Command, play
 from flexid.simulation.sampled import Sampling, simulate_sampled
+from flexid.streaming.guard import Guard
 
 FOLDER = Path(store.__file__).parent / "templates"
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.3}
@@ -72,6 +74,25 @@ def estimate(estimator: Any) -> None:
     packed[40] = np.nan  # is refused, and what follows begins anew
     last = estimator.replay(estimator.init({"theta1": 4.0, "theta2": 80.0}), packed)
     estimator.step(last.state, packed[-1])
+
+
+def watch_a_stream() -> None:
+    """Guard samples with a fault of every kind in them."""
+    record = samples()
+    rows: FloatArray = np.column_stack((TIME, record.positions, record.inputs)).astype(np.float64)
+    rows[30, 0] = np.nan
+    rows[40, 1] = np.inf
+    rows[50, 1] += 1.0
+    rows[60:, 2] += 2.0 * np.pi
+    rows[70, 0] = rows[69, 0]
+    rows[75, 0] = rows[60, 0]
+    rows[80:, 0] += 0.5
+    rows[90:, 1] = rows[90, 1]
+    guard = Guard(H, 2, 1, from_deflection=False)
+    state = guard.first_state()
+    while len(rows):
+        guarded = guard.guard(state, rows)
+        state, rows = guarded.state, rows[guarded.judged :]
 
 
 def equations() -> None:
@@ -138,6 +159,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         lambda: estimate(memory_regressor(JOINT, H, "drem")),
         {"status", "velocity_rows", "memory_gain", "online"},
     ),
+    "guard of a stream": (watch_a_stream, {"stream_guard"}),
     "Kalman filter": (
         lambda: estimate(extended_kalman_filter(JOINT, H, 1e-4)),
         # Beside it least squares runs, from which it starts.

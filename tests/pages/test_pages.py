@@ -25,6 +25,7 @@ NOT_RUN = {
     "docs/real-logs/kuka.md": 1,
     "docs/reproduction.md": 1,
     "docs/trials.md": 1,
+    "docs/watch.md": 1,
 }
 
 

@@ -116,7 +116,8 @@ def _largest_correlation(
 ) -> tuple[float, tuple[str, ...]]:
     if len(coefficients) < 2:
         return 0.0, ()
-    floor = np.finfo(float).eps * eigenvalues[-1]
+    rounding = np.finfo(float)
+    floor = max(rounding.eps * eigenvalues[-1], rounding.tiny)  # nothing moves at all
     covariance = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
     deviation = np.sqrt(np.diag(covariance))
     correlation = np.abs(covariance / np.outer(deviation, deviation))

@@ -17,6 +17,7 @@ from flexid.cli import (
     reproduce,
     simulate,
     validate,
+    watch,
 )
 from flexid.cli.encoding import spell_what_cannot_be_encoded
 from flexid.cli.exit_status import ExitStatus
@@ -62,6 +63,7 @@ _register(in_one_thread(excitation.excitation), excitation.EXAMPLES)
 _register(in_one_thread(design.design), design.EXAMPLES)
 _register(derive.derive, derive.EXAMPLES)
 _register(in_one_thread(export.export), export.EXAMPLES)
+_register(in_one_thread(watch.watch), watch.EXAMPLES)
 _register(simulate.simulate, simulate.EXAMPLES)
 _register(campaign.campaign, campaign.EXAMPLES)
 _register(in_one_thread(reproduce.reproduce), reproduce.EXAMPLES)

@@ -165,6 +165,33 @@ class RecursiveLeastSquares(CompiledEstimator):
         )
         return np.sqrt(powers / np.where(squares > 0.0, squares, np.inf))
 
+    def powers(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sums of squares of each row's left-hand sides, faded, and what of them is unexplained.
+
+        Returns
+        -------
+        power, unexplained : array, shape (n_rows,)
+        """
+        kernel = self._kernel
+        stored = state[kernel.EQUATIONS_AT :][: kernel.EQUATIONS_SIZE]
+        (matrices,), (vectors,) = self._equations(stored)
+        power = np.maximum(state[kernel.POWER_AT :][: kernel.N_ROWS], 0.0)
+        values = self.coefficients(state)
+        unexplained = power.copy()
+        for place, (_, part) in enumerate(self.system.row_slices()):
+            p, n = values[part], part.stop - part.start
+            unexplained[place] -= p @ (2.0 * vectors[place, :n] - matrices[place, :n, :n] @ p)
+        return power, np.maximum(unexplained, 0.0)
+
+    @property
+    def fading(self) -> float:
+        """Factor by which a weight fades per sample; 1 if nothing is forgotten."""
+        return float(self._settings[self._kernel.FORGETTING])
+
+    def equations(self, state: FloatArray) -> int:
+        """How many equations each row has had."""
+        return int(state[self._kernel.COUNTS_AT + self._kernel.CLOCK])
+
     def agrees(self, state: FloatArray, values: FloatArray) -> bool:
         """Whether values from elsewhere can be true, as far as this estimate tells.
 

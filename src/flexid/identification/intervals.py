@@ -146,4 +146,6 @@ def _degree(gradient: FloatArray, names: tuple[str, ...], values: Mapping[str, f
     """Sign of the parameter's degree in the coefficients, by Euler: g'p = degree g, with g > 0."""
     shares = gradient * [values[name] for name in names]
     degree = float(np.sum(shares))
-    return 0 if abs(degree) < _ROUNDING * float(np.abs(shares).max()) else int(np.sign(degree))
+    if not abs(degree) >= _ROUNDING * float(np.abs(shares).max()):  # nor where a coefficient is 0
+        return 0
+    return int(np.sign(degree))

@@ -62,7 +62,7 @@ def joint_settings(
     if not isinstance(hold, str):
         raise ArgumentError(function, "hold", f"is {kind_of(hold)}: give a name such as 'zero'")
     return Settings(
-        terms=_terms(function, terms),
+        terms=as_terms(function, terms),
         known=values,
         known_deviations=deviations,
         bounds=_bounds(function, bounds),
@@ -103,7 +103,8 @@ def _auto_number(function: str, argument: str, value: Any) -> Any:
     return as_number(function, argument, value)
 
 
-def _terms(function: str, terms: Any) -> Any:
+def as_terms(function: str, terms: Any) -> Any:
+    """Names of terms as a tuple, or "auto"; an `ArgumentError` for what is neither."""
     if isinstance(terms, str):
         if terms == "auto":
             return terms

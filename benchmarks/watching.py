@@ -1,0 +1,112 @@
+"""What `flexid watch` is worth: its intervals on random logs, and the samples it takes a second.
+
+``python -m benchmarks.watching --seeds 3`` prints both tables. The logs are those of the blind
+trials, drawn with seeds of their own; the watch is told of nothing but the terms, or not even that.
+"""
+
+import argparse
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.generate import HEADER, Trial, make_trial
+from benchmarks.trials.score import CORE
+from flexid.arrays import FloatArray
+from flexid.streaming.health import Health
+from flexid.streaming.options import USUAL_TERMS, WatchOptions
+from flexid.streaming.session import Session
+from flexid.streaming.text_stream import LineReader, stream_columns
+
+_FIRST_SEED = 5000  # beyond those of the blind trials
+
+
+def samples_of(trial: Trial) -> FloatArray:
+    """Samples as a session takes them."""
+    columns = (trial.time, trial.link_position, trial.motor_position, trial.torque)
+    return np.column_stack(columns)
+
+
+def watched(trial: Trial, terms: tuple[str, ...]) -> Session:
+    """A session that has seen the whole trial."""
+    session = Session(WatchOptions(float(np.median(np.diff(trial.time))), terms))
+    session.feed(samples_of(trial))
+    return session
+
+
+def coverage(seeds: int, *, told: bool) -> None:
+    """Print, for each family, the share of intervals that hold the truth, and the health."""
+    totals: defaultdict[str, list[int]] = defaultdict(lambda: [0, 0])
+    print("family | held | of | half width, % | error, % | health at the end | changes")
+    for family in FAMILIES:
+        held, widths, errors, healths, changes = [], [], [], [], 0
+        for seed in range(_FIRST_SEED, _FIRST_SEED + seeds):
+            trial = make_trial(family, seed)
+            session = watched(trial, trial.terms if told else USUAL_TERMS)
+            healths.append(session.health.health.words)
+            changes += session.n_changes
+            for name, claim in session.parameters(session.coefficients).items():
+                truth = trial.truth.get(name)
+                if name in CORE and truth:
+                    low, high = claim.interval
+                    held.append(low <= truth <= high)
+                    widths.append(50.0 * (high - low) / abs(truth))
+                    errors.append(100.0 * abs(claim.value / truth - 1.0))
+        for group in ("all", "in the class" if FAMILIES[family].in_class else "outside of it"):
+            totals[group][0] += sum(held)
+            totals[group][1] += len(held)
+        print(
+            f"{family} | {sum(held)} | {len(held)} | {np.median(widths):.3g} | "
+            f"{np.median(errors):.2g} | {', '.join(healths)} | {changes}",
+            flush=True,
+        )
+    for group, (good, count) in totals.items():
+        print(f"{group}: {good} of {count}, {100.0 * good / count:.1f} %")
+
+
+def rates() -> Iterator[tuple[str, float]]:
+    """Microseconds a sample, by how samples come; two encoders at 10 kHz, the usual terms."""
+    generator = np.random.default_rng(1)
+    h, n = 1e-4, 100_000
+    t = h * np.arange(n)
+    motion = 0.5 * np.sin(2.0 * t) + 0.2 * np.sin(7.0 * t)
+    positions = motion[:, None] + 1e-5 * generator.standard_normal((n, 2))
+    samples = np.column_stack((t, positions, np.sin(3.0 * t))).astype(np.float64)
+    text = "\n".join([HEADER, *(f"{a:.6f},{b:.7f},{c:.7f},{d:.6f}" for a, b, c, d in samples)])
+    raw = text.encode()
+    session = Session(WatchOptions(h))
+    session.feed(samples[:10])  # compiles
+    for name, size in (("blocks of 1000", 1000), ("blocks of 100", 100), ("one by one", 1)):
+        session, taken = Session(WatchOptions(h)), min(n, 20_000 * size)
+        begun = time.perf_counter()
+        for first in range(0, taken, size):
+            session.feed(samples[first : first + size])
+        yield name, 1e6 * (time.perf_counter() - begun) / taken
+    session, lines, columns = Session(WatchOptions(h)), LineReader("text"), None
+    begun = time.perf_counter()
+    for first in range(0, len(raw), 40_000):  # a tenth of a second
+        cells = lines.cells(raw[first : first + 40_000])
+        if cells is None or lines.layout is None:
+            continue
+        columns = columns or stream_columns("text", lines.layout, None)
+        session.feed(columns.samples(cells))
+        assert session.health.health is not Health.SENSOR_FAULT
+    yield "text, with the health ten times a second", 1e6 * (time.perf_counter() - begun) / n
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--told", action="store_true", help="say the terms that act")
+    parser.add_argument("--rates", action="store_true", help="measure the rates alone")
+    wanted = parser.parse_args()
+    for name, microseconds in rates():
+        print(f"{name}: {microseconds:.1f} us a sample, {1e3 / microseconds:.0f} kHz", flush=True)
+    if not wanted.rates:
+        coverage(wanted.seeds, told=wanted.told)
+
+
+if __name__ == "__main__":
+    main()

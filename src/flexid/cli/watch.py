@@ -1,0 +1,239 @@
+"""``flexid watch SOURCE``: parameters beside a running drive."""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flexid.cli.exit_status import ExitStatus
+from flexid.cli.options import AsJson, Columns
+from flexid.cli.output import print_warnings
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from flexid.streaming.follower import Follower
+    from flexid.streaming.session import Session
+
+EXAMPLES = (
+    "watch examples/flexible_joint.csv --stop-at-end",
+    "watch run.csv --checkpoint run.checkpoint",
+    "watch udp://127.0.0.1:9000 --json",
+    "watch 'serial:///dev/ttyUSB0?baud=921600' --columns drive.toml",
+)
+
+_SAVED_EVERY = 60.0  # s
+_DRAWN_EVERY = 0.2  # s
+
+
+def watch(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A text file that may grow, - for standard input, udp://127.0.0.1:PORT, or "
+            "serial:///dev/PORT?baud=RATE.",
+            show_default=False,
+        ),
+    ],
+    columns: Columns = None,
+    header: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Names of the columns, where the source does not begin with them: "
+            "'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.",
+        ),
+    ] = None,
+    sample_time: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Without it, that of the first time stamps."),
+    ] = None,
+    terms: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="Terms of the model beside the joint spring, between commas; usual: "
+            "gravity,motor_viscous,joint_damping,motor_coulomb.",
+        ),
+    ] = "usual",
+    hold: Annotated[
+        str,
+        typer.Option(
+            metavar="WORD",
+            help="How the input behaves between samples: zero (held) or linear; auto widens the "
+            "intervals by what it matters.",
+        ),
+    ] = "auto",
+    filter_rate: Annotated[
+        float, typer.Option(metavar="1/S", help="Rate of the filter of least squares.")
+    ] = 20.0,
+    memory: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            show_default="endless",
+            help="Time after which a sample counts 1/e as much.",
+        ),
+    ] = inf,
+    coulomb_velocity: Annotated[
+        float,
+        typer.Option(
+            metavar="RAD/S", help="Velocity over which Coulomb friction changes its sign."
+        ),
+    ] = 0.1,
+    checkpoint: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Go on from this file, if it is there, and save into it: each minute, at the end, "
+            "and on Ctrl-C.",
+        ),
+    ] = None,
+    every: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Time of the stream between two JSON lines.")
+    ] = 1.0,
+    stop_at_end: Annotated[
+        bool, typer.Option("--stop-at-end", help="Stop at the end of a file; do not wait for more.")
+    ] = False,
+    duration: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Stop after so long.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate a drive's parameters while it runs.
+
+    Samples are lines of numbers below a header, as in a log. What is wrong with them is left out,
+    counted and said: outliers, gaps, late and repeated samples, encoders that stick, inputs at
+    their limit. In a terminal the view is renewed; with --json each report is one line.
+
+    Exit status: 0 where the estimates had converged in the end, 1 where they had not, 2 for bad
+    input, 3 for Ctrl-C; the last report and the checkpoint are there all the same.
+    """
+    from rich.console import Console
+
+    from flexid.cli.assignments import parse_names
+    from flexid.streaming.follower import Choices, Follower, checked_every
+    from flexid.streaming.options import USUAL_TERMS
+
+    chosen = USUAL_TERMS if terms == "usual" else tuple(parse_names(terms))
+    choices = Choices(chosen, hold, filter_rate, memory, coulomb_velocity, sample_time)
+    errors = Console(stderr=True)
+    follower = Follower(
+        source,
+        choices,
+        column_map=columns,
+        header=header,
+        checkpoint=checkpoint,
+        stop_at_end=stop_at_end,
+        duration=duration,
+    )
+    with _interruptions() as asked:
+        session = _follow(
+            follower, checked_every(every), checkpoint, asked, errors, as_json=as_json
+        )
+        if session is not None:
+            _end(session, checkpoint, as_json=as_json)
+    if asked:
+        signal.raise_signal(asked[0])  # as if it came now, when all is saved
+    from flexid.streaming.health import Health
+
+    if session is None or session.health.health is not Health.CONVERGED:
+        raise typer.Exit(ExitStatus.LACKING)
+
+
+@contextmanager
+def _interruptions() -> Iterator[list[int]]:
+    """Signals that came meanwhile: samples are taken in whole, and the second one is obeyed."""
+    asked: list[int] = []
+    before: dict[int, Any] = {}
+
+    def noted(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        asked.append(number)
+        signal.signal(number, before[number])
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        before[number] = signal.signal(number, noted)
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _follow(
+    follower: "Follower",
+    every: float,
+    checkpoint: Path | None,
+    asked: list[int],
+    errors: "Console",
+    *,
+    as_json: bool,
+) -> "Session | None":
+    """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
+    from rich.live import Live
+
+    from flexid.report.watch_table import Sparks, live_view
+
+    saved = drawn = time.monotonic()
+    warned = False
+    sparks = Sparks()
+    terminal = not as_json and errors.is_terminal
+    live = Live(console=errors, transient=True, auto_refresh=False)
+    with live if terminal else _nothing():
+        for due in follower.turns(every):
+            if follower.warnings and not warned:
+                print_warnings(follower.warnings, errors)
+                warned = True
+            session, now = follower.session, time.monotonic()
+            if due and as_json and session is not None:
+                _print_line(session)
+            if terminal and now - drawn > _DRAWN_EVERY:
+                live.update(live_view(session, sparks, errors.width), refresh=True)
+                drawn = now
+            if checkpoint is not None and session is not None and now - saved > _SAVED_EVERY:
+                _save(session, checkpoint)
+                saved = now
+            if asked:
+                break
+    return follower.session
+
+
+@contextmanager
+def _nothing() -> Iterator[None]:
+    yield
+
+
+def _save(session: "Session", checkpoint: Path) -> None:
+    from flexid.streaming.checkpoint import save_session
+
+    save_session(session, checkpoint)
+
+
+def _end(session: "Session", checkpoint: Path | None, *, as_json: bool) -> None:
+    """Save, then print the last report: a reader that has gone must not cost the checkpoint."""
+    from flexid.report.terminal import print_parts
+    from flexid.report.watch_table import watch_parts
+
+    if checkpoint is not None:
+        _save(session, checkpoint)
+    if as_json:
+        _print_line(session)
+    else:
+        print_parts(watch_parts(session))
+
+
+def _print_line(session: "Session") -> None:
+    import json
+
+    from flexid.report.documents import to_json
+    from flexid.report.watch_document import watch_document
+
+    document = json.loads(to_json(watch_document(session)))
+    typer.echo(json.dumps(document))

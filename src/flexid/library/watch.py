@@ -1,0 +1,402 @@
+"""Estimation beside a drive: `flexid.watch`."""
+
+from collections.abc import Iterator, Mapping
+from math import inf
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flexid.errors import ArgumentError
+from flexid.library.answer import Answer
+from flexid.library.checks import as_path, kind_of
+from flexid.library.entrance import entrance
+from flexid.library.logs import as_columns
+from flexid.library.options import as_number, as_terms
+from flexid.recording.channel import INPUTS, SI_UNITS
+from flexid.streaming.health import Health, Judgement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike
+
+    from flexid.analysis.excitation import Excitation
+    from flexid.arrays import FloatArray
+    from flexid.identification.result import CoefficientEstimate, ParameterEstimate
+    from flexid.library.logs import Columns
+    from flexid.library.options import Terms
+    from flexid.report.terminal import Part
+    from flexid.streaming.follower import Choices, Follower
+    from flexid.streaming.guard import Counts
+    from flexid.streaming.session import Change, Session
+
+
+_AT_ONCE = 64
+"""Samples that wait to be worked on, unless something is read."""
+
+
+class Watch(Answer):
+    """A stream that is watched: fed, or followed, and read at any time.
+
+    Parameters
+    ----------
+    choices : Choices
+        The model and its settings.
+    follower : Follower or None
+        The stream, if it has a source.
+    checkpoint : Path or None
+        To go on from.
+    every : float
+        Seconds of the stream between two turns of an iteration.
+    """
+
+    def __init__(
+        self,
+        choices: "Choices",
+        follower: "Follower | None",
+        checkpoint: Path | None,
+        every: float,
+    ) -> None:
+        self._choices = choices
+        self._follower = follower
+        self._checkpoint = checkpoint
+        self._every = every
+        self._session: Session | None = None
+        self._channels: tuple[str, ...] = ()
+        self._start = 0.0
+        self._since_start = 0
+        self._pending: list[FloatArray] = []
+        self._n_pending = 0
+
+    @property
+    def session(self) -> "Session":
+        """The session, with all that was fed.
+
+        Raises
+        ------
+        ArgumentError
+            If no sample has come.
+        """
+        session = self._session if self._follower is None else self._follower.session
+        if session is not None:
+            self._catch_up(session)
+            return session
+        raise ArgumentError("watch", "samples", "have not come yet: feed some first")
+
+    def _catch_up(self, session: "Session") -> None:
+        """Work on what was fed one by one: a call for each sample would cost ten times as much."""
+        if self._pending:
+            samples = np.concatenate(self._pending)
+            self._pending, self._n_pending = [], 0
+            session.feed(samples)
+
+    def feed(
+        self,
+        *,
+        motor_position: "ArrayLike",
+        link_position: "ArrayLike | None" = None,
+        deflection: "ArrayLike | None" = None,
+        motor_torque: "ArrayLike | None" = None,
+        motor_current: "ArrayLike | None" = None,
+        motor_voltage: "ArrayLike | None" = None,
+        time: "ArrayLike | None" = None,
+    ) -> None:
+        """Take in one sample, or a block of them; how a stream is cut into blocks changes nothing.
+
+        Parameters
+        ----------
+        motor_position : float or array, shape (n,)
+            In rad, at the link's side of the gear.
+        link_position, deflection : float or array, shape (n,), optional
+            One of them, in rad; without either the joint is taken as rigid.
+        motor_torque, motor_current, motor_voltage : float or array, shape (n,)
+            One of them, in N m, A or V.
+        time : float or array, shape (n,), optional
+            In s; without it every sample follows the one before after a sample time.
+
+        Raises
+        ------
+        ArgumentError
+            If a channel is missing, there in one block and not in another, or of another length.
+        """
+        given = {
+            "time": time,
+            "link_position": link_position,
+            "deflection": deflection,
+            "motor_position": motor_position,
+            "motor_torque": motor_torque,
+            "motor_current": motor_current,
+            "motor_voltage": motor_voltage,
+        }
+        arrays = {
+            name: _array(name, values) for name, values in given.items() if values is not None
+        }
+        lengths = {name: len(values) for name, values in arrays.items()}
+        if len({*lengths.values()}) > 1:
+            raise ArgumentError("feed", "samples", f"differ in number: {lengths}")
+        names = tuple(name for name in arrays if name != "time")
+        session = self._session or self._begin(names)
+        if names != self._channels:
+            raise ArgumentError(
+                "feed",
+                "channels",
+                f"are {', '.join(names)}, and were {', '.join(self._channels)}: give the same",
+            )
+        count, h = lengths["motor_position"], session.options.sample_time
+        if "time" not in arrays:
+            steps = self._since_start + np.arange(count, dtype=np.float64)
+            arrays["time"] = self._start + h * steps
+            self._since_start += count
+        elif count:
+            self._start, self._since_start = float(arrays["time"][-1]) + h, 0
+        columns = (arrays["time"], *(arrays[name] for name in names))
+        self._pending.append(np.column_stack(columns).astype(np.float64))
+        self._n_pending += len(columns[0])
+        if self._n_pending >= _AT_ONCE:
+            self._catch_up(session)
+
+    def _begin(self, names: tuple[str, ...]) -> "Session":
+        from flexid.streaming.follower import opened_session
+
+        if self._follower is not None:
+            raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
+        inputs = [name for name in INPUTS if name in names]
+        links = [name for name in ("link_position", "deflection") if name in names]
+        if len(inputs) != 1 or len(links) > 1:
+            raise ArgumentError(
+                "feed",
+                "channels",
+                f"are {', '.join(names)}: give one of {', '.join(INPUTS)}, and of link_position and"
+                f" deflection one at most",
+            )
+        assert self._choices.sample_time is not None
+        options = self._choices.options(
+            "flexible" if links else "rigid",
+            SI_UNITS[inputs[0]][0],
+            self._choices.sample_time,
+            from_deflection=links == ["deflection"],
+        )
+        self._session = opened_session(options, self._checkpoint)
+        self._channels = names
+        if self._session.fed and np.isfinite(self._session.time):
+            self._start = self._session.time + options.sample_time
+        return self._session
+
+    def __iter__(self) -> Iterator["Watch"]:
+        """Follow the source; a turn each `every` seconds of the stream, and one at its end.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no source.
+        """
+        if self._follower is None:
+            raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
+        for due in self._follower.turns(self._every):
+            if due:
+                yield self
+        if self._follower.session is not None:
+            yield self
+
+    @property
+    def health(self) -> Judgement:
+        """How the estimation is, a `Health`, and the reason, a sentence."""
+        begun = self._session if self._follower is None else self._follower.session
+        if begun is None:
+            return Judgement(Health.CONVERGING, "no sample has come so far")
+        return self.session.health
+
+    @property
+    def time(self) -> float:
+        """Time of the latest sample in s."""
+        return self.session.time
+
+    @property
+    def coefficients(self) -> "Mapping[str, CoefficientEstimate]":
+        """Coefficients of the model by name, with intervals and verdicts."""
+        return self.session.coefficients
+
+    @property
+    def parameters(self) -> "Mapping[str, ParameterEstimate]":
+        """Physical parameters by name, with intervals and verdicts."""
+        return self.session.parameters(self.session.coefficients)
+
+    @property
+    def excitation(self) -> "Mapping[str, Excitation]":
+        """Excitation of each row by what was learnt from: (A4) of Huang (2003), measured."""
+        return self.session.excitation
+
+    @property
+    def counts(self) -> "Counts":
+        """What became of the samples."""
+        return self.session.counts
+
+    @property
+    def changes(self) -> "tuple[Change, ...]":
+        """When the drive changed, as far as its motion says."""
+        return self.session.changes
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was assumed of the source's columns."""
+        return () if self._follower is None else self._follower.warnings
+
+    def save_checkpoint(self, path: "str | PathLike[str]") -> None:
+        """Write all that is known into a file, from which `flexid.watch` goes on bit for bit.
+
+        Parameters
+        ----------
+        path : path
+            The file; one that is there is replaced.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written.
+        """
+        from flexid.streaming.checkpoint import save_session
+
+        save_session(self.session, as_path("save_checkpoint", "path", path))
+
+    def _document(self) -> Mapping[str, Any]:
+        from flexid.report.watch_document import watch_document
+
+        return watch_document(self.session)
+
+    def _parts(self) -> "Iterable[Part]":
+        from flexid.report.watch_table import watch_parts
+
+        return watch_parts(self.session)
+
+    def __repr__(self) -> str:
+        health = self.health
+        return f"<Watch: {health.health.words}, {health.reason}>"
+
+
+def _array(name: str, values: Any) -> "FloatArray":
+    try:
+        found = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise ArgumentError("feed", name, f"is {kind_of(values)}: give numbers") from None
+    if found.ndim != 1:
+        raise ArgumentError("feed", name, f"has {found.ndim} dimensions: give one number a sample")
+    return found
+
+
+def _terms(terms: Any) -> tuple[str, ...]:
+    from flexid.streaming.options import USUAL_TERMS
+
+    if isinstance(terms, str) and terms == "usual":
+        return USUAL_TERMS
+    names = as_terms("watch", terms)
+    return (names,) if isinstance(names, str) else names
+
+
+@entrance
+def watch(
+    source: str | PathLike[str] | None = None,
+    *,
+    columns: "Columns | None" = None,
+    header: str | None = None,
+    sample_time: float | None = None,
+    terms: "Terms" = "usual",
+    hold: Literal["auto", "linear", "zero"] = "auto",
+    filter_rate: float = 20.0,
+    memory: float = inf,
+    coulomb_velocity: float = 0.1,
+    checkpoint: str | PathLike[str] | None = None,
+    every: float = 1.0,
+    stop_at_end: bool = False,
+    duration: float | None = None,
+) -> Watch:
+    """Estimate beside a drive: from samples that you feed, or from a source that is followed.
+
+    Parameters
+    ----------
+    source : str or path, optional
+        A text file that may grow, ``"-"`` for standard input, ``"udp://127.0.0.1:9000"`` or
+        ``"serial:///dev/ttyUSB0?baud=921600"``: lines of numbers below a header, as in a log.
+        Iterate over what is returned to follow it. Without a source, feed samples.
+    columns : path or mapping, optional
+        A column map, as for logs.
+    header : str, optional
+        Names of the columns, where the source does not begin with them.
+    sample_time : float, optional
+        In s; without it, that of the source's first time stamps.
+    terms : iterable of str, optional
+        Terms of the model beside the joint spring, see `flexid.TERMS`; the usual ones are gravity,
+        viscous and Coulomb friction of the motor, and damping of the spring.
+    hold : {"auto", "linear", "zero"}, optional
+        The input between samples; ``"auto"`` widens the intervals by what it matters.
+    filter_rate : float, optional
+        Rate of the filter of least squares in 1/s.
+    memory : float, optional
+        Seconds after which a sample counts 1/e as much.
+    coulomb_velocity : float, optional
+        Velocity in rad/s over which Coulomb friction changes its sign.
+    checkpoint : path, optional
+        A file of `Watch.save_checkpoint` to go on from, if it is there.
+    every : float, optional
+        Seconds of the stream between two turns of an iteration.
+    stop_at_end : bool, optional
+        Stop at the end of a file, rather than wait for it to grow.
+    duration : float, optional
+        Seconds after which to stop.
+
+    Returns
+    -------
+    Watch
+        Health, parameters with intervals, excitation and what became of the samples, at any time.
+
+    Raises
+    ------
+    SettingError
+        If an option cannot be used, or the checkpoint.
+    RecordingError
+        If the source cannot be.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+
+    Examples
+    --------
+    >>> watch = flexid.watch(sample_time=1e-3)  # doctest: +SKIP
+    >>> watch.feed(link_position=0.1, motor_position=0.11, motor_torque=2.0)  # doctest: +SKIP
+    >>> watch.health.reason  # doctest: +SKIP
+    """
+    from flexid.streaming.follower import Choices, Follower, checked_every
+
+    numbers = {
+        name: as_number("watch", name, value)
+        for name, value in (
+            ("filter_rate", filter_rate),
+            ("memory", memory),
+            ("coulomb_velocity", coulomb_velocity),
+            ("every", every),
+        )
+    }
+    if source is None and sample_time is None:
+        raise ArgumentError("watch", "sample_time", "is missing: give it in s, or a source")
+    given_time = None if sample_time is None else as_number("watch", "sample_time", sample_time)
+    chosen = Choices(
+        _terms(terms),
+        hold,
+        numbers["filter_rate"],
+        numbers["memory"],
+        numbers["coulomb_velocity"],
+        given_time,
+    )
+    file = None if checkpoint is None else as_path("watch", "checkpoint", checkpoint)
+    follower = None
+    if source is not None:
+        follower = Follower(
+            source if isinstance(source, str) else str(as_path("watch", "source", source)),
+            chosen,
+            column_map=as_columns("watch", columns),
+            header=header,
+            checkpoint=file,
+            stop_at_end=stop_at_end,
+            duration=None if duration is None else as_number("watch", "duration", duration),
+        )
+    return Watch(chosen, follower, file, checked_every(numbers["every"]))

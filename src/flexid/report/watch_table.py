@@ -1,0 +1,147 @@
+"""What is known of a stream, as it is printed: the last report, and a view that is renewed."""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from math import isfinite
+
+from rich.text import Text
+
+from flexid.report.digits import value_cells
+from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
+from flexid.streaming.guard import Counts
+from flexid.streaming.health import Health
+from flexid.streaming.session import Session
+
+COLOURS = {
+    Health.CONVERGING: "yellow",
+    Health.CONVERGED: "green",
+    Health.NOT_EXCITED: "yellow",
+    Health.INCONSISTENT: "red",
+    Health.SENSOR_FAULT: "red",
+}
+
+_VERDICTS = {"determined": "green", "weak": "yellow", "undetermined": "red"}
+_BARS = "▁▂▃▄▅▆▇█"
+_PLAIN_BARS = "_.-~=+*#"
+_SPARKS = 24  # values of a sparkline
+
+_WORDS = {
+    "no_number": "without a number",
+    "repeated": "repeated",
+    "late": "late",
+    "outliers": "outliers",
+    "stuck": "of a stuck encoder",
+    "saturated": "at the input's limit",
+    "missing": "missing",
+}
+
+
+def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
+    """Tables and sentences of what is known.
+
+    Parameters
+    ----------
+    session : Session
+        At the moment that is shown.
+    sparks : Sparks, optional
+        What was known earlier, for a column of sparklines.
+    """
+    judgement = session.health
+    yield Text.assemble(
+        (judgement.health.words, f"bold {COLOURS[judgement.health]}"), f": {judgement.reason}."
+    )
+    yield Text()
+    coefficients = session.coefficients
+    columns = [
+        Column("parameter"),
+        Column("value", right=True),
+        Column("95 % interval", right=True),
+        Column("unit"),
+        Column("verdict"),
+    ]
+    if sparks is not None:
+        columns.append(Column("lately", spare=1))
+    table = Table("Physical parameters", columns)
+    for name, found in session.parameters(coefficients).items():
+        value, interval = value_cells(found.value, *found.interval)
+        cells = [
+            name,
+            value,
+            interval,
+            found.unit,
+            Cell((found.verdict,), _VERDICTS[found.verdict]),
+        ]
+        if sparks is not None:
+            cells.append(sparks.line(name, found.value))
+        table.add(*cells)
+    yield table
+    conditions = ", ".join(
+        f"{name} {found.condition_number:.3g}" for name, found in session.excitation.items()
+    )
+    yield Text(f"Excitation: condition number of the rows {conditions}")
+    yield Text(samples_sentence(session.counts))
+    for change in session.changes[-3:]:
+        yield Text(f"Change: {change.sentence}.", style="red")
+
+
+def samples_sentence(counts: Counts) -> str:
+    """What became of the samples, in a sentence."""
+    bad = ", ".join(
+        f"{getattr(counts, name)} {words}"
+        for name, words in _WORDS.items()
+        if getattr(counts, name)
+    )
+    text = f"Samples: {counts.taken} of {counts.fed} learnt from"
+    events = [
+        f"{number} {word}{'s' if number > 1 else ''}"
+        for number, word in (
+            (counts.gaps, "gap"),
+            (counts.wraps, "turn"),
+            (counts.jumps, "jump"),
+            (counts.restarts, "new clock"),
+        )
+        if number
+    ]
+    return text + (f"; {bad}" if bad else "") + (f"; {', '.join(events)}" if events else "")
+
+
+class Sparks:
+    """The latest values of each parameter, as a line of small bars."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, deque[float]] = {}
+
+    def line(self, name: str, value: float) -> str:
+        """Bars of the latest values, this one the last."""
+        kept = self._values.setdefault(name, deque(maxlen=_SPARKS))
+        kept.append(value)
+        return sparkline(kept)
+
+
+def sparkline(values: Sequence[float] | deque[float]) -> str:
+    """Values as bars, the lowest the shortest; what is no number is a blank.
+
+    >>> sparkline([1.0, 2.0, 3.0])
+    '▁▅█'
+    """
+    bars = _BARS if encodable(_BARS) else _PLAIN_BARS
+    finite = [value for value in values if isfinite(value)]
+    low, high = min(finite, default=0.0), max(finite, default=0.0)
+    span = high - low
+    if not isfinite(span) or span == 0.0:
+        return "".join(bars[0] if isfinite(value) else " " for value in values)
+    return "".join(
+        bars[round((value - low) / span * (len(bars) - 1))] if isfinite(value) else " "
+        for value in values
+    )
+
+
+def live_view(session: Session | None, sparks: Sparks, width: int) -> Text:
+    """The view of a terminal that is renewed."""
+    if session is None:
+        return Text("waiting for the first samples")
+    lines = [
+        Text(f"flexid watch, {session.time:.6g} s"),
+        *laid_out(watch_parts(session, sparks), width),
+    ]
+    return Text("\n").join(lines)

@@ -1,0 +1,175 @@
+"""What of a stream may be learnt from: the compiled guard, its thresholds and what it counts."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from types import ModuleType
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.kernels.store import load_kernel
+from flexid.recording.sampling import GAP
+
+GATE = 8.0
+"""Times the mean of an encoder's second differences, from which on a reading is an outlier."""
+
+PEAKS = 2.0
+"""And times their peak in the last minute: torque that steps makes accelerations that step."""
+
+STILL_TIME = 0.1
+"""Seconds for which an encoder may stand still while the other one moves."""
+
+DEAD_TIME = 5.0
+"""The same for one that has not yet moved as far as the other: it may be about to."""
+
+MOVED = 0.1
+"""Share of its range by which the other encoder has to move meanwhile, if that is less than"""
+
+TWISTED = 3.0
+"""times the range of the deflection so far: more than the spring can have given."""
+
+FEWEST_STILL = 20
+"""Samples for which an encoder may stand still, however long that takes."""
+
+
+class Fate(IntEnum):
+    """What became of a sample."""
+
+    TAKEN = 0
+    """It was learnt from."""
+    NO_NUMBER = 1
+    """Something in it is no number, or beyond 1e10."""
+    REPEATED = 2
+    """It came less than half a sample time after the one before."""
+    LATE = 3
+    """It is older than the one before."""
+    OUTLIER = 4
+    """A position is off the motion so far, by more than noise and torque ever made."""
+    STUCK = 5
+    """An encoder does not change while the other one moves."""
+    SATURATED = 6
+    """The input rests at its limit, so that it is not known."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What happened in a stream.
+
+    Parameters
+    ----------
+    taken, no_number, repeated, late, outliers, stuck, saturated : int
+        Samples by their fate; see `Fate`.
+    gaps, missing : int
+        Places at which samples are missing, and how many are, by the clock.
+    wraps : int
+        Turns that absolute encoders jumped by.
+    restarts : int
+        How often the clock was set back.
+    jumps : int
+        Motions that went on elsewhere, after three outliers or other losses in a row.
+    """
+
+    taken: int
+    no_number: int
+    repeated: int
+    late: int
+    outliers: int
+    stuck: int
+    saturated: int
+    gaps: int
+    missing: int
+    wraps: int
+    restarts: int
+    jumps: int
+
+    @property
+    def fed(self) -> int:
+        """Samples in all."""
+        return sum((self.taken, self.no_number, self.repeated, self.late)) + sum(
+            (self.outliers, self.stuck, self.saturated)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Guarded:
+    """What the guard says of some samples.
+
+    Parameters
+    ----------
+    state : array
+        The guard's, after them.
+    judged : int
+        How many were judged: all, or those up to the first at which an encoder is found stuck.
+    rows : array, shape (m, n_positions + n_inputs)
+        What may be learnt from, as `pack` makes it; a row of NaN stands where samples are missing.
+    stuck_for : int
+        Samples for which that encoder has stood still; 0 if none was found.
+    """
+
+    state: FloatArray
+    judged: int
+    rows: FloatArray
+    stuck_for: int
+
+
+class Guard:
+    """The guard of a stream with a clock.
+
+    Parameters
+    ----------
+    sample_time : float
+        In s.
+    n_positions, n_inputs : int
+        Columns of a sample after its time.
+    from_deflection : bool
+        Whether the first position is the joint's deflection, to which the second is added.
+    """
+
+    def __init__(
+        self, sample_time: float, n_positions: int, n_inputs: int, *, from_deflection: bool
+    ) -> None:
+        self._kernel = _kernel(n_positions, n_inputs)
+        self._width = n_positions + n_inputs
+        fewest = (max(FEWEST_STILL, time / sample_time) for time in (STILL_TIME, DEAD_TIME))
+        self._settings = np.array(
+            [sample_time, GAP, GATE, PEAKS, float(from_deflection), *fewest, MOVED, TWISTED]
+        )
+
+    def first_state(self) -> FloatArray:
+        """State before the first sample."""
+        return self._kernel.first_state()
+
+    def guard(self, state: FloatArray, samples: FloatArray) -> Guarded:
+        """Judge samples, until an encoder is found stuck that was not before.
+
+        Parameters
+        ----------
+        state : array
+            Not changed.
+        samples : array, shape (n, 1 + n_positions + n_inputs)
+            Time in s, positions and inputs.
+        """
+        rows = np.empty((2 * len(samples), self._width))
+        fates = np.empty(len(samples))
+        new, judged, filled, still = self._kernel.guard(state, samples, self._settings, rows, fates)
+        return Guarded(new, judged, rows[:filled], int(still))
+
+    def counts(self, state: FloatArray) -> Counts:
+        """What happened so far."""
+        return Counts(*map(int, state[: self._kernel.N_COUNTS]))
+
+    def is_stuck(self, state: FloatArray) -> bool:
+        """Whether an encoder stands still at this moment that should not."""
+        return bool(state[self._kernel.STUCK_FOR] > 0.0)
+
+    def time(self, state: FloatArray) -> float:
+        """Time of the last sample that came in order, in s; NaN before the first."""
+        return float(state[self._kernel.LAST_TIME])
+
+
+def _kernel(n_positions: int, n_inputs: int) -> ModuleType:
+    def build() -> str:
+        return f'"""Guard of a stream."""\n\nN_ROWS = {n_positions}\nN_INPUTS = {n_inputs}\n'
+
+    sizes = [str(n_positions), str(n_inputs)]
+    return load_kernel("stream_guard", sizes, build, ("stream_guard",))

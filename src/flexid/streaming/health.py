@@ -1,0 +1,225 @@
+"""How well an estimation beside a drive is: five states, each with its reason.
+
+The rules stand here alone, as a function of a few numbers, so that other languages can have the
+same; the values of `Health` are those of ``flexid_health`` in the exported C.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+
+class Health(IntEnum):
+    """How an estimation is; the worst that holds, from the last to the first."""
+
+    CONVERGING = 0
+    """Nothing is wrong, and the intervals are still wide."""
+    CONVERGED = 1
+    """The intervals of spring and inertias are narrow."""
+    NOT_EXCITED = 2
+    """The motion so far leaves something open: move more, or otherwise."""
+    INCONSISTENT = 3
+    """The latest motion contradicts the estimates, or these each other."""
+    SENSOR_FAULT = 4
+    """A sensor, or the line from it, does not work."""
+
+    @property
+    def words(self) -> str:
+        """As it is printed: ``"not excited"``."""
+        return self.name.lower().replace("_", " ")
+
+
+def _limit(value: float, unit: str, reason: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "reason": reason})
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the health is decided by; each field's metadata holds its unit and its reason."""
+
+    window: float = _limit(
+        10.0,
+        "time constants of the filter",
+        "span of what is called recent: equations farther apart share no noise",
+    )
+    bad_share: float = _limit(
+        0.2,
+        "1",
+        "share of the recent samples that could not be used, from which on it is no accident; a "
+        "line that loses one sample in ten still leaves most of the motion",
+    )
+    slack: float = _limit(
+        0.01,
+        "1",
+        "unpredicted part of the recent left-hand sides' mean square that contradicts nothing: "
+        "what models leave out makes a tenth of an acceleration here and there",
+    )
+    unusual: float = _limit(
+        10.0,
+        "1",
+        "and how many times what is usually left unexplained: noise alone makes less than two, and "
+        "where the motion is larger than usual, so is what the model leaves out",
+    )
+    patience: float = _limit(
+        40.0,
+        "time constants of the filter",
+        "motion after which what is still open is open because of the motion",
+    )
+    width: float = _limit(
+        0.2,
+        "1",
+        "half of an interval over the value, up to which a number is determined, as in "
+        "`flexid.Thresholds`",
+    )
+    disagreement: float = _limit(
+        1.0,
+        "1",
+        "difference between filters over the value, from which on they contradict each other",
+    )
+
+    def table(self) -> list[tuple[str, float, str, str]]:
+        """Name, value, unit and reason of every limit."""
+        return [
+            (f.name, getattr(self, f.name), f.metadata["unit"], f.metadata["reason"])
+            for f in fields(self)
+        ]
+
+
+LIMITS = Limits()
+
+
+class Width(NamedTuple):
+    """A coefficient that every drive of the kind has: half its interval, over its value."""
+
+    name: str
+    value: float
+    half_width: float
+    """Of the interval; infinite where there is none."""
+    disagreement: float
+    """Largest difference between filters."""
+
+
+class Recent(NamedTuple):
+    """What a row did in the recent window, in the mean squares of its equations."""
+
+    row: str
+    error: float
+    """Of the innovations."""
+    power: float
+    """Of the left-hand sides."""
+    usual_error: float
+    """Of what is unexplained in all that was learnt."""
+    usual_power: float
+    """Of all left-hand sides that were learnt from."""
+
+
+class Evidence(NamedTuple):
+    """What the health is judged by."""
+
+    bad_share: float
+    """Share of the recent samples that could not be used."""
+    bad_cause: str
+    """Why most of these could not."""
+    is_stuck: bool
+    """Whether an encoder stands still while the other one moves."""
+    settled: float
+    """Time constants of the filter for which motion has been learnt from."""
+    determined: bool
+    """Whether the data determine every coefficient."""
+    open_direction: Sequence[str]
+    """Coefficients that are confused most."""
+    widths: Sequence[Width]
+    """Of spring and inertias."""
+    changed: str
+    """What contradicted the estimates before they began anew; empty if nothing did."""
+
+
+class Judgement(NamedTuple):
+    """How an estimation is, and why, in a sentence."""
+
+    health: Health
+    reason: str
+
+
+def contradicts(recent: Recent, limits: Limits = LIMITS) -> bool:
+    """Whether a row's latest motion contradicts what was learnt of it."""
+    larger = max(1.0, recent.power / recent.usual_power) if recent.usual_power > 0.0 else 1.0
+    allowed = limits.slack * recent.power + limits.unusual * recent.usual_error * larger
+    return recent.error > allowed
+
+
+def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
+    """Judge an estimation.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What is known of it.
+    limits : Limits, optional
+        What it is decided by.
+
+    Returns
+    -------
+    Judgement
+    """
+    if evidence.is_stuck:
+        return Judgement(
+            Health.SENSOR_FAULT,
+            "an encoder stands still while the other one moves: check its plug and its coupling",
+        )
+    if evidence.bad_share > limits.bad_share:
+        return Judgement(
+            Health.SENSOR_FAULT,
+            f"{evidence.bad_share:.0%} of the latest samples cannot be used, most of them since "
+            f"{evidence.bad_cause}: check the sensors and the line",
+        )
+    negative = [width for width in evidence.widths if width.value + width.half_width < 0.0]
+    if evidence.determined and negative:
+        return Judgement(
+            Health.INCONSISTENT,
+            f"{negative[0].name} comes out negative, which no spring or inertia can be: check the "
+            f"signs of torque and positions",
+        )
+    widest = max(evidence.widths, key=_relative_width)
+    narrow = evidence.determined and _relative_width(widest) <= limits.width
+    if evidence.changed and not narrow:
+        return Judgement(Health.INCONSISTENT, evidence.changed)
+    patient = evidence.settled > limits.patience
+    if not evidence.determined:
+        if not patient:
+            return Judgement(Health.CONVERGING, "too few samples so far to determine anything")
+        confused = " and ".join(evidence.open_direction) or widest.name
+        return Judgement(
+            Health.NOT_EXCITED,
+            f"the motion so far does not tell {confused} apart: move more, or otherwise",
+        )
+    apart = max(evidence.widths, key=_relative_disagreement)
+    if patient and _relative_disagreement(apart) > limits.disagreement:
+        return Judgement(
+            Health.INCONSISTENT,
+            f"slow and fast motion disagree on {apart.name} by {_relative_disagreement(apart):.0%}:"
+            f" the model leaves something out, or a channel is late or has the wrong sign",
+        )
+    if not narrow:
+        return Judgement(
+            Health.CONVERGING,
+            f"{widest.name} is known within {_percent(_relative_width(widest))} so far",
+        )
+    return Judgement(
+        Health.CONVERGED,
+        f"spring and inertias are known, {widest.name} the least, within "
+        f"{_percent(_relative_width(widest))}",
+    )
+
+
+def _relative_width(width: Width) -> float:
+    return width.half_width / abs(width.value) if width.value else float("inf")
+
+
+def _relative_disagreement(width: Width) -> float:
+    return width.disagreement / abs(width.value) if width.value else 0.0
+
+
+def _percent(share: float) -> str:
+    return f"{share:.2%}" if share < 0.01 else f"{share:.0%}" if share < 10.0 else "no bounds"

@@ -1,0 +1,89 @@
+"""Least squares at several filter rates side by side, and what their agreement is worth.
+
+The intervals of one filter cover noise, correlated as it is, and nothing else. A model that leaves
+something out gives another answer to another filter, since each sees another part of the motion. So
+a slow and a fast filter run beside the one that is asked, where the hold of the input is not known
+also one with the other hold, and the largest difference counts as a standard deviation.
+"""
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.estimators.online import History
+from flexid.estimators.recursive_least_squares import recursive_least_squares
+from flexid.identification.estimate import Estimate
+from flexid.recording.recording import Hold
+from flexid.streaming.options import WatchOptions
+
+RATES = (1.0, 0.25, 4.0)
+"""Multiples of the filter rate that run side by side; the first is asked."""
+
+States = tuple[FloatArray, ...]
+
+
+class Learner:
+    """Estimators of one model; their states are arrays that are never changed in place.
+
+    Parameters
+    ----------
+    options : WatchOptions
+        The model and its settings.
+    """
+
+    def __init__(self, options: WatchOptions) -> None:
+        self.system = options.system
+        hold: Hold = "zero" if options.hold == "zero" else "linear"
+        runs: list[tuple[float, Hold]] = [(rate, hold) for rate in RATES]
+        if options.hold == "auto":
+            runs.append((1.0, "zero"))
+        self._estimators = [
+            recursive_least_squares(
+                self.system,
+                options.sample_time,
+                rate * options.filter_rate,
+                hold,
+                options.memory,
+            )
+            for rate, hold in runs
+        ]
+        self.main = self._estimators[0]
+
+    def first_states(self, values: FloatArray | None = None) -> States:
+        """States before the first sample, from some values on."""
+        names = self.system.coefficients
+        start = {} if values is None else dict(zip(names, values.tolist(), strict=True))
+        return tuple(estimator.init(start) for estimator in self._estimators)
+
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers in each state."""
+        return tuple(len(state) for state in self.first_states())
+
+    def learn(self, states: States, rows: FloatArray) -> tuple[States, History]:
+        """Take in rows; the history is that of the first estimator."""
+        histories = [
+            estimator.replay(state, rows)
+            for estimator, state in zip(self._estimators, states, strict=True)
+        ]
+        return tuple(history.state for history in histories), histories[0]
+
+    def values(self, states: States) -> FloatArray:
+        """Coefficients, shape (n_coefficients,)."""
+        return self.main.coefficients(states[0])
+
+    def disagreement(self, states: States) -> FloatArray:
+        """Largest difference of another filter's coefficients, shape (n_coefficients,)."""
+        values = self.values(states)
+        others = zip(self._estimators[1:], states[1:], strict=True)
+        return np.max([np.abs(e.coefficients(s) - values) for e, s in others], axis=0)
+
+    def estimate(self, states: States) -> Estimate:
+        """Coefficients with the covariance of noise and disagreement."""
+        with np.errstate(all="ignore"):  # of numbers that no drive has: what is none is unknown
+            covariance, freedom = self.main.covariance(states[0])
+        unknown = ~np.isfinite(np.diag(covariance))
+        covariance[unknown, :] = covariance[:, unknown] = 0.0
+        covariance[unknown, unknown] = np.inf
+        found = Estimate(
+            self.system.coefficients, self.values(states), covariance, tuple(freedom.tolist())
+        )
+        return found.widened(np.diag(self.disagreement(states) ** 2))

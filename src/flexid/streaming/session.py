@@ -1,0 +1,285 @@
+"""A stream that is watched: fed sample by sample or in blocks, and read at any time.
+
+Nothing depends on how a stream is cut into blocks: whatever is done now and then is done after a
+number of samples that came, and every sum runs from sample to sample.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.analysis.excitation import Excitation, excitation_of_gram
+from flexid.arrays import FloatArray
+from flexid.errors import SettingError
+from flexid.estimators.online import Status
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.estimates import coefficient_estimates, parameter_estimates
+from flexid.identification.intervals import POSITIVE, quantile
+from flexid.identification.joint import joint_of
+from flexid.identification.result import CoefficientEstimate, ParameterEstimate
+from flexid.streaming.guard import Counts, Guard
+from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, Width, contradicts, judge
+from flexid.streaming.learner import Learner, States
+from flexid.streaming.options import WatchOptions
+from flexid.streaming.recent import RecentWindow
+
+SETTLED = 2
+"""Windows that have been learnt from before motion can contradict an estimate."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """When the motion began to contradict what was learnt, so that learning began anew.
+
+    Parameters
+    ----------
+    time : float
+        On the stream's clock, in s; by then it had for two windows.
+    row : str
+        Where it was seen first: ``"link"``, ``"motor"`` or ``"rigid"``.
+    times_worse : float
+        How many times its prediction error was the usual one, as a root mean square.
+    """
+
+    time: float
+    row: str
+    times_worse: float
+
+    @property
+    def sentence(self) -> str:
+        """What happened, for a report."""
+        return (
+            f"since {self.time:.6g} s the {self.row} moves otherwise than before, predicted "
+            f"{self.times_worse:.2g} times worse: the load or the drive has changed, and is learnt "
+            f"anew"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """States of the estimators at some sample, to go back to.
+
+    Parameters
+    ----------
+    fed : int
+        Samples that had come.
+    states : tuple of array
+        Of the estimators.
+    determined : bool
+        Whether they determined everything.
+    """
+
+    fed: int
+    states: States
+    determined: bool
+
+
+class Session:
+    """Estimation from a stream.
+
+    Parameters
+    ----------
+    options : WatchOptions
+        The model and its settings.
+    """
+
+    def __init__(self, options: WatchOptions) -> None:
+        self.options = options
+        self.learner = Learner(options)
+        self.n_positions = len(self.learner.system.rows)
+        self.guard = Guard(
+            options.sample_time, self.n_positions, 1, from_deflection=options.from_deflection
+        )
+        self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
+        states = self.learner.first_states()
+        self.guard_state = self.guard.first_state()
+        self.fed = 0
+        """Samples that came."""
+        self.now = Memory(0, states, False)
+        self.newer = self.older = self.now
+        self.recent = RecentWindow.at(self.learner, states)
+        self.suspected = False
+        self.changes: tuple[Change, ...] = ()
+        """When the drive changed, as far as its motion says; the last hundred times."""
+        self.n_changes = 0
+
+    def feed(self, samples: FloatArray) -> None:
+        """Take in samples.
+
+        Parameters
+        ----------
+        samples : array, shape (n, 1 + n_positions + 1)
+            Time in s, positions in rad and the input, of each sample in the order in which they
+            came. With a time of NaN a sample is lost.
+
+        Raises
+        ------
+        SettingError
+            If the shape is another one.
+        """
+        samples = np.ascontiguousarray(samples, dtype=np.float64)
+        width = self.n_positions + 2
+        if samples.ndim != 2 or samples.shape[1] != width:
+            raise SettingError(
+                "samples", f"have the shape {samples.shape}: give {width} numbers for each"
+            )
+        done = 0
+        while done < len(samples):
+            until_closed = self.window - self.fed % self.window
+            done += self._feed_some(samples[done : done + until_closed])
+            if self.fed % self.window == 0:
+                self._close_window()
+
+    def _feed_some(self, samples: FloatArray) -> int:
+        """Take in samples of one window, up to one that shows an encoder stuck; how many it was."""
+        guarded = self.guard.guard(self.guard_state, samples)
+        self.guard_state = guarded.state
+        self.fed += guarded.judged
+        if guarded.stuck_for:
+            self._forget(self.fed - guarded.stuck_for)
+        elif len(guarded.rows):
+            states, history = self.learner.learn(self.now.states, guarded.rows)
+            self.recent.add(history.innovations)
+            status = history.status[history.status != Status.REJECTED]
+            determined = bool(status[-1] == Status.USED) if len(status) else self.now.determined
+            self.now = replace(self.now, states=states, determined=determined)
+        self.now = replace(self.now, fed=self.fed)
+        return guarded.judged
+
+    def _forget(self, since: int) -> None:
+        """Take back what an encoder taught that has stood still since some sample."""
+        self.now = next(
+            (memory for memory in (self.newer, self.older) if memory.fed <= since), self.older
+        )
+        self.newer = self.now
+        self.recent.begin(self.learner, self.now.states)
+
+    def _close_window(self) -> None:
+        """Judge the window that is full, and begin another."""
+        self.recent.count(self.counts)
+        contradicting = [row for row in self._recent_rows() if contradicts(row)]
+        if contradicting and self.suspected:
+            worst = max(contradicting, key=lambda row: row.error / max(row.usual_error, 1e-300))
+            self._begin_anew(worst.row, worst.error / max(worst.usual_error, 1e-300))
+        self.suspected = bool(contradicting) and not self.suspected
+        if not contradicting:
+            self.recent.accept(self.learner, self.now.states)
+        self.older, self.newer = self.newer, self.now
+        self.recent.begin(self.learner, self.now.states)
+
+    def _recent_rows(self) -> list[Recent]:
+        settled = self.recent.equations_before >= SETTLED * self.window
+        if not (self.now.determined and settled):
+            return []
+        return self.recent.of_rows(self.learner, self.now.states)
+
+    def _begin_anew(self, row: str, worse: float) -> None:
+        """Learn from here on alone; the values stay as a start."""
+        values = self.learner.values(self.now.states)
+        states = self.learner.first_states(np.nan_to_num(values))
+        change = Change(self.time, row, float(min(worse, 1e300) ** 0.5))
+        self.n_changes += 1
+        self.changes = (*self.changes, change)[-100:]
+        self.now = self.newer = Memory(self.fed, states, False)
+
+    @property
+    def counts(self) -> Counts:
+        """What happened so far."""
+        return self.guard.counts(self.guard_state)
+
+    @property
+    def time(self) -> float:
+        """Time of the latest sample in s; NaN before the first."""
+        return self.guard.time(self.guard_state)
+
+    @property
+    def health(self) -> Judgement:
+        """How the estimation is, and why."""
+        return judge(self.evidence)
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the health is judged by."""
+        states, options = self.now.states, self.options
+        widths = self._widths(states)
+        equations = self.learner.main.equations(states[0])
+        direction: tuple[str, ...] = ()
+        if not self.now.determined and equations:
+            worst = max(self.excitation.values(), key=lambda found: found.condition_number)
+            direction = worst.confounded
+        return Evidence(
+            self.recent.bad_share,
+            self.recent.bad_cause,
+            self.guard.is_stuck(self.guard_state),
+            equations * options.sample_time * options.filter_rate,
+            self.now.determined,
+            direction,
+            widths,
+            self.changes[-1].sentence if self.changes else "",
+        )
+
+    def _widths(self, states: States) -> list[Width]:
+        found = self.learner.estimate(states)
+        disagreement = self.learner.disagreement(states)
+        return [
+            Width(
+                name,
+                float(found.values[place]),
+                quantile(found.degrees_of_freedom[place]) * float(found.deviations[place])
+                if found.degrees_of_freedom[place] > 0.0
+                else np.inf,
+                float(disagreement[place]),
+            )
+            for place, name in enumerate(found.names)
+            if name in POSITIVE
+        ]
+
+    @property
+    def coefficients(self) -> dict[str, CoefficientEstimate]:
+        """Coefficients of the model, with intervals and verdicts."""
+        joint = joint_of(self.options.kind)
+        estimate = self.learner.estimate(self.now.states)
+        unit = self.options.input_unit
+        with np.errstate(all="ignore"):  # of numbers that no drive has
+            sizes = self._sizes()
+            return coefficient_estimates(estimate, joint, self._unknowns, sizes, {}, unit)
+
+    def _sizes(self) -> dict[str, float]:
+        """Root mean square of each regressor over that of its row's left-hand side."""
+        main, state = self.learner.main, self.now.states[0]
+        power, _ = main.powers(state)
+        return {
+            name: float(np.sqrt(np.divide(max(square, 0.0), power[j])))
+            for j, (row, gram) in enumerate(
+                zip(self.learner.system.rows, main.information(state), strict=True)
+            )
+            for name, square in zip(row.coefficients, np.diag(gram), strict=True)
+        }
+
+    def parameters(
+        self, coefficients: Mapping[str, CoefficientEstimate]
+    ) -> dict[str, ParameterEstimate]:
+        """Physical parameters that the coefficients determine."""
+        joint = joint_of(self.options.kind)
+        estimate = self.learner.estimate(self.now.states)
+        unit = self.options.input_unit
+        with np.errstate(all="ignore"):
+            return parameter_estimates(joint, estimate, self._unknowns, coefficients, unit)
+
+    @property
+    def _unknowns(self) -> Unknowns:
+        return Unknowns(self.learner.system)
+
+    @property
+    def excitation(self) -> dict[str, Excitation]:
+        """Excitation of each row by what was learnt from, Huang (2003), (A4), measured."""
+        state = self.now.states[0]
+        count = max(self.learner.main.equations(state), 1)
+        grams = self.learner.main.information(state)
+        for gram in grams:  # where next to nothing was learnt, rounding may make a square negative
+            np.fill_diagonal(gram, np.maximum(np.diag(gram), 0.0))
+        return {
+            row.name: excitation_of_gram(row.name, row.coefficients, gram / count)
+            for row, gram in zip(self.learner.system.rows, grams, strict=True)
+        }

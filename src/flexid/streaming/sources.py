@@ -1,0 +1,259 @@
+"""Where a stream comes from: a file that grows, standard input, UDP datagrams, a serial port.
+
+A source is read in turns of a tenth of a second: bytes that have come, none if nothing has, None at
+its end. Nothing listens to anything but this machine unless an address says so.
+"""
+
+import io
+import os
+import select
+import socket
+import sys
+import time
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import parse_qs, urlsplit
+
+from flexid.errors import RecordingError, SettingError
+from flexid.files import check_file, shown
+
+TURN = 0.1
+"""Seconds after which a source says that nothing has come."""
+
+MOST = 1 << 20
+"""Bytes that are handed over at once."""
+
+_BUFFER = 4 << 20  # bytes that the system keeps of datagrams while we compute
+_BAUD = 115200
+_LOOPBACK = "127.0.0.1"
+
+
+class Source(Protocol):
+    """Bytes as they come."""
+
+    @property
+    def name(self) -> str:
+        """How messages name it."""
+        ...
+
+    def read(self) -> bytes | None:
+        """What has come; empty if nothing has for a while, None if nothing will."""
+        ...
+
+    def close(self) -> None:
+        """Give back what was opened."""
+        ...
+
+
+def open_source(text: str, *, stop_at_end: bool = False) -> Source:
+    """Open a source.
+
+    Parameters
+    ----------
+    text : str
+        ``"-"`` for standard input, ``"udp://127.0.0.1:9000"``, ``"serial:///dev/ttyUSB0?baud=
+        921600"``, or the path of a text file.
+    stop_at_end : bool, optional
+        Whether a file ends where it ends, or is waited for to grow.
+
+    Raises
+    ------
+    SettingError
+        If an address is none, or cannot be listened to.
+    RecordingError
+        If a file or a port cannot be opened.
+    """
+    if text == "-":
+        return StandardInput()
+    scheme, separator, _ = text.partition("://")
+    if not separator:
+        return GrowingFile(Path(text), stop_at_end=stop_at_end)
+    if scheme == "udp":
+        return Datagrams(text)
+    if scheme == "serial":
+        return SerialPort(text)
+    raise SettingError(
+        "source",
+        f"{text!r} is none: give the path of a file, - for standard input, udp://{_LOOPBACK}:9000 "
+        f"or serial:///dev/ttyUSB0",
+    )
+
+
+def named(text: str) -> str:
+    """A source as messages name it."""
+    return StandardInput.name if text == "-" else shown(Path(text)) if "://" not in text else text
+
+
+class GrowingFile:
+    """A text file that a recorder is still writing.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    stop_at_end : bool
+        Whether it ends where it ends now.
+    """
+
+    def __init__(self, path: Path, *, stop_at_end: bool) -> None:
+        self.name = shown(path)
+        check_file(path, "a log as text", lambda reason: RecordingError(self.name, "", reason))
+        if path.suffix.lower() in (".parquet", ".pq"):
+            raise RecordingError(
+                self.name, "", "a Parquet file cannot grow: give it to flexid identify --stream"
+            )
+        self._stop_at_end = stop_at_end
+        try:
+            self._file = path.open("rb", buffering=0)
+        except OSError as error:
+            raise RecordingError(
+                self.name, "", f"the file cannot be opened ({error.strerror}): check its rights"
+            ) from None
+
+    def read(self) -> bytes | None:
+        """What was written since."""
+        found = self._file.read(MOST)
+        if found:
+            return found
+        if self._stop_at_end:
+            return None
+        if os.fstat(self._file.fileno()).st_size < self._file.tell():
+            self._file.seek(0)  # the recorder began anew
+        time.sleep(TURN)
+        return b""
+
+    def close(self) -> None:
+        """Close it."""
+        self._file.close()
+
+
+class StandardInput:
+    """What another program writes into this one."""
+
+    name = "standard input"
+
+    def __init__(self) -> None:
+        try:
+            self._file = sys.stdin.fileno()
+        except (AttributeError, ValueError, io.UnsupportedOperation):
+            raise SettingError("source", "there is no standard input: give a file") from None
+
+    def read(self) -> bytes | None:
+        """What came; a console of Windows keeps us waiting for it."""
+        if os.name == "posix" and not select.select([self._file], [], [], TURN)[0]:
+            return b""
+        return os.read(self._file, MOST) or None
+
+    def close(self) -> None:
+        """Nothing: others may read on."""
+
+
+class Datagrams:
+    """Lines in UDP datagrams, one or more whole ones in each.
+
+    Parameters
+    ----------
+    text : str
+        ``udp://127.0.0.1:9000``; without an address, that of this machine alone.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.name = text
+        try:
+            parts = urlsplit(text)
+            port, host = parts.port, parts.hostname or _LOOPBACK
+            address = ip_address(_LOOPBACK if host == "localhost" else host)
+            if port is None or parts.path not in ("", "/") or parts.query:
+                raise ValueError
+        except ValueError:
+            raise SettingError(
+                "source", f"{text!r} is no address: give udp://{_LOOPBACK}:9000"
+            ) from None
+        family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+        self._socket.settimeout(TURN)
+        try:
+            self._socket.bind((str(address), port))
+        except OSError as error:
+            self._socket.close()
+            raise SettingError(
+                "source", f"{text} cannot be listened to ({error.strerror}): give another port"
+            ) from None
+        self.port: int = self._socket.getsockname()[1]
+        """Where it listens, of use where port 0 left the choice to the system."""
+        self.is_open_to_others = not address.is_loopback
+        """Whether other machines can send to it."""
+
+    def read(self) -> bytes | None:
+        """Lines of the datagrams that came."""
+        found: list[bytes] = []
+        size = 0
+        try:
+            while size < MOST:
+                found.append(self._received())
+                size += len(found[-1])
+                self._socket.settimeout(0.0)  # what is there already
+        except (TimeoutError, BlockingIOError):
+            pass
+        self._socket.settimeout(TURN)
+        return b"".join(found)
+
+    def _received(self) -> bytes:
+        data = self._socket.recv(65536)
+        return data if data.endswith(b"\n") else data + b"\n"
+
+    def close(self) -> None:
+        """Listen no longer."""
+        self._socket.close()
+
+
+class SerialPort:
+    """Lines from a serial port; needs pyserial.
+
+    Parameters
+    ----------
+    text : str
+        ``serial:///dev/ttyUSB0?baud=921600`` or ``serial://COM3``.
+
+    Raises
+    ------
+    SettingError
+        If pyserial is not installed, or the address is none.
+    RecordingError
+        If the port cannot be opened.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.name = text
+        address, _, query = text.removeprefix("serial://").partition("?")
+        rates = parse_qs(query, keep_blank_values=True).pop("baud", [str(_BAUD)])
+        if not address or not rates[0].isdecimal() or query.partition("=")[0] not in ("", "baud"):
+            raise SettingError(
+                "source", f"{text!r} is no port: give serial:///dev/ttyUSB0?baud={_BAUD}"
+            )
+        try:
+            import serial
+        except ImportError:
+            raise SettingError(
+                "source", "a serial port needs pyserial: pip install 'flexid[serial]'"
+            ) from None
+        try:
+            self._port = serial.Serial(address, int(rates[0]), timeout=TURN)
+        except (serial.SerialException, ValueError, OSError) as error:
+            raise RecordingError(
+                self.name, "", f"the port cannot be opened ({error}): check its name and rights"
+            ) from None
+        self._lost = serial.SerialException
+
+    def read(self) -> bytes | None:
+        """What came; None where the port is pulled out."""
+        try:
+            return self._port.read(max(1, min(self._port.in_waiting, MOST)))
+        except (self._lost, OSError, TypeError):
+            return None
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()

@@ -1,0 +1,228 @@
+"""From bytes as they come to samples in SI units: lines of numbers, with columns as in a log.
+
+Header, units, separators and column maps are those of a log's text; the stream's first lines decide
+on them, and on the sample time. A line that is no row of numbers becomes a sample without any,
+which is counted.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
+from flexid.recording.channel import INPUTS, Channel
+from flexid.recording.column_map import MapSource
+from flexid.recording.columns import read_channels
+from flexid.recording.layout import BLANK, COMMENTS, LONGEST_LINE, Layout, layout_of
+from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
+from flexid.recording.table import Table
+
+HEAD_LINES = 200
+"""Lines at the beginning from which layout and sample time are taken."""
+
+FEWEST_LINES = 4
+"""The fewest of them: a header and three samples, where the stream has ended."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreamColumns:
+    """What a stream's columns are: samples are ``weights @ cells + offsets``.
+
+    Parameters
+    ----------
+    weights : array, shape (n_values, n_columns)
+        In SI units; the values are time, positions and input.
+    offsets : array, shape (n_values,)
+    kind : {"flexible", "rigid"}
+        Whether there are two encoders or one.
+    input_unit : str
+        Of the input.
+    from_deflection : bool
+        Whether the first position is the joint's deflection.
+    warnings : tuple of str
+        What was assumed.
+    """
+
+    weights: FloatArray
+    offsets: FloatArray
+    kind: Literal["flexible", "rigid"]
+    input_unit: str
+    from_deflection: bool
+    warnings: tuple[str, ...]
+
+    def samples(self, cells: FloatArray) -> FloatArray:
+        """Samples, shape (n, n_values), from cells, shape (n, n_columns)."""
+        samples = np.empty((len(cells), len(self.weights)))
+        with np.errstate(all="ignore"):  # of numbers that no drive has, which the guard refuses
+            for place, weights in enumerate(self.weights):
+                used = weights != 0.0  # a bad cell elsewhere does no harm
+                samples[:, place] = cells[:, used] @ weights[used] + self.offsets[place]
+        return samples
+
+
+def stream_columns(source: str, layout: Layout, column_map: MapSource | None) -> StreamColumns:
+    """Decide what the columns of a stream are, exactly as for a log.
+
+    Parameters
+    ----------
+    source : str
+        For messages.
+    layout : Layout
+        Names and their place.
+    column_map : path, mapping or None
+        A column map.
+
+    Raises
+    ------
+    RecordingError
+        If a column is missing or a unit cannot be understood.
+    """
+    import polars as pl
+
+    names = layout.names
+    frame = pl.DataFrame({name: ["0"] for name in names})
+    table = Table(source, f"line {layout.header_line}", layout.first_line, "line", frame, "")
+    channels, warnings = read_channels(table, column_map)
+    drive = next((name for name in INPUTS if name in channels), None)
+    if drive is None:
+        raise RecordingError(
+            source,
+            "input",
+            "no torque, current or voltage is among the columns, and nothing can be learnt of the "
+            "motor without it: send it too",
+        )
+    link = next((name for name in ("deflection", "link_position") if name in channels), None)
+    positions = ["motor_position"] if link is None else [link, "motor_position"]
+    chosen = [channels[name] for name in ("time", *positions, drive)]
+    return StreamColumns(
+        np.array([_weights(channel, names) for channel in chosen]),
+        np.array([channel.origin.offset for channel in chosen]),
+        "rigid" if link is None else "flexible",
+        channels[drive].unit,
+        link == "deflection",
+        warnings,
+    )
+
+
+def _weights(channel: Channel, names: tuple[str, ...]) -> list[float]:
+    origin = channel.origin
+    return [origin.factor * origin.columns.get(name, 0.0) for name in names]
+
+
+@dataclass
+class LineReader:
+    """Cells from bytes as they come.
+
+    Parameters
+    ----------
+    source : str
+        For messages.
+    header : str, optional
+        Names of the columns, where the stream does not begin with them.
+    fewest : int, optional
+        Lines that are waited for before the layout is decided.
+    """
+
+    source: str
+    header: str | None = None
+    fewest: int = HEAD_LINES
+    layout: Layout | None = None
+    _rest: bytes = b""
+    _head: list[bytes] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if self.header is not None:
+            self._head.append(self.header.strip().encode())
+
+    def cells(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
+        """Cells of the lines that are complete, shape (n, n_columns); None until there is a layout.
+
+        Parameters
+        ----------
+        data : bytes
+            What came since.
+        ended : bool, optional
+            Whether nothing follows.
+
+        Raises
+        ------
+        RecordingError
+            If the first lines are no table, or a line does not end.
+        """
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if ended and self._rest:
+            lines.append(self._rest)
+            self._rest = b""
+        if len(self._rest) > LONGEST_LINE:
+            raise RecordingError(
+                self.source,
+                "",
+                f"a line has more than {LONGEST_LINE} bytes: send one line for each sample",
+            )
+        if self.layout is None:
+            self._head += lines
+            if len(self._head) < self.fewest and not ended:
+                return None
+            if len(self._head) < FEWEST_LINES:
+                raise RecordingError(
+                    self.source, "", "it ended before a header and three samples had come"
+                )
+            text = b"\n".join(self._head) + b"\n"
+            self.layout = layout_of(self.source, text)
+            lines = text[self.layout.start :].split(b"\n")
+            self._head = []
+        return _numbers(lines, self.layout)
+
+
+def _numbers(lines: list[bytes], layout: Layout) -> FloatArray:
+    """Numbers of lines that are not empty nor comments; a line that is no row has none."""
+    separator = None if layout.separator == BLANK else layout.separator.encode()
+    width = len(layout.names)
+    rows = []
+    for line in lines:
+        stripped = line.strip()
+        if not stripped or stripped.startswith(_COMMENTS):
+            continue
+        cells = stripped.split(separator)
+        try:
+            row = [float(cell) for cell in cells]
+        except ValueError:
+            row = [_number(cell, layout.separator) for cell in cells]
+        rows.append(row if len(row) == width else [np.nan] * width)
+    return np.array(rows, dtype=np.float64).reshape(len(rows), width)
+
+
+_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
+
+
+def _number(cell: bytes, separator: str) -> float:
+    try:
+        return float(cell if separator == "," else cell.replace(b",", b"."))
+    except ValueError:
+        return float("nan")
+
+
+def sample_time_of(source: str, time: FloatArray) -> float:
+    """Sample time from the first time stamps: their slope, but for what is missing or late.
+
+    Raises
+    ------
+    RecordingError
+        If there is none, or none that a drive has.
+    """
+    steps = np.diff(time[np.isfinite(time)])
+    steps = steps[steps > 0.0]
+    if len(steps):
+        typical = float(np.median(steps))
+        even = steps[np.abs(steps / typical - 1.0) < GAP - 1.0]
+        found = float(even.mean()) if len(even) else typical
+        if SHORTEST_SAMPLE_TIME <= found <= LONGEST_SAMPLE_TIME:
+            return found
+    raise RecordingError(
+        source,
+        "time",
+        "its first time stamps do not increase as those of a drive do: name the unit of the time, "
+        "as in [ms], or give the sample time",
+    )

@@ -1,0 +1,96 @@
+"""``flexid watch`` as a process: reports, checkpoints, Ctrl-C."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+LOG = Path("examples/flexible_joint.csv")
+PAPER = ("--terms", "gravity,motor_viscous", "--hold", "linear")
+
+
+def command(*arguments: str) -> list[str]:
+    """A command line."""
+    return [sys.executable, "-m", "flexid", "watch", *arguments]
+
+
+def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
+    """Run it to its end."""
+    return subprocess.run(command(*arguments), capture_output=True, text=True, input=text)
+
+
+def test_a_log_is_watched_to_its_end():
+    """Assert that the last report holds the truth that made the example, and exits with 0."""
+    done = run(str(LOG), "--stop-at-end", "--json", *PAPER)
+    assert (done.returncode, done.stderr) == (0, "")
+    reports = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(reports) == 31  # one a second, and the last
+    assert reports[0]["health"] == "converging"
+    assert reports[-1]["health"] == "converged"
+    low, high = reports[-1]["parameters"]["joint_stiffness"]["interval"]
+    assert low < 100.0 < high < low + 1.0
+    assert reports[-1]["samples"]["taken"] == 30000
+
+
+def test_a_stream_is_resumed(tmp_path: Path):
+    """Assert that two halves with a checkpoint between them end as the whole log does."""
+    whole = run(str(LOG), "--stop-at-end", "--json", *PAPER).stdout.splitlines()[-1]
+    header, *rows = LOG.read_text().splitlines()
+    checkpoint = ("--checkpoint", str(tmp_path / "state.json"), "--json", *PAPER)
+    run("-", *checkpoint, text="\n".join([header, *rows[:12345]]))
+    ended = run("-", *checkpoint, text="\n".join([header, *rows[12345:]]))
+    assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole)
+
+
+def test_ctrl_c_leaves_a_checkpoint_and_a_report(tmp_path: Path):
+    """Assert that an interrupted watch saves what it knows, reports it, and exits with 3."""
+    growing, checkpoint = tmp_path / "log.csv", tmp_path / "state.json"
+    growing.write_text("\n".join(LOG.read_text().splitlines()[:5001]) + "\n")
+    arguments = (str(growing), "--checkpoint", str(checkpoint), "--json", *PAPER)
+    with subprocess.Popen(
+        command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        reports = [json.loads(process.stdout.readline()) for _ in range(5)]
+        process.send_signal(signal.SIGINT)
+        printed, said = process.communicate()
+    assert process.returncode == 3
+    assert "interrupted" in said
+    (last,) = (json.loads(line) for line in printed.splitlines())
+    assert last == reports[-1]
+    assert last["samples"]["taken"] == 5000
+    assert json.loads(checkpoint.read_text())["content"]["fed"] == 5000
+
+
+def test_a_drive_that_does_not_move_exits_with_1():
+    """Assert that an estimate that has not converged is not called done."""
+    rows = (f"{k / 1000},{1e-4 * (k % 3)},{1e-4 * (k % 2)},{0.1}" for k in range(3000))
+    header = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
+    done = run("-", *PAPER, text="\n".join([header, *rows]))
+    assert done.returncode == 1
+    assert done.stdout.startswith("not excited: ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("no.csv",), "no such file"),
+        (("udp://127.0.0.1",), "is no address"),
+        (("-", "--terms", "magic"), "'magic' is unknown"),
+        (("-", "--hold", "cubic"), "give 'auto', 'linear' or 'zero'"),
+        (("-", "--sample-time", "-1"), "give seconds above 0"),
+        (("-", "--filter-rate", "1e6"), "sample faster"),
+        (("-", "--memory", "0.1"), "give more than"),
+        (("-", "--every", "0"), "give seconds above 0"),
+    ],
+)
+def test_bad_input(arguments: tuple[str, ...], words: str):
+    """Assert that each gets one sentence and status 2."""
+    text = "\n".join(LOG.read_text().splitlines()[:300])
+    done = run(*arguments, text=text)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr

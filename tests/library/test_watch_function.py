@@ -1,0 +1,127 @@
+"""`flexid.watch`: fed or following, as the command is."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexid
+from flexid.errors import ArgumentError, SettingError
+
+LOG = Path("examples/flexible_joint.csv")
+PAPER = {"terms": ("gravity", "motor_viscous"), "hold": "linear"}
+
+
+@pytest.fixture(scope="module")
+def samples():
+    """Samples of the example."""
+    return flexid.samples(LOG)[0]
+
+
+def channels(samples, part=slice(None)):
+    """Channels as keywords."""
+    return {
+        "link_position": samples.positions[part, 0],
+        "motor_position": samples.positions[part, 1],
+        "motor_torque": samples.inputs[part, 0],
+    }
+
+
+def test_fed_one_by_one(samples):
+    """Assert that samples may come as plain numbers, and that reading changes nothing."""
+    one, block = flexid.watch(sample_time=1e-3, **PAPER), flexid.watch(sample_time=1e-3, **PAPER)
+    assert one.health.health is flexid.Health.CONVERGING
+    assert "no sample" in one.health.reason
+    for k in range(1500):
+        one.feed(**{name: float(values[k]) for name, values in channels(samples).items()})
+        if k % 400 == 0:
+            assert one.counts.fed == k + 1
+    block.feed(**channels(samples, slice(1500)))
+    assert one.document == block.document
+    assert one.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=0.01)
+    assert set(one.excitation) == {"link", "motor"}
+    assert "joint_stiffness" in one.summary()
+    assert repr(one).startswith("<Watch: conver")
+
+
+def test_followed(samples):
+    """Assert that following the log is feeding its samples."""
+    watch = flexid.watch(LOG, stop_at_end=True, every=5.0, **PAPER)
+    times = [now.time for now in watch]
+    assert times == pytest.approx([4.999, 9.999, 14.999, 19.999, 24.999, 29.999, 29.999])
+    fed = flexid.watch(sample_time=1e-3, **PAPER)
+    fed.feed(time=samples.time, **channels(samples))
+    found, right = watch.parameters, fed.parameters
+    assert found["motor_inertia"].value == pytest.approx(right["motor_inertia"].value, rel=1e-9)
+
+
+def test_checkpoint(samples, tmp_path):
+    """Assert that a watch goes on from its checkpoint, with its clock."""
+    first = flexid.watch(sample_time=1e-3, **PAPER)
+    first.feed(**channels(samples, slice(4000)))
+    first.save_checkpoint(tmp_path / "state.json")
+    again = flexid.watch(sample_time=1e-3, checkpoint=tmp_path / "state.json", **PAPER)
+    for watch in (first, again):
+        watch.feed(**channels(samples, slice(4000, 6000)))
+    assert first.document == again.document
+    assert again.counts.gaps == 0
+    with pytest.raises(SettingError, match=r"saved with filter_rate 20\.0: choose the same"):
+        flexid.watch(
+            sample_time=1e-3, checkpoint=tmp_path / "state.json", filter_rate=10.0, **PAPER
+        ).feed(**channels(samples, slice(10)))
+
+
+def test_one_encoder(samples):
+    """Assert that a drive with one encoder is watched as a rigid joint."""
+    watch = flexid.watch(sample_time=1e-3, terms="gravity")
+    given = channels(samples, slice(3000))
+    del given["link_position"]
+    watch.feed(**given)
+    assert set(watch.coefficients) == {"gamma1", "beta1"}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, "sample_time is missing"),
+        ({"sample_time": "fast"}, "sample_time is a str"),
+        ({"sample_time": 1e-3, "terms": 3}, "terms"),
+        ({"source": 3}, "source is an int: give a path"),
+        ({"sample_time": 1e-3, "filter": 3}, "did you mean filter_rate"),
+    ],
+)
+def test_options_that_cannot_be(options, words):
+    """Assert that each is refused with what would be right."""
+    with pytest.raises(ArgumentError, match=words):
+        flexid.watch(**options)
+
+
+@pytest.mark.parametrize(
+    ("samples", "words"),
+    [
+        ({"motor_position": 1.0}, "give one of motor_torque"),
+        ({"motor_position": [1.0, 2.0], "motor_torque": [1.0]}, "differ in number"),
+        ({"motor_position": "x", "motor_torque": 1.0}, "motor_position is a str"),
+        ({"motor_position": [[1.0]], "motor_torque": 1.0}, "has 2 dimensions"),
+    ],
+)
+def test_samples_that_cannot_be(samples, words):
+    """Assert the same of samples."""
+    with pytest.raises(ArgumentError, match=words):
+        flexid.watch(sample_time=1e-3).feed(**samples)
+
+
+def test_channels_stay_the_same(samples):
+    """Assert that a block without the link is refused where there was one."""
+    watch = flexid.watch(sample_time=1e-3, **PAPER)
+    watch.feed(**channels(samples, slice(10)))
+    with pytest.raises(ArgumentError, match="give the same"):
+        watch.feed(motor_position=np.zeros(3), motor_torque=np.zeros(3))
+
+
+def test_a_source_or_samples():
+    """Assert that what has a source is not fed, and what has none is not followed."""
+    with pytest.raises(ArgumentError, match="come from the source"):
+        flexid.watch(LOG).feed(motor_position=0.0, motor_torque=0.0)
+    with pytest.raises(ArgumentError, match="source is missing"):
+        next(iter(flexid.watch(sample_time=1e-3)))

@@ -1,0 +1,94 @@
+"""A noisy joint whose parameters are known, as a stream of samples, and sessions that watch it."""
+
+from functools import cache
+
+import numpy as np
+
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.free_run import free_run
+from flexid.streaming.options import WatchOptions
+from flexid.streaming.session import Session
+
+TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+"""Huang (2003), Table I, and the inverse of the motor's inertia."""
+
+H = 2e-3
+NOISE = 1e-4
+TERMS = ("gravity", "motor_viscous")
+SYSTEM = flexible_joint(TERMS)
+OPTIONS = WatchOptions(H, TERMS, hold="linear")
+TIME, LINK, MOTOR, TORQUE = 0, 1, 2, 3  # columns of a sample
+
+
+def torque(time):
+    """Two sines, in N m."""
+    return 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
+
+
+@cache
+def _clean(duration: float) -> np.ndarray:
+    time = H * np.arange(round(duration / H) + 1)
+    u = torque(time)
+    states = free_run(SYSTEM, TRUTH, np.zeros(4), u[:, None], H)
+    return np.column_stack((time, states[:, 0], states[:, 2], u))
+
+
+def stream(duration: float = 8.0, seed: int = 1) -> np.ndarray:
+    """Samples, shape (n, 4): time, link, motor, torque; encoders are noisy."""
+    samples = _clean(duration).copy()
+    generator = np.random.default_rng(seed)
+    samples[:, [LINK, MOTOR]] += NOISE * generator.standard_normal((len(samples), 2))
+    return samples
+
+
+def loaded_stream(before: float, after: float, factor: float = 1.5, seed: int = 1) -> np.ndarray:
+    """The same, but that the link's inertia and weight are so many times as large after a while."""
+    n = round(before / H)
+    time = H * np.arange(n + round(after / H))
+    u = torque(time)[:, None]
+    loaded = TRUTH | {"theta2": TRUTH["theta2"] / factor}  # gravity over inertia stays
+    first = free_run(SYSTEM, TRUTH, np.zeros(4), u[: n + 1], H)
+    second = free_run(SYSTEM, loaded, first[-1], u[n:], H)
+    positions = np.vstack((first[:-1], second))[:, ::2]
+    positions = positions + NOISE * np.random.default_rng(seed).standard_normal(positions.shape)
+    return np.column_stack((time, positions, u))
+
+
+def watched(samples: np.ndarray, options: WatchOptions = OPTIONS) -> Session:
+    """A session that was fed all of them."""
+    session = Session(options)
+    session.feed(samples)
+    return session
+
+
+def errors(session: Session, truth=None) -> np.ndarray:
+    """Relative errors of the coefficients."""
+    right = np.array(list((truth or TRUTH).values()))
+    return np.abs(session.learner.values(session.now.states) / right - 1.0)
+
+
+def all_hold(session: Session, truth=None) -> bool:
+    """Whether every coefficient's interval holds the truth."""
+    found = session.coefficients
+    return all(
+        found[name].interval[0] <= value <= found[name].interval[1]
+        for name, value in (truth or TRUTH).items()
+    )
+
+
+def same(one: Session, other: Session) -> bool:
+    """Whether two sessions know the same, bit for bit."""
+    arrays = [
+        [s.guard_state, s.recent.errors, s.recent.powers, s.recent.usual, s.recent.counts_before]
+        for s in (one, other)
+    ]
+    rest = [
+        [s.fed, s.suspected, s.changes, s.n_changes, s.recent.equations, s.recent.bad_cause]
+        for s in (one, other)
+    ]
+    for place, session in enumerate((one, other)):
+        for memory in (session.now, session.newer, session.older):
+            arrays[place] += memory.states
+            rest[place] += (memory.fed, memory.determined)
+    alike = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*arrays, strict=True))
+    return alike and rest[0] == rest[1]

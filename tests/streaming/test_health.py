@@ -1,0 +1,87 @@
+"""The rules of the health, each from both sides of its limit."""
+
+import pytest
+
+from flexid.streaming.health import LIMITS, Evidence, Health, Recent, Width, contradicts, judge
+
+GOOD = Evidence(
+    bad_share=0.0,
+    bad_cause="a position jumps",
+    is_stuck=False,
+    settled=100.0,
+    determined=True,
+    open_direction=(),
+    widths=(Width("theta2", 100.0, 1.0, 0.1), Width("beta1", 3.0, 0.1, 0.0)),
+    changed="",
+)
+
+
+def widths(half: float, apart: float = 0.0, value: float = 100.0):
+    """The widths of one coefficient."""
+    return (Width("theta2", value, half, apart),)
+
+
+@pytest.mark.parametrize(
+    ("changes", "health", "words"),
+    [
+        ({}, Health.CONVERGED, "beta1 the least, within 3%"),
+        ({"is_stuck": True}, Health.SENSOR_FAULT, "stands still"),
+        ({"bad_share": 0.21}, Health.SENSOR_FAULT, "21% of the latest samples"),
+        ({"bad_share": 0.19}, Health.CONVERGED, ""),
+        ({"widths": widths(19.9)}, Health.CONVERGED, ""),
+        ({"widths": widths(20.1)}, Health.CONVERGING, "within 20% so far"),
+        ({"widths": widths(float("inf"))}, Health.CONVERGING, "no bounds"),
+        ({"widths": widths(90.0, 99.0)}, Health.CONVERGING, ""),
+        ({"widths": widths(90.0, 101.0)}, Health.INCONSISTENT, "disagree on theta2 by 101%"),
+        ({"widths": widths(90.0, 101.0), "settled": 39.0}, Health.CONVERGING, ""),
+        ({"widths": widths(9.0, 0.0, -10.0)}, Health.INCONSISTENT, "theta2 comes out negative"),
+        ({"widths": widths(11.0, 0.0, -10.0)}, Health.CONVERGING, ""),
+        ({"determined": False, "settled": 39.0}, Health.CONVERGING, "too few samples"),
+        ({"determined": False, "settled": 41.0}, Health.NOT_EXCITED, "does not tell"),
+        ({"changed": "it moves otherwise"}, Health.CONVERGED, ""),
+        ({"changed": "it did", "widths": widths(50.0)}, Health.INCONSISTENT, "it did"),
+        ({"changed": "it did", "determined": False}, Health.INCONSISTENT, "it did"),
+    ],
+)
+def test_rules(changes: dict, health: Health, words: str):
+    """Assert that each rule has its state and says why, just beyond its limit and not before."""
+    judgement = judge(GOOD._replace(**changes))
+    assert judgement.health is health
+    assert words in judgement.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "contradicted"),
+    [
+        ({}, False),
+        ({"error": 0.0109}, False),  # slack, and ten times what is usual
+        ({"error": 0.0111}, True),
+        ({"error": 0.0149, "usual_error": 5e-4}, False),
+        ({"error": 0.0151, "usual_error": 5e-4}, True),
+        ({"power": 0.0, "error": 0.0009}, False),  # at rest, noise stays what it was
+        ({"power": 0.0, "error": 0.0011}, True),
+        ({"power": 4.0, "error": 0.0439}, False),  # and errors grow with the motion
+        ({"power": 4.0, "error": 0.0441}, True),
+    ],
+)
+def test_contradiction(changes: dict, contradicted: bool):
+    """Assert what the latest motion may be mispredicted by, from both sides."""
+    usual = Recent("link", error=1e-4, power=1.0, usual_error=1e-4, usual_power=1.0)
+    assert contradicts(usual._replace(**changes)) is contradicted
+
+
+def test_values_are_those_of_the_exported_c():
+    """Assert the numbers by which other languages know the states."""
+    assert [health.words for health in Health] == [
+        "converging",
+        "converged",
+        "not excited",
+        "inconsistent",
+        "sensor fault",
+    ]
+    assert [*map(int, Health)] == [0, 1, 2, 3, 4]
+
+
+def test_every_limit_has_its_reason():
+    """Assert that each has a unit and says why it is what it is."""
+    assert all(unit and reason for _, _, unit, reason in LIMITS.table())

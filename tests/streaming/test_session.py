@@ -1,0 +1,159 @@
+"""A session is the same however its stream is cut, and whenever it is saved."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from moving_joint import LINK, OPTIONS, TORQUE, H, same, stream, watched
+
+from flexid.errors import SettingError
+from flexid.streaming.checkpoint import read_session, save_session
+from flexid.streaming.health import Health
+from flexid.streaming.session import Session
+
+FEW = settings(
+    max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+WITH_FILES = settings(
+    FEW,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+
+
+def troubled() -> np.ndarray:
+    """A stream with a fault of every kind in it."""
+    samples = stream(4.0)
+    samples[300, LINK] += 0.1
+    samples[420] = np.nan
+    samples[700:1000, LINK] = samples[700, LINK]
+    samples[1300:1310] = samples[1299]
+    samples = np.delete(samples, slice(1500, 1540), axis=0)
+    samples[:, TORQUE] = np.clip(samples[:, TORQUE], -20.0, 20.0)
+    return samples
+
+
+CUTS = st.lists(st.integers(0, 1960), max_size=12).map(sorted)
+
+
+@FEW
+@given(CUTS)
+def test_blocks_change_nothing(cuts: list[int]):
+    """Assert that a stream cut anywhere is known as the whole one, bit for bit."""
+    samples = troubled()
+    session = Session(OPTIONS)
+    for part in np.split(samples, cuts):
+        session.feed(part)
+    assert same(session, watched(samples))
+
+
+def test_one_sample_at_a_time_is_the_same():
+    """Assert the same of a stream that comes sample by sample."""
+    samples = troubled()
+    session = Session(OPTIONS)
+    for sample in samples:
+        session.feed(sample[None])
+    assert same(session, watched(samples))
+
+
+@WITH_FILES
+@given(st.integers(0, 1960))
+def test_saving_and_restoring_changes_nothing(tmp_path: Path, cut: int):
+    """Assert that a session that goes on from a file is the one that never ended, bit for bit."""
+    samples = troubled()
+    save_session(watched(samples[:cut]), tmp_path / "session.json")
+    session = read_session(tmp_path / "session.json")
+    session.feed(samples[cut:])
+    whole = watched(samples)
+    assert same(session, whole)
+    assert session.health == whole.health
+
+
+@FEW
+@example(samples=np.zeros((9, 4)), timed=True)
+@example(samples=np.ones((300, 4)), timed=True)
+@example(samples=2.5e-153 * np.arange(400.0).reshape(100, 4) ** 2, timed=True)
+@given(
+    arrays(
+        np.float64,
+        st.tuples(st.integers(1, 300), st.just(4)),
+        elements=st.floats(allow_nan=True, allow_infinity=True),
+        fill=st.floats(-10.0, 10.0),
+    ),
+    st.booleans(),
+)
+def test_any_samples_leave_a_state_that_is_finite_or_flagged(samples: np.ndarray, timed: bool):
+    """Assert that no sequence of numbers leaves an estimate that is none, unless it is said."""
+    if timed:
+        samples[:, 0] = H * np.arange(len(samples))
+    session = watched(samples)
+    values = session.learner.values(session.now.states)
+    assert np.isfinite(values).all() or session.health.health is Health.SENSOR_FAULT
+    assert session.health.reason
+    assert session.counts.fed == len(samples)
+    for found in session.parameters(session.coefficients).values():
+        assert found.verdict == "undetermined" or np.isfinite(found.interval).all()
+    assert set(session.excitation) == {"link", "motor"}
+
+
+class TestFile:
+    """What is refused of a checkpoint."""
+
+    @pytest.fixture
+    def path(self, tmp_path: Path) -> Path:
+        """A checkpoint of a short stream."""
+        save_session(watched(stream(1.0)), tmp_path / "session.json")
+        return tmp_path / "session.json"
+
+    def change(self, path: Path, **changes) -> None:
+        """Write other values under the file's first keys."""
+        path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+    def test_damaged(self, path: Path):
+        """Assert that a number that was changed is noticed by the checksum."""
+        content = json.loads(path.read_text())["content"]
+        self.change(path, content=content | {"fed": 3})
+        with pytest.raises(SettingError, match="checksum is wrong"):
+            read_session(path)
+
+    def test_cut(self, path: Path):
+        """Assert that half a file is none."""
+        path.write_text(path.read_text()[:5000])
+        with pytest.raises(SettingError, match="no JSON"):
+            read_session(path)
+
+    def test_of_another_version(self, path: Path):
+        """Assert that a newer file is not guessed at."""
+        self.change(path, version=2)
+        with pytest.raises(SettingError, match="version 2"):
+            read_session(path)
+
+    @pytest.mark.parametrize("key", ["guard", "now", "recent", "fed", "options", "changes"])
+    def test_of_other_content(self, path: Path, key: str):
+        """Assert that a file with a right checksum and wrong content is refused."""
+        from flexid.streaming import checkpoint
+
+        content = json.loads(path.read_text())["content"] | {key: "AAAA"}
+        self.change(path, content=content, sha256=checkpoint._digest(content))
+        with pytest.raises(SettingError, match="checkpoint"):
+            read_session(path)
+
+    def test_something_else(self, tmp_path: Path):
+        """Assert that another JSON file is not taken for one."""
+        (tmp_path / "estimate.json").write_text("{}")
+        with pytest.raises(SettingError, match="something else"):
+            read_session(tmp_path / "estimate.json")
+
+    def test_missing(self, tmp_path: Path):
+        """Assert that a file that is not there is named."""
+        with pytest.raises(SettingError, match="no such file"):
+            read_session(tmp_path / "nothing.json")
+
+
+def test_samples_of_another_width_are_refused():
+    """Assert that a sample needs time, both positions and the input."""
+    with pytest.raises(SettingError, match="give 4 numbers"):
+        Session(OPTIONS).feed(np.zeros((3, 3)))

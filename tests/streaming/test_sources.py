@@ -1,0 +1,149 @@
+"""Bytes from a growing file, standard input, datagrams and a serial port."""
+
+import os
+import socket
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from flexid.errors import RecordingError, SettingError
+from flexid.streaming.sources import Datagrams, Source, open_source
+
+LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
+
+
+def collected(source: Source, wanted: int) -> bytes:
+    """What a source gives until it has given so much, or has been silent for long."""
+    found, silent = b"", 0
+    while len(found) < wanted and silent < 50:
+        data = source.read()
+        if data is None:
+            break
+        silent = 0 if data else silent + 1
+        found += data
+    return found
+
+
+def test_a_file_that_grows(tmp_path: Path):
+    """Assert that what is written later is read later, and that the end is waited at."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(LINES[0])
+    source = open_source(str(path))
+    assert source.read() == LINES[0]
+    assert source.read() == b""
+    with path.open("ab") as file:
+        file.write(LINES[1])
+    assert source.read() == LINES[1]
+    path.write_bytes(b"x\n")  # the recorder began anew
+    assert collected(source, 2) == b"x\n"
+    source.close()
+
+
+def test_a_file_that_ends(tmp_path: Path):
+    """Assert that the end is one where that is wanted."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(LINES[0])
+    source = open_source(str(path), stop_at_end=True)
+    assert (source.read(), source.read()) == (LINES[0], None)
+    source.close()
+
+
+def test_standard_input(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a pipe is read until its other end is closed."""
+    reading, writing = os.pipe()
+    with os.fdopen(reading) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        source = open_source("-")
+        assert source.read() == b""
+        os.write(writing, LINES[0])
+        assert source.read() == LINES[0]
+        os.close(writing)
+        assert source.read() is None
+
+
+def test_datagrams():
+    """Assert that each datagram is a line of its own, and several in one are several."""
+    source = open_source("udp://127.0.0.1:0")
+    assert isinstance(source, Datagrams)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for line in (LINES[0].strip(), LINES[1] + LINES[2]):
+            sender.sendto(line, ("127.0.0.1", source.port))
+    assert collected(source, 19) == b"".join(LINES)
+    assert source.read() == b""
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("address", "is_open"),
+    [
+        ("udp://:0", False),
+        ("udp://localhost:0", False),
+        ("udp://[::1]:0", False),
+        ("udp://0.0.0.0:0", True),
+    ],
+)
+def test_nothing_listens_to_others_unless_told(address: str, is_open: bool):
+    """Assert that only an address of its own opens a port to other machines."""
+    try:
+        source = Datagrams(address)
+    except SettingError:
+        pytest.skip("this machine has no such address")
+    assert source.is_open_to_others is is_open
+    source.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are of POSIX systems")
+def test_a_serial_port():
+    """Assert that lines come through a serial port: a pseudo-terminal stands for its cable."""
+    pytest.importorskip("serial", reason="pyserial is not installed")
+    import tty
+
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    source = open_source(f"serial://{os.ttyname(theirs)}?baud=921600")
+    writer = threading.Thread(target=lambda: [os.write(ours, line) for line in LINES])
+    writer.start()
+    assert collected(source, 19) == b"".join(LINES)
+    writer.join()
+    source.close()
+    os.close(ours)
+    os.close(theirs)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        ("tcp://127.0.0.1:9000", SettingError, "is none: give the path of a file"),
+        ("udp://127.0.0.1", SettingError, "is no address"),
+        ("udp://127.0.0.1:99999", SettingError, "is no address"),
+        ("udp://example.org:9000", SettingError, "is no address"),
+        ("udp://127.0.0.1:9000/x", SettingError, "is no address"),
+        ("serial://", SettingError, "is no port"),
+        ("serial:///dev/ttyS0?baud=fast", SettingError, "is no port"),
+        ("serial:///dev/ttyS0?parity=even", SettingError, "is no port"),
+        ("serial:///dev/no_such_port", RecordingError, "cannot be opened"),
+        ("no/such/file.csv", RecordingError, "no such file"),
+        (".", RecordingError, "is a folder"),
+    ],
+)
+def test_what_is_no_source(text: str, error: type[Exception], words: str):
+    """Assert that each gets a sentence with what to give instead."""
+    with pytest.raises(error, match=words):
+        open_source(text)
+
+
+def test_a_port_that_is_taken():
+    """Assert that two cannot listen to the same."""
+    first = Datagrams("udp://127.0.0.1:0")
+    with pytest.raises(SettingError, match="another port"):
+        Datagrams(f"udp://127.0.0.1:{first.port}")
+    first.close()
+
+
+def test_a_parquet_file_cannot_grow(tmp_path: Path):
+    """Assert that it is sent to where it can be read."""
+    (tmp_path / "log.parquet").write_bytes(b"PAR1")
+    with pytest.raises(RecordingError, match="--stream"):
+        open_source(str(tmp_path / "log.parquet"))

@@ -1,0 +1,121 @@
+"""Bytes of a stream become the samples that a log of the same text holds."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexid.errors import RecordingError
+from flexid.recording.read import read_log
+from flexid.streaming.text_stream import LineReader, sample_time_of, stream_columns
+
+HEADER = "time [ms],motor current [A],link_position [deg],motor_position [rad]"
+ROWS = [
+    f"{2 * k},{np.sin(k):.6f},{10 * np.sin(k / 9):.6f},{0.2 * np.sin(k / 9):.7f}"
+    for k in range(300)
+]
+
+
+def samples_of(text: str, pieces: int = 1, column_map=None, header=None) -> np.ndarray:
+    """Samples of a text that comes in some pieces."""
+    reader, found = LineReader("stream", header), []
+    raw = text.encode()
+    edges = np.linspace(0, len(raw), pieces + 1).astype(int)
+    for first, stop in pairwise(edges):
+        cells = reader.cells(raw[first:stop], ended=stop == len(raw))
+        if cells is not None and reader.layout is not None:
+            found.append(stream_columns("stream", reader.layout, column_map).samples(cells))
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("pieces", [1, 7, 400])
+def test_samples_are_those_of_the_log(tmp_path: Path, pieces: int):
+    """Assert that names and units mean the same in a stream, however its bytes are cut."""
+    text = "\n".join([HEADER, *ROWS]) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    (recording,) = read_log(tmp_path / "log.csv").recordings
+    samples = samples_of(text, pieces)
+    assert recording.input is not None
+    assert recording.link_position is not None
+    np.testing.assert_allclose(samples[:, 0], recording.time, rtol=1e-12)
+    np.testing.assert_allclose(samples[:, 1], recording.link_position, rtol=1e-12)
+    np.testing.assert_allclose(samples[:, 2], recording.motor_position, rtol=1e-12)
+    np.testing.assert_allclose(samples[:, 3], recording.input, rtol=1e-12)
+
+
+def test_a_column_map_means_the_same(tmp_path: Path):
+    """Assert that a map with a gear ratio, a sum and an offset gives what it gives for a log."""
+    raw = [
+        "t;a;b;enc;tau",
+        *(f"{k / 500};{k % 7};{k % 5};{np.sin(k / 30):.6f};{k % 11}" for k in range(300)),
+    ]
+    (tmp_path / "log.csv").write_text("\n".join(raw))
+    (tmp_path / "map.toml").write_text(
+        'time = "t"\ngear_ratio = 100\nmotor_torque = "tau"\n'
+        'motor_position = { column = "enc", unit = "turn" }\n'
+        'link_position = { sum = [ "a", { column = "b", scale = -1 } ], offset = 3,'
+        ' unit = "mrad" }\n'
+    )
+    (recording,) = read_log(tmp_path / "log.csv", tmp_path / "map.toml").recordings
+    samples = samples_of("\n".join(raw), 3, tmp_path / "map.toml")
+    assert recording.input is not None
+    assert recording.link_position is not None
+    np.testing.assert_allclose(samples[:, 1], recording.link_position, atol=1e-15)
+    np.testing.assert_allclose(samples[:, 2], recording.motor_position, rtol=1e-12)
+    np.testing.assert_allclose(samples[:, 3], recording.input, rtol=1e-12)
+
+
+def test_a_line_that_is_no_row_is_a_sample_without_numbers():
+    """Assert that text, a short line and an empty cell are counted as samples, not skipped."""
+    rows = [*ROWS]
+    rows[250], rows[251], rows[252] = "overrun!", "1,2", "504,,0.1,0.2"
+    samples = samples_of("\n".join([HEADER, *rows, "", "# end"]))
+    assert len(samples) == len(ROWS)
+    assert np.isnan(samples[250:252]).all()
+    assert np.isnan(samples[252]).tolist() == [False, False, False, True]
+    assert np.isfinite(np.delete(samples, [250, 251, 252], axis=0)).all()
+
+
+def test_a_header_may_be_given():
+    """Assert that a stream that begins in the midst of it can be read."""
+    whole = samples_of("\n".join([HEADER, *ROWS]))
+    np.testing.assert_array_equal(samples_of("\n".join(ROWS), header=HEADER), whole)
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ("time,link_position,motor_position,x", "no torque, current or voltage"),
+        ("time,foo,bar,motor_torque", "there is no"),
+        ("time,link_position [parsec],motor_position,motor_torque", "parsec"),
+    ],
+)
+def test_columns_that_do_not_do(header: str, words: str):
+    """Assert that a stream that lacks something is refused as its log would be."""
+    with pytest.raises(RecordingError, match=words):
+        samples_of("\n".join([header, *ROWS]))
+
+
+def test_a_line_without_an_end():
+    """Assert that memory is bounded."""
+    with pytest.raises(RecordingError, match="more than 1000000 bytes"):
+        LineReader("stream").cells(b"1" * 1_000_001)
+
+
+def test_too_little():
+    """Assert that a stream that ends at once is said to."""
+    with pytest.raises(RecordingError, match="ended before"):
+        LineReader("stream").cells(b"time,motor_torque\n1,2\n", ended=True)
+
+
+def test_sample_time():
+    """Assert that gaps, repeats and late samples at the beginning do not change it."""
+    time = np.delete(1e-3 * np.arange(200, dtype=np.float64), [20, 21, 22])
+    time[[50, 51]] = time[[51, 50]]
+    time[70] = time[69]
+    assert sample_time_of("stream", time) == pytest.approx(1e-3, rel=1e-3)
+    with pytest.raises(RecordingError, match="unit of the time"):
+        sample_time_of("stream", 20.0 * np.arange(200, dtype=np.float64))
+    with pytest.raises(RecordingError, match="unit of the time"):
+        sample_time_of("stream", np.full(200, np.nan))
