@@ -161,7 +161,9 @@ def plant_model(source: ExportSource) -> FmuModel:
     missing = [name for name in system.coefficients if name not in source.values]
     if missing:
         raise SettingError(
-            "fmu", f"{', '.join(missing)} has no value: export an estimate, or add --sample-time"
+            "fmu",
+            f"the plant needs values of {', '.join(missing)}: export an estimate, or add "
+            f"--sample-time for the online estimator",
         )
     values = {name: float(source.values[name]) for name in system.coefficients}
     variables = (
