@@ -78,6 +78,14 @@ _Bounds = Annotated[
         "motor_viscous_friction=0:). May be repeated.",
     ),
 ]
+_Model = Annotated[
+    str,
+    typer.Option(
+        metavar="WORD",
+        help="Model of the joint: flexible, link (the link alone, driven by the measured motor "
+        "position, without the torque) or rigid (the motor's encoder alone).",
+    ),
+]
 _Terms = Annotated[
     str,
     typer.Option(
@@ -125,6 +133,7 @@ _ValidationShare = Annotated[
 def _settings(
     known: _Known = None,
     bounds: _Bounds = None,
+    model: _Model = "auto",
     terms: _Terms = "auto",
     hold: _Hold = "auto",
     input_delay: _InputDelay = "auto",
@@ -138,6 +147,7 @@ def _settings(
 
     values, deviations = parse_known(known or [])
     return Settings(
+        model=model,  # type: ignore[arg-type] - Settings checks it
         terms="auto" if terms == "auto" else parse_names(terms),
         known=values,
         known_deviations=deviations,

@@ -81,7 +81,7 @@ def examine(
         If the model cannot be fitted from any start.
     """
     result = identify(logs, settings, progress)
-    recordings, _ = prepare(logs, settings.validation_share)
+    recordings, _ = prepare(logs, settings.validation_share, settings.model)
     joint = joint_of(result.model)
     data = data_of(joint, recordings.whole, recordings.groups)
     noise = data.noise * np.array(list(result.residual_excess.values()))

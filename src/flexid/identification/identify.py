@@ -82,7 +82,8 @@ def identify(
     ----------
     logs : sequence of Log
         Of the same drive, with the same kind of input and the same encoders. With one encoder the
-        joint is taken as rigid; without an input the link is identified alone.
+        joint is taken as rigid; without an input the link is identified alone, as if the settings
+        said so.
     settings : Settings, optional
         Choices; see there.
     progress : callable, optional
@@ -104,7 +105,7 @@ def identify(
         If the model cannot be fitted from any start.
     """
     settings = settings or Settings()
-    recordings, dropped = prepare(logs, settings.validation_share)
+    recordings, dropped = prepare(logs, settings.validation_share, settings.model)
     job = job_of(recordings, settings)
     training = data_of(job.joint, recordings.fitted, recordings.groups)
     whole = data_of(job.joint, recordings.whole, recordings.groups)

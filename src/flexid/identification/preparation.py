@@ -1,11 +1,13 @@
 """Logs become recordings of motion, each with an end that is kept out of the fit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
+from typing import Literal
 
 from flexid.errors import RecordingError, SettingError
+from flexid.identification.joint import Kind
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import with_velocities
 
@@ -51,7 +53,9 @@ class SplitRecordings:
         )
 
 
-def prepare(logs: Sequence[Log], share: float) -> tuple[SplitRecordings, tuple[str, ...]]:
+def prepare(
+    logs: Sequence[Log], share: float, model: Kind | Literal["auto"] = "auto"
+) -> tuple[SplitRecordings, tuple[str, ...]]:
     """Collect the recordings that are long enough, and a warning for each that is not.
 
     Parameters
@@ -60,19 +64,23 @@ def prepare(logs: Sequence[Log], share: float) -> tuple[SplitRecordings, tuple[s
         Of the same drive, with the same kind of input.
     share : float
         Share of each recording, at its end, to be held out.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Whose channels are kept; all, if not given.
 
     Raises
     ------
     RecordingError
         If the logs do not go together, or all are too short.
     SettingError
-        If the share leaves too little to test on.
+        If the share leaves too little to test on, or the logs lack a channel of the model.
     """
     check_distinct(logs)
     common_input_unit(logs)
     _check_encoders(logs)
     recordings = [
-        (group, recording) for group, log in enumerate(logs) for recording in log.recordings
+        (group, _seen_by(model, recording))
+        for group, log in enumerate(logs)
+        for recording in log.recordings
     ]
     kept = _long_enough(recordings, share)
     warnings = [
@@ -84,6 +92,25 @@ def prepare(logs: Sequence[Log], share: float) -> tuple[SplitRecordings, tuple[s
     groups, recorded = zip(*(kept or recordings), strict=True)
     starts = tuple(_held_out_start(recording, share) for recording in recorded)
     return SplitRecordings(recorded, starts, groups), tuple(warnings)
+
+
+def _seen_by(model: Kind | Literal["auto"], recording: Recording) -> Recording:
+    """A recording with the channels of a model alone."""
+    if model == "auto":
+        return recording
+    if model != "rigid" and recording.link_position is None:
+        raise SettingError(
+            "model", f"{recording.source} has no link position, which {model} needs: give rigid"
+        )
+    if model != "link" and recording.input is None:
+        raise SettingError(
+            "model", f"{recording.source} has no input, which {model} needs: give link"
+        )
+    if model == "link":
+        return replace(recording, input=None, input_unit="")
+    if model == "rigid":
+        return replace(recording, link_position=None, link_velocity=None)
+    return recording
 
 
 def check_distinct(logs: Sequence[Log]) -> None:

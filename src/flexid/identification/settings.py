@@ -26,7 +26,7 @@ _POSITIVE = POSITIVE | {"motor_inertia", "link_inertia", "inertia", "joint_stiff
 
 _SEEN: dict[Kind, str] = {
     "flexible": "the flexible joint, which two encoders show",
-    "link": "the link alone, which is all that a log without an input shows",
+    "link": "the link alone, which is all that a log shows without its input",
     "rigid": "the rigid joint, which is all that one encoder shows",
 }
 
@@ -39,6 +39,10 @@ class Settings:
 
     Parameters
     ----------
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint: flexible, from both encoders and the input; the link alone, driven by the
+        measured motor position, without the input; or rigid, from the motor's encoder alone.
+        What the log shows, if not given.
     terms : tuple of str, optional
         Terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
         `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder.
@@ -69,6 +73,7 @@ class Settings:
         If a value cannot be used.
     """
 
+    model: Kind | Auto = "auto"
     terms: tuple[str, ...] | Auto = "auto"
     known: Mapping[str, float] = field(default_factory=dict)
     known_deviations: Mapping[str, float] = field(default_factory=dict)
@@ -82,6 +87,7 @@ class Settings:
     validation_share: float = 1 / 3
 
     def __post_init__(self) -> None:
+        _check_choice("model", self.model, ("auto", *_SEEN))
         if self.terms != "auto":
             for term in self.terms:
                 if term not in _TERMS:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexid.errors import SettingError
 from flexid.estimators.streamed_least_squares import Products
 from flexid.identification.alignment import aligned
 from flexid.identification.identify import identify
@@ -75,6 +76,8 @@ def identify_stream(
         If a setting does not suit the log.
     """
     settings = settings or Settings()
+    if settings.model != "auto":
+        raise SettingError("model", "is that of the channels in a stream: leave it")
     progress("reading the head")
     stream = LogStream(path, columns, HEAD_ROWS)
     head = identify([stream.head], settings, progress)

@@ -58,10 +58,11 @@ def model_warnings(error: ModelError, model: Kind) -> Iterator[str]:
             f"make allowance for that"
         )
     elif error.share > 0.0:
+        alone = ", and --model link does without motor and input" if model == "flexible" else ""
         yield (
             f"the residuals are {_times(error)} the sensors' noise, and do not grow as noise of "
             f"the torque would: the drive has something that no term here describes, or the input "
-            f"as recorded is not what acted; the intervals make allowance for that"
+            f"as recorded is not what acted; the intervals make allowance for that{alone}"
         )
 
 

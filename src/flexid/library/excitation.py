@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexid.experiment_design.assessment import CoefficientAssessment
     from flexid.experiment_design.excitation_report import ExcitationReport
     from flexid.library.logs import Columns, Logs
-    from flexid.library.options import AutoHold, AutoNumber, Bounds, Known, Terms
+    from flexid.library.options import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
     from flexid.report.terminal import Part
 
 
@@ -100,6 +100,7 @@ def excitation(
     columns: "Columns | None" = None,
     known: "Known | None" = None,
     bounds: "Bounds | None" = None,
+    model: "AutoModel" = "auto",
     terms: "Terms" = "auto",
     hold: "AutoHold" = "auto",
     input_delay: "AutoNumber" = "auto",
@@ -126,6 +127,9 @@ def excitation(
         have one.
     bounds : mapping of str to (float, float), optional
         Lower and upper end of physical parameters or coefficients, None where there is none.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint: flexible; the link alone, driven by the measured motor position, without the
+        input; or rigid, from the motor's encoder alone. What the log shows, if not given.
     terms : iterable of str, optional
         Terms of the model beside the joint spring: see `flexid.TERMS`.
     hold : {"auto", "zero", "linear", "cubic"}, optional
@@ -167,6 +171,7 @@ def excitation(
         "excitation",
         known=known,
         bounds=bounds,
+        model=model,
         terms=terms,
         hold=hold,
         input_delay=input_delay,

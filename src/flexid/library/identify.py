@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flexid.identification.judgement import Thresholds
     from flexid.identification.settings import Settings
     from flexid.library.logs import Columns, Logs
-    from flexid.library.options import AutoHold, AutoNumber, Bounds, Known, Terms
+    from flexid.library.options import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
 
 
 @entrance
@@ -28,6 +28,7 @@ def identify(
     columns: "Columns | None" = None,
     known: "Known | None" = None,
     bounds: "Bounds | None" = None,
+    model: "AutoModel" = "auto",
     terms: "Terms" = "auto",
     hold: "AutoHold" = "auto",
     input_delay: "AutoNumber" = "auto",
@@ -62,6 +63,9 @@ def identify(
     bounds : mapping of str to (float, float), optional
         Lower and upper end of physical parameters or coefficients, None where there is none:
         ``{"joint_stiffness": (50, None)}``.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint: flexible; the link alone, driven by the measured motor position, without the
+        input; or rigid, from the motor's encoder alone. What the log shows, if not given.
     terms : iterable of str, optional
         Terms of the model beside the joint spring: see `flexid.TERMS`.
     hold : {"auto", "zero", "linear", "cubic"}, optional
@@ -114,6 +118,7 @@ def identify(
         "identify",
         known=known,
         bounds=bounds,
+        model=model,
         terms=terms,
         hold=hold,
         input_delay=input_delay,

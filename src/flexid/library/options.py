@@ -9,6 +9,7 @@ from flexid.errors import ArgumentError
 from flexid.library.checks import kind_of
 
 if TYPE_CHECKING:
+    from flexid.identification.joint import Kind
     from flexid.identification.settings import Settings
     from flexid.recording.recording import Hold
 
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
     Terms: TypeAlias = str | Iterable[str]
     """Names of terms, or "auto"."""
+
+    AutoModel: TypeAlias = Kind | Literal["auto"]
+    """Model of the joint, or "auto"."""
 
     AutoHold: TypeAlias = Hold | Literal["auto"]
     """How the input behaves between samples, or "auto"."""
@@ -33,6 +37,7 @@ def joint_settings(
     *,
     known: Any = None,
     bounds: Any = None,
+    model: Any = "auto",
     terms: Any = "auto",
     hold: Any = "auto",
     validation_share: Any = 1 / 3,
@@ -44,7 +49,7 @@ def joint_settings(
     ----------
     function : str
         Who asks, for messages.
-    known, bounds, terms, hold, validation_share
+    known, bounds, model, terms, hold, validation_share
         As `flexid.identify` takes them.
     **numbers
         The other settings: numbers, or ``"auto"``.
@@ -61,7 +66,10 @@ def joint_settings(
     values, deviations = _known(function, known)
     if not isinstance(hold, str):
         raise ArgumentError(function, "hold", f"is {kind_of(hold)}: give a name such as 'zero'")
+    if not isinstance(model, str):
+        raise ArgumentError(function, "model", f"is {kind_of(model)}: give a name such as 'link'")
     return Settings(
+        model=model,  # type: ignore[arg-type] - Settings checks it
         terms=as_terms(function, terms),
         known=values,
         known_deviations=deviations,
