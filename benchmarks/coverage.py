@@ -1,7 +1,8 @@
 """Measured coverage of the nominal 95 % intervals, by estimator and kind of noise.
 
 Run in the repository: ``python -m benchmarks.coverage --seeds 400 [--only PATTERN]``. It replaces
-the cells that it measures in `coverage.json`, and the tables of `docs/coverage.md`.
+the cells that it measures in `coverage.json`, and the tables of `docs/coverage.md`; what is of
+fewer seeds than a cell that is there is printed only.
 """
 
 import argparse
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, render
+from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, merged, render
 from benchmarks.page_block import with_block
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
@@ -191,8 +192,11 @@ def main() -> None:
     for noise in NOISES:
         measured = measure(noise, names, arguments.seeds)
         old = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else []
-        cells = {(cell["noise"], cell["estimator"]): cell for cell in [*old, *measured]}
-        kept = [cells[n, e] for e in ESTIMATORS for n in NOISES if (n, e) in cells]
+        cells, fewer = merged(old, measured)
+        if fewer:
+            print("Of fewer seeds than what is kept, so not kept:\n\n" + render(fewer))
+        by_key = {(cell["noise"], cell["estimator"]): cell for cell in cells}
+        kept = [by_key[n, e] for e in ESTIMATORS for n in NOISES if (n, e) in by_key]
         RESULTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         page = PAGE.read_text(encoding="utf-8")
         PAGE.write_text(with_block(page, BLOCK, render(kept)), encoding="utf-8")

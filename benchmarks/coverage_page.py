@@ -25,6 +25,19 @@ def render(cells: Sequence[Cell]) -> str:
     return "\n".join(parts)
 
 
+def merged(old: Sequence[Cell], measured: Sequence[Cell]) -> tuple[list[Cell], list[Cell]]:
+    """Cells of both, the measured ones where they are of no fewer seeds; and those that are."""
+    kept = {(cell["noise"], cell["estimator"]): cell for cell in old}
+    fewer = []
+    for cell in measured:
+        key = cell["noise"], cell["estimator"]
+        if key in kept and cell["seeds"] < kept[key]["seeds"]:
+            fewer.append(cell)
+        else:
+            kept[key] = cell
+    return list(kept.values()), fewer
+
+
 def _line(cell: Cell, names: Sequence[str]) -> list[str]:
     shares = [100.0 * cell["held"][name] / cell["seeds"] for name in names]
     widths = [cell["half_width_over_rms_error"][name] / 1.96 for name in names]

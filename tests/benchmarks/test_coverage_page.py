@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, render
+from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, merged, render
 from benchmarks.page_block import block_of, with_block
 
 NOMINAL = (92.0, 98.0)
@@ -31,6 +31,16 @@ def test_a_line_of_the_table():
     lines = render([cell]).splitlines()
     assert lines[0] == "| none | a | b | seeds | width |"
     assert lines[2] == "| a guess | 75.0 | 100.0 | 8 | 1.00–2.00 |"
+
+
+def test_a_trial_of_few_seeds_replaces_nothing():
+    """Assert that cells give way to those of as many seeds, and new ones are added."""
+    old = [{"noise": "white", "estimator": "a", "seeds": 400}]
+    few = {"noise": "white", "estimator": "a", "seeds": 2}
+    new = {"noise": "white", "estimator": "b", "seeds": 2}
+    assert merged(old, [few, new]) == ([*old, new], [few])
+    again = {**old[0], "held": {}}
+    assert merged(old, [again]) == ([again], [])
 
 
 def test_a_page_without_marks_is_refused():
