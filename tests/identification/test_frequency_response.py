@@ -191,6 +191,21 @@ def test_what_is_not_determined_leaves_no_band(estimate):
     assert coefficients["theta2"].verdict == "determined"
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "still"),
+    [("theta2", 0.0, set()), ("beta1", 0.0, {0, 1}), ("alpha1", np.nan, set())],
+)
+def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
+    """Assert that a spring or a gain at zero, and a value that is none, leave a figure."""
+    changed = replace(estimate.result.coefficients[name], value=value, slopes={})
+    coefficients = {**estimate.result.coefficients, name: changed}
+    found = frequency_response(replace(estimate.result, coefficients=coefficients))
+    assert {i for i, r in enumerate(found.responses) if not r.values.any()} == still
+    assert all(np.isinf(found.responses[i].upper).all() for i in still)
+    assert (name in found.unknown) == np.isnan(value)
+    assert bode_figure(found)._repr_png_()  # type: ignore[attr-defined] - in a notebook
+
+
 def test_the_spectral_estimate_is_the_model(estimate, log):
     """Assert that where it is coherent, the log shows what the model says, in size and phase."""
     found = estimate.frequency_response()

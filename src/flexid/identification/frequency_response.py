@@ -154,6 +154,7 @@ def frequency_response(
     for row, name in enumerate(_outputs(joint)):
         values = positions[:, row] * (1.0 if joint.kind == "link" else 1j * omega)
         size, angle = np.abs(values), np.angle(values)
+        moves = bool(size.all())
         responses.append(
             Response(
                 name,
@@ -161,7 +162,7 @@ def frequency_response(
                 "rad/rad" if joint.kind == "link" else f"rad/s/({input_unit})",
                 values,
                 size * band.lower[:, row],
-                size * band.upper[:, row],
+                size * band.upper[:, row] if moves else np.full(len(size), np.inf),
                 angle + band.behind[:, row],
                 angle + band.ahead[:, row],
                 tuple(estimate for estimate in measured if estimate.output == name),

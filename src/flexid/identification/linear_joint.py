@@ -134,13 +134,15 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     # Friction is dry here even where it was smoothed: sliding, it is constant.
     model = replace(described(result, 0, result.choices.shapes), coulomb_velocity=None)
     system = rebuilt(model).unknowns.system
-    found = {name: model.coefficients.get(name, 0.0) for name in system.coefficients}
+    given = {name: model.coefficients.get(name, 0.0) for name in system.coefficients}
+    lost = np.array([not np.isfinite(value) for value in given.values()])
+    found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
     rest = _hanging(found) if position is None else position
     if not np.isfinite(rest):
         raise SettingError("position", f"{rest} is no angle: give it in rad")
     slopes = _slopes(result, tuple(found))
     finite = np.isfinite(np.diag(result.fit.covariance))
-    free = (slopes[:, ~finite] != 0.0).any(axis=1)
+    free = (slopes[:, ~finite] != 0.0).any(axis=1) | lost
     used = (slopes != 0.0).any(axis=0) & finite
     freedom = [n for n, is_used in zip(result.fit.degrees_of_freedom, used, strict=True) if is_used]
     return LinearJoint(

@@ -50,14 +50,25 @@ def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> Band:
     level : float
         Nominal coverage, at each frequency for itself.
     """
-    shape = (len(omega), joint.rows)
     if joint.unknown:
-        nothing, everything = np.zeros(shape), np.full(shape, np.inf)
-        return Band(nothing, everything, -everything, everything)
+        ends = (np.tile(part[:, None], joint.rows) for part in _of_nothing(len(omega)))
+        return Band(*ends)
     response = joint.positions(omega)
-    slopes = joint.logarithmic_slopes(omega)
-    bands = [_of_row(joint, omega, response, slopes, row, level) for row in range(joint.rows)]
+    with np.errstate(divide="ignore", invalid="ignore"):  # of what does not move at all
+        slopes = joint.logarithmic_slopes(omega)
+    bands = [
+        _of_row(joint, omega, response, slopes, row, level)
+        if response[:, row].all()
+        else _of_nothing(len(omega))
+        for row in range(joint.rows)
+    ]
     return Band(*(np.stack(ends, axis=1) for ends in zip(*bands, strict=True)))
+
+
+def _of_nothing(count: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Of a response that is zero: nothing is known of its logarithm."""
+    everything = np.full(count, np.inf)
+    return np.zeros(count), everything, -everything, everything
 
 
 def _of_row(

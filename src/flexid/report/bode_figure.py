@@ -62,14 +62,15 @@ def _draw_response(axes: np.ndarray, described: FrequencyResponse, response: Res
             magnitude.plot(f[strong], np.abs(estimate.values[strong]), label=label, **style)
         phase.plot(f[strong], degrees[strong], **style)
         axes[2].plot(f, sure, color=ORANGE, linewidth=0.8)
-    if not described.unknown:
+    if np.isfinite(response.upper).all():
         label = f"{100 * described.level:g} % band"
         shade = {"color": BLUE, "alpha": 0.3, "linewidth": 0}
         magnitude.fill_between(hertz, response.lower, response.upper, label=label, **shade)
         ends = np.degrees(response.behind + turns), np.degrees(response.ahead + turns)
         phase.fill_between(hertz, *ends, **shade)
-    magnitude.plot(hertz, np.abs(response.values), color=BLUE, label="model")
-    phase.plot(hertz, np.degrees(steady), color=BLUE)
+    if response.values.any():  # a zero has no logarithm
+        magnitude.plot(hertz, np.abs(response.values), color=BLUE, label="model")
+        phase.plot(hertz, np.degrees(steady), color=BLUE)
     magnitude.set_xscale("log")
     magnitude.set_yscale("log")
     phase.yaxis.set_major_locator(MultipleLocator(90))
@@ -83,8 +84,12 @@ def _magnitudes(described: FrequencyResponse) -> tuple[float, float]:
     """Ends of the axis of magnitudes, which the bottom of an antiresonance does not decide."""
     logarithms = np.log(described.frequency)
     evenly = np.linspace(logarithms[0], logarithms[-1], 200)
-    sizes = [np.interp(evenly, logarithms, np.log10(np.abs(r.values))) for r in described.responses]
-    low, high = np.quantile(np.concatenate(sizes), (0.02, 1.0))
+    sizes = [
+        np.interp(evenly, logarithms, np.log10(np.abs(r.values)))
+        for r in described.responses
+        if r.values.all()
+    ]
+    low, high = np.quantile(np.concatenate(sizes), (0.02, 1.0)) if sizes else (-1.0, 1.0)
     return 10 ** (low - _SIDE), 10 ** (high + _SIDE)
 
 
