@@ -77,7 +77,7 @@ def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
         alignment = source.identification.choices.alignment
         late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
         found += [
-            f"the plant does not have the delay of {1e3 * delay:.3g} ms of the {name}: delay the "
+            f"the plant leaves out the delay of the {name}, {1e3 * delay:.3g} ms: shift that "
             f"signal outside"
             for name, delay in late.items()
             if delay

@@ -149,7 +149,7 @@ def frequency_response(
     omega = 2.0 * np.pi * hertz
     band = response_band(joint, omega, level)
     positions = joint.positions(omega)
-    input_name, input_unit = _input(result)
+    input_name, unit = _input(result)
     responses = []
     for row, name in enumerate(_outputs(joint)):
         values = positions[:, row] * (1.0 if joint.kind == "link" else 1j * omega)
@@ -159,7 +159,7 @@ def frequency_response(
             Response(
                 name,
                 input_name,
-                "rad/rad" if joint.kind == "link" else f"rad/s/({input_unit})",
+                unit,
                 values,
                 size * band.lower[:, row],
                 size * band.upper[:, row] if moves else np.full(len(size), np.inf),
@@ -180,11 +180,12 @@ def _outputs(joint: LinearJoint) -> tuple[str, ...]:
 
 
 def _input(result: Identification) -> tuple[str, str]:
-    """Name and unit of the input, which stands in the unit of its gain."""
+    """Name of the input, and the unit of a response to it."""
     if result.model == "link":
-        return "motor position", "rad"
-    unit = result.coefficients["beta1"].unit.removeprefix("rad/s^2/").strip("()")
-    return {"N m": "torque", "A": "current", "V": "voltage"}.get(unit, "input"), unit
+        return "motor position", "rad/rad"
+    per_input = result.coefficients["beta1"].unit.removeprefix("rad/s^2")
+    names = {"/(N m)": "torque", "/A": "current", "/V": "voltage"}
+    return names.get(per_input, "input"), f"rad/s{per_input}"
 
 
 def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:
