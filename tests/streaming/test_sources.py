@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from flexid.errors import RecordingError, SettingError
+from flexid.streaming.follower import Choices, Follower
 from flexid.streaming.sources import Datagrams, Source, open_source
 
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
@@ -142,8 +143,11 @@ def test_a_port_that_is_taken():
     first.close()
 
 
-def test_a_parquet_file_cannot_grow(tmp_path: Path):
-    """Assert that it is sent to where it can be read."""
-    (tmp_path / "log.parquet").write_bytes(b"PAR1")
-    with pytest.raises(RecordingError, match="--stream"):
-        open_source(str(tmp_path / "log.parquet"))
+def test_a_port_that_is_open_to_others_is_warned_of():
+    """Assert that whoever opens one to the network is told so."""
+    follower = Follower("udp://0.0.0.0:0", Choices((), "auto", 20.0, float("inf"), 0.1))
+    turns = follower.turns(1.0)
+    next(turns)
+    turns.close()
+    (warning,) = follower.warnings
+    assert "whoever reaches this machine" in warning

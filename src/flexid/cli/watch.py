@@ -37,8 +37,8 @@ def watch(
         str,
         typer.Argument(
             metavar="SOURCE",
-            help="A text file that may grow, - for standard input, udp://127.0.0.1:PORT, or "
-            "serial:///dev/PORT?baud=RATE.",
+            help="A text file that may grow, - for standard input, udp://127.0.0.1:PORT, "
+            "serial:///dev/PORT?baud=RATE, or an MCAP file or another log, played at its own pace.",
             show_default=False,
         ),
     ],
@@ -100,7 +100,11 @@ def watch(
         float, typer.Option(metavar="SECONDS", help="Time of the stream between two JSON lines.")
     ] = 1.0,
     stop_at_end: Annotated[
-        bool, typer.Option("--stop-at-end", help="Stop at the end of a file; do not wait for more.")
+        bool,
+        typer.Option(
+            "--stop-at-end",
+            help="Stop at the end of a file: do not wait for more, nor play at its own pace.",
+        ),
     ] = False,
     duration: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Stop after so long.")
@@ -182,15 +186,14 @@ def _follow(
     from flexid.report.watch_table import Sparks, live_view
 
     saved = drawn = time.monotonic()
-    warned = False
+    warned = 0
     sparks = Sparks()
     terminal = not as_json and errors.is_terminal
     live = Live(console=errors, transient=True, auto_refresh=False)
     with live if terminal else _nothing():
         for due in follower.turns(every):
-            if follower.warnings and not warned:
-                print_warnings(follower.warnings, errors)
-                warned = True
+            print_warnings(follower.warnings[warned:], errors)
+            warned = len(follower.warnings)
             session, now = follower.session, time.monotonic()
             if due and as_json and session is not None:
                 _print_line(session)

@@ -317,8 +317,9 @@ def watch(
     ----------
     source : str or path, optional
         A text file that may grow, ``"-"`` for standard input, ``"udp://127.0.0.1:9000"`` or
-        ``"serial:///dev/ttyUSB0?baud=921600"``: lines of numbers below a header, as in a log.
-        Iterate over what is returned to follow it. Without a source, feed samples.
+        ``"serial:///dev/ttyUSB0?baud=921600"``: lines of numbers below a header, as in a log. A log
+        of another format, such as MCAP, is played again at its own pace. Iterate over what is
+        returned to follow it. Without a source, feed samples.
     columns : path or mapping, optional
         A column map, as for logs.
     header : str, optional
@@ -341,7 +342,8 @@ def watch(
     every : float, optional
         Seconds of the stream between two turns of an iteration.
     stop_at_end : bool, optional
-        Stop at the end of a file, rather than wait for it to grow.
+        Stop at the end of a file, rather than wait for it to grow; play a log of another format as
+        fast as it can be.
     duration : float, optional
         Seconds after which to stop.
 

@@ -1,24 +1,21 @@
 """From a source to a session: bytes become lines, lines samples, and samples estimates."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.recording.column_map import MapSource
 from flexid.streaming.checkpoint import read_session
+from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
-from flexid.streaming.sources import named, open_source
-from flexid.streaming.text_stream import (
-    HEAD_LINES,
-    LineReader,
-    StreamColumns,
-    sample_time_of,
-    stream_columns,
-)
+from flexid.streaming.sources import Datagrams, open_source
+from flexid.streaming.text_stream import HEAD_LINES, LineReader, sample_time_of
 
 _FEWEST_WITH_SAMPLE_TIME = 8  # lines that are waited for where only the layout is sought
 
@@ -95,7 +92,7 @@ class Follower:
     Parameters
     ----------
     source : str
-        See `flexid.streaming.sources.open_source`.
+        See `flexid.streaming.sources.open_source`; or a log of another format, such as MCAP.
     choices : Choices
         What the user chooses.
     column_map : path, mapping or None, optional
@@ -105,10 +102,10 @@ class Follower:
     checkpoint : Path, optional
         To go on from, if it is there.
     stop_at_end : bool, optional
-        Whether a file ends where it ends, or is waited for to grow.
+        Whether a text file ends where it ends, or is waited for to grow; a log that cannot grow is
+        played again at its own pace, or with this as fast as it can be.
     duration : float, optional
         Seconds on the wall's clock after which to stop.
-
     """
 
     def __init__(
@@ -130,12 +127,25 @@ class Follower:
         self._checkpoint = checkpoint
         self._duration = duration
         self._source = source
+        self._header = header
         self._stop_at_end = stop_at_end
-        fewest = HEAD_LINES if choices.sample_time is None else _FEWEST_WITH_SAMPLE_TIME
-        self._lines = LineReader(named(source), header, fewest)
-        self._columns: StreamColumns | None = None
 
-    def turns(self, every: float) -> Iterator[bool]:
+    def _opened(self) -> Incoming:
+        if is_whole_log(self._source):
+            if self._header is not None:
+                raise SettingError("header", "is for lines of text: leave it out for such a log")
+            return Replay(Path(self._source), self._map, at_once=self._stop_at_end)
+        source = open_source(self._source, stop_at_end=self._stop_at_end)
+        if isinstance(source, Datagrams) and source.is_open_to_others:
+            self.warnings += (
+                f"{source.name}: whoever reaches this machine can send samples: give "
+                f"udp://127.0.0.1:{source.port} to listen to this machine alone",
+            )
+        known = self._choices.sample_time is not None
+        fewest = _FEWEST_WITH_SAMPLE_TIME if known else HEAD_LINES
+        return TextSamples(source, LineReader(source.name, self._header, fewest), self._map)
+
+    def turns(self, every: float) -> Generator[bool]:
         """Take in what comes, until the source ends.
 
         Parameters
@@ -155,25 +165,25 @@ class Follower:
         SettingError
             If the source is none, or the options do not suit it or the checkpoint.
         """
-        source = open_source(self._source, stop_at_end=self._stop_at_end)
+        incoming = self._opened()
         begun = time.monotonic()
-        ended = False
+        samples = np.empty((0, 0))
         try:
-            while not ended:
-                data = source.read()
+            while samples is not None:
                 late = self._duration is not None and time.monotonic() - begun > self._duration
-                ended = data is None or late
-                cells = self._lines.cells(data or b"", ended=ended)
-                if cells is not None and len(cells):
-                    yield from self._take(cells, every)
+                samples = incoming.read(last=late)
+                if samples is not None and len(samples):
+                    if self.session is None:
+                        self.session = self._begun(incoming, samples)
+                    yield from self._take(self.session, samples, every)
                 yield False
+                if late:
+                    return
         finally:
-            source.close()
+            incoming.close()
 
-    def _take(self, cells: FloatArray, every: float) -> Iterator[bool]:
+    def _take(self, session: Session, samples: FloatArray, every: float) -> Iterator[bool]:
         """Feed the session, and stop wherever a report is due."""
-        samples = self._samples(cells)
-        session = self.session = self.session or self._begun(samples)
         between = max(1, round(min(every / session.options.sample_time, 1e15)))
         done = 0
         while done < len(samples):
@@ -183,18 +193,15 @@ class Follower:
             if session.fed % between == 0:
                 yield True
 
-    def _samples(self, cells: FloatArray) -> FloatArray:
-        if self._columns is None:
-            assert self._lines.layout is not None
-            self._columns = stream_columns(self._lines.source, self._lines.layout, self._map)
-            self.warnings = self._columns.warnings
-        return self._columns.samples(cells)
-
-    def _begun(self, samples: FloatArray) -> Session:
-        columns, choices = self._columns, self._choices
-        assert columns is not None
-        sample_time = choices.sample_time or sample_time_of(self._lines.source, samples[:, 0])
+    def _begun(self, incoming: Incoming, samples: FloatArray) -> Session:
+        channels, choices = incoming.channels, self._choices
+        assert channels is not None
+        self.warnings += channels.warnings
+        head = samples[:HEAD_LINES, 0]
         options = choices.options(
-            columns.kind, columns.input_unit, sample_time, from_deflection=columns.from_deflection
+            channels.kind,
+            channels.input_unit,
+            choices.sample_time or sample_time_of(incoming.name, head),
+            from_deflection=channels.from_deflection,
         )
         return opened_session(options, self._checkpoint)

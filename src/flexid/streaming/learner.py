@@ -3,7 +3,7 @@
 The intervals of one filter cover noise, correlated as it is, and nothing else. A model that leaves
 something out gives another answer to another filter, since each sees another part of the motion. So
 a slow and a fast filter run beside the one that is asked, where the hold of the input is not known
-also one with the other hold, and the largest difference counts as a standard deviation.
+also one with the other hold, and twice the largest difference counts as a standard deviation.
 """
 
 import numpy as np
@@ -17,6 +17,11 @@ from flexid.streaming.options import WatchOptions
 
 RATES = (1.0, 0.25, 4.0)
 """Multiples of the filter rate that run side by side; the first is asked."""
+
+WORTH = 2.0
+"""Standard deviations that the largest difference counts as. On 66 random logs of the blind trials'
+families 97 % of the 95 % intervals hold the truth with 2, and 92 % with 1; of drives that no model
+describes, 93 and 87 %."""
 
 States = tuple[FloatArray, ...]
 
@@ -86,4 +91,4 @@ class Learner:
         found = Estimate(
             self.system.coefficients, self.values(states), covariance, tuple(freedom.tolist())
         )
-        return found.widened(np.diag(self.disagreement(states) ** 2))
+        return found.widened(np.diag((WORTH * self.disagreement(states)) ** 2))

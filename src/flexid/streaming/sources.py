@@ -9,7 +9,9 @@ import os
 import select
 import socket
 import sys
+import threading
 import time
+from collections import deque
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Protocol
@@ -24,7 +26,8 @@ TURN = 0.1
 MOST = 1 << 20
 """Bytes that are handed over at once."""
 
-_BUFFER = 4 << 20  # bytes that the system keeps of datagrams while we compute
+_BUFFER = 4 << 20  # bytes that the system keeps of datagrams, if it lets us have so many
+_MOST_WAITING = 1 << 20  # datagrams; beyond it the oldest are lost, which their clock shows
 _BAUD = 115200
 _LOOPBACK = "127.0.0.1"
 
@@ -80,11 +83,6 @@ def open_source(text: str, *, stop_at_end: bool = False) -> Source:
     )
 
 
-def named(text: str) -> str:
-    """A source as messages name it."""
-    return StandardInput.name if text == "-" else shown(Path(text)) if "://" not in text else text
-
-
 class GrowingFile:
     """A text file that a recorder is still writing.
 
@@ -99,10 +97,6 @@ class GrowingFile:
     def __init__(self, path: Path, *, stop_at_end: bool) -> None:
         self.name = shown(path)
         check_file(path, "a log as text", lambda reason: RecordingError(self.name, "", reason))
-        if path.suffix.lower() in (".parquet", ".pq"):
-            raise RecordingError(
-                self.name, "", "a Parquet file cannot grow: give it to flexid identify --stream"
-            )
         self._stop_at_end = stop_at_end
         try:
             self._file = path.open("rb", buffering=0)
@@ -152,6 +146,9 @@ class StandardInput:
 class Datagrams:
     """Lines in UDP datagrams, one or more whole ones in each.
 
+    A thread takes them from the system, whose room is small, while the rest compiles, computes or
+    prints.
+
     Parameters
     ----------
     text : str
@@ -185,27 +182,34 @@ class Datagrams:
         """Where it listens, of use where port 0 left the choice to the system."""
         self.is_open_to_others = not address.is_loopback
         """Whether other machines can send to it."""
+        self._came: deque[bytes] = deque(maxlen=_MOST_WAITING)
+        self._some = threading.Event()
+        self._closed = False
+        self._thread = threading.Thread(target=self._receive, daemon=True)
+        self._thread.start()
 
     def read(self) -> bytes | None:
         """Lines of the datagrams that came."""
-        found: list[bytes] = []
-        size = 0
-        try:
-            while size < MOST:
-                found.append(self._received())
-                size += len(found[-1])
-                self._socket.settimeout(0.0)  # what is there already
-        except (TimeoutError, BlockingIOError):
-            pass
-        self._socket.settimeout(TURN)
-        return b"".join(found)
+        self._some.wait(TURN)
+        self._some.clear()
+        lines = []
+        while self._came:
+            data = self._came.popleft()
+            lines.append(data if data.endswith(b"\n") else data + b"\n")
+        return b"".join(lines)
 
-    def _received(self) -> bytes:
-        data = self._socket.recv(65536)
-        return data if data.endswith(b"\n") else data + b"\n"
+    def _receive(self) -> None:
+        while not self._closed:
+            try:
+                self._came.append(self._socket.recv(65536))
+                self._some.set()
+            except OSError:  # nothing for a while; or, on some systems, an answer to nobody
+                continue
 
     def close(self) -> None:
         """Listen no longer."""
+        self._closed = True
+        self._thread.join()
         self._socket.close()
 
 

@@ -6,18 +6,18 @@ which is counted.
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.channel import INPUTS, Channel
+from flexid.recording.channel import Channel
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
 from flexid.recording.layout import BLANK, COMMENTS, LONGEST_LINE, Layout, layout_of
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.table import Table
+from flexid.streaming.channels import StreamChannels, chosen_channels
 
 HEAD_LINES = 200
 """Lines at the beginning from which layout and sample time are taken."""
@@ -35,22 +35,13 @@ class StreamColumns:
     weights : array, shape (n_values, n_columns)
         In SI units; the values are time, positions and input.
     offsets : array, shape (n_values,)
-    kind : {"flexible", "rigid"}
-        Whether there are two encoders or one.
-    input_unit : str
-        Of the input.
-    from_deflection : bool
-        Whether the first position is the joint's deflection.
-    warnings : tuple of str
-        What was assumed.
+    channels : StreamChannels
+        What the values are.
     """
 
     weights: FloatArray
     offsets: FloatArray
-    kind: Literal["flexible", "rigid"]
-    input_unit: str
-    from_deflection: bool
-    warnings: tuple[str, ...]
+    channels: StreamChannels
 
     def samples(self, cells: FloatArray) -> FloatArray:
         """Samples, shape (n, n_values), from cells, shape (n, n_columns)."""
@@ -85,24 +76,11 @@ def stream_columns(source: str, layout: Layout, column_map: MapSource | None) ->
     frame = pl.DataFrame({name: ["0"] for name in names})
     table = Table(source, f"line {layout.header_line}", layout.first_line, "line", frame, "")
     channels, warnings = read_channels(table, column_map)
-    drive = next((name for name in INPUTS if name in channels), None)
-    if drive is None:
-        raise RecordingError(
-            source,
-            "input",
-            "no torque, current or voltage is among the columns, and nothing can be learnt of the "
-            "motor without it: send it too",
-        )
-    link = next((name for name in ("deflection", "link_position") if name in channels), None)
-    positions = ["motor_position"] if link is None else [link, "motor_position"]
-    chosen = [channels[name] for name in ("time", *positions, drive)]
+    chosen, meant = chosen_channels(source, channels, warnings)
     return StreamColumns(
         np.array([_weights(channel, names) for channel in chosen]),
         np.array([channel.origin.offset for channel in chosen]),
-        "rigid" if link is None else "flexible",
-        channels[drive].unit,
-        link == "deflection",
-        warnings,
+        meant,
     )
 
 

@@ -1,0 +1,95 @@
+"""Whole logs that are played again."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from moving_joint import LINK, MOTOR, OPTIONS, TIME, TORQUE, H, same, stream, watched
+
+from flexid.errors import RecordingError, SettingError
+from flexid.streaming.follower import Choices, Follower
+from flexid.streaming.incoming import Replay
+
+NAMES = {"time": TIME, "link_position": LINK, "motor_position": MOTOR, "motor_torque": TORQUE}
+CHOICES = Choices(OPTIONS.terms, "linear", 20.0, np.inf, 0.1, H)
+
+
+def written(path: Path, samples: np.ndarray) -> Path:
+    """The samples as a Parquet file."""
+    pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()}).write_parquet(path)
+    return path
+
+
+def test_a_whole_log_is_watched_as_its_samples_are(tmp_path: Path):
+    """Assert that playing a log at once is feeding it."""
+    samples = stream(3.0)
+    follower = Follower(str(written(tmp_path / "log.parquet", samples)), CHOICES, stop_at_end=True)
+    reports = sum(follower.turns(1.0))
+    assert reports == 3
+    assert follower.session is not None
+    assert same(follower.session, watched(samples))
+
+
+def test_an_mcap_file_is_watched(tmp_path: Path):
+    """Assert the same of joint states in an MCAP file, with a column map for their topics."""
+    pytest.importorskip("mcap", reason="mcap is not installed")
+    import json
+
+    from mcap.writer import Writer
+
+    samples = stream(1.0)
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("drive", "jsonschema", b'{"type": "object"}')
+        channel = writer.register_channel("drive", "json", schema)
+        for t, link, motor, torque in samples:
+            message = json.dumps({"link": link, "motor": motor, "torque": torque}).encode()
+            stamp = round(1e9 * t)
+            writer.add_message(channel, stamp, message, stamp)
+        writer.finish()
+    columns = {
+        "link_position": {"column": "drive.link", "unit": "rad"},
+        "motor_position": {"column": "drive.motor", "unit": "rad"},
+        "motor_torque": {"column": "drive.torque", "unit": "N m"},
+    }
+    replay = Replay(path, columns, at_once=True)
+    found = replay.read(last=False)
+    assert found is not None
+    np.testing.assert_allclose(found[:, 1:], samples[:, 1:], rtol=1e-12)
+    np.testing.assert_allclose(np.diff(found[:, 0]), H, rtol=1e-6)
+    assert replay.read(last=False) is None
+
+
+def test_its_own_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that samples come when they came: none of a later time, and in the end all."""
+    clock = [100.0]
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "sleep", sleep)
+    samples = stream(1.0)
+    replay = Replay(written(tmp_path / "log.parquet", samples), None, at_once=False)
+    taken = 0
+    while (found := replay.read(last=False)) is not None:
+        taken += len(found)
+        assert samples[taken - 1, TIME] <= clock[0] - 100.0 + 1e-9
+    assert taken == len(samples)
+    assert clock[0] - 100.0 == pytest.approx(1.1, abs=0.11)
+
+
+def test_what_cannot_be_played(tmp_path: Path):
+    """Assert that a log without an input, and a header for one, are refused."""
+    log = tmp_path / "log.parquet"
+    pl.DataFrame(
+        {"time": [0.0, 1.0], "link_position": [0.0, 1.0], "motor_position": [0.0, 1.0]}
+    ).write_parquet(log)
+    with pytest.raises(RecordingError, match="send it too"):
+        Replay(log, None, at_once=True)
+    with pytest.raises(SettingError, match="leave it out"):
+        next(iter(Follower(str(log), CHOICES, header="time").turns(1.0)))
