@@ -1,7 +1,7 @@
 """What `flexid watch` is worth: its intervals on random logs, and the samples it takes a second.
 
 ``python -m benchmarks.watching --seeds 3`` prints both tables. The logs are those of the blind
-trials, drawn with seeds of their own; the watch is told of nothing but the terms, or not even that.
+trials, drawn with seeds of their own; the watch is given the terms, or not even these.
 """
 
 import argparse
@@ -40,7 +40,7 @@ def watched(trial: Trial, terms: tuple[str, ...]) -> Session:
     return session
 
 
-def coverage(seeds: int, *, told: bool) -> None:
+def coverage(seeds: int, *, with_terms: bool) -> None:
     """Print, for each family, the share of intervals that hold the truth, and the health."""
     totals: defaultdict[str, list[int]] = defaultdict(lambda: [0, 0])
     print("family | held | of | half width, % | error, % | health at the end | changes")
@@ -48,7 +48,7 @@ def coverage(seeds: int, *, told: bool) -> None:
         held, widths, errors, healths, changes = [], [], [], [], 0
         for seed in range(_FIRST_SEED, _FIRST_SEED + seeds):
             trial = make_trial(family, seed)
-            session = watched(trial, trial.terms if told else USUAL_TERMS)
+            session = watched(trial, trial.terms if with_terms else USUAL_TERMS)
             healths.append(session.health.health.words)
             changes += session.n_changes
             for name, claim in session.parameters(session.coefficients).items():
@@ -133,14 +133,14 @@ for k in range(n):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--told", action="store_true", help="say the terms that act")
+    parser.add_argument("--with-terms", action="store_true", help="give the terms that act")
     parser.add_argument("--rates", action="store_true", help="measure the rates alone")
     wanted = parser.parse_args()
     for name, microseconds in rates():
         print(f"{name}: {microseconds:.1f} us a sample, {1e3 / microseconds:.0f} kHz", flush=True)
     datagrams(10)
     if not wanted.rates:
-        coverage(wanted.seeds, told=wanted.told)
+        coverage(wanted.seeds, with_terms=wanted.with_terms)
 
 
 if __name__ == "__main__":

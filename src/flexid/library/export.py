@@ -79,8 +79,8 @@ def export(
         Seconds after which a sample weighs 1/e as much; 60 if not given, infinite if ``inf``.
     log : log, optional
         Motion for the test vector, as `flexid.read_log` takes it.
-    columns : path, optional
-        A TOML column map for the log.
+    columns : path or mapping, optional
+        A column map for the log, as `flexid.identify` takes it.
     terms : iterable of str, optional
         Terms of ``"flexible-joint"``; the paper's if not given.
 

@@ -1,4 +1,4 @@
-"""What an estimation beside a drive is told: the model, the clock, the filter, the memory."""
+"""What an estimation beside a drive is given: the model, the clock, the filter, the memory."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
