@@ -1,4 +1,4 @@
-"""Exported drives for the tests: written once, compiled as a user would, with what is there."""
+"""Exported drives for the tests: compiled as a user would, with what is installed."""
 
 import shutil
 import subprocess
@@ -6,10 +6,40 @@ from pathlib import Path
 
 import pytest
 
+HERE = Path(__file__).parent
+
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-pedantic")
 STRICT = ("-std=c99", *WARNINGS)
 
+PRECISIONS = {"double": "-UFLEXID_FLOAT", "float": "-DFLEXID_FLOAT"}
+"""The definition that makes each."""
+
+CORTEX_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
+
 LOG = Path("examples/flexible_joint.csv")
+
+DRIVES = {
+    "least squares, encoders": {"log": LOG},
+    "least squares, encoders, straight lines": {"sample_time": 1e-3, "hold": "linear"},
+    "least squares, velocities": {"sample_time": 1e-3, "velocities": True},
+    "constant gain": {
+        "sample_time": 1e-3,
+        "velocities": True,
+        "gain": {"link": 1.0, "motor": 2.0},
+    },
+    "velocities from positions": {
+        "sample_time": 1e-3,
+        "terms": ("gravity", "motor_viscous", "motor_coulomb"),
+        "filter_rate": 50.0,
+    },
+}
+"""Options of an export, for every kind of estimator."""
+
+MAIN = "least squares, encoders"
+"""The one that belongs to the example log."""
+
+CASES = [(MAIN, "double"), *((name, "float") for name in DRIVES)]
+"""What is analysed: a double build differs in its type and six numbers."""
 
 
 def tool(name: str) -> str:
@@ -20,7 +50,7 @@ def tool(name: str) -> str:
     return found
 
 
-def run(*command: str | Path, cwd: Path | None = None, timeout: float = 300.0) -> str:
+def run(*command: str | Path, cwd: Path | None = None, timeout: float = 240.0) -> str:
     """What a command prints; it must end well."""
     done = subprocess.run(
         [str(part) for part in command], cwd=cwd, capture_output=True, text=True, timeout=timeout
@@ -31,15 +61,26 @@ def run(*command: str | Path, cwd: Path | None = None, timeout: float = 300.0) -
 
 def compiled(compiler: str, directory: Path, *options: str, out: Path) -> Path:
     """The example of an exported drive, compiled."""
+    sources = [directory / "example_main.c", directory / "flexid_drive.c"]
+    run(tool(compiler), *STRICT, "-O2", *options, *sources, "-lm", "-o", out)
+    return out
+
+
+def compiled_for_cortex_m(main: Path, directory: Path, *options: str, out: Path) -> Path:
+    """A program for QEMU's mps2-an386, with an exported drive."""
+    board = HERE / "cortex_m"
     run(
-        tool(compiler),
-        *STRICT,
-        "-O2",
-        *options,
-        directory / "example_main.c",
-        directory / "flexid_drive.c",
-        "-lm",
-        "-o",
-        out,
+        tool("arm-none-eabi-gcc"),
+        *(*CORTEX_M4F, *STRICT, "-O2", "-fno-math-errno", *options, "--specs=rdimon.specs"),
+        *("-T", board / "mps2.ld", f"-I{directory}"),
+        *(board / "startup.c", main, directory / "flexid_drive.c", "-lm", "-o", out),
     )
     return out
+
+
+def run_on_cortex_m(program: Path, *options: str) -> str:
+    """What a program prints on an emulated Cortex-M4F; it must return 0."""
+    board = ("-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none")
+    semihosting = ("-semihosting-config", "enable=on,target=native")
+    qemu = tool("qemu-system-arm")
+    return run(qemu, *board, *semihosting, *options, "-kernel", program, timeout=120.0)

@@ -22,6 +22,7 @@ _RECENT_TIME = 0.5  # s, where there is no filter
 _SLACK = 0.01  # unexplained part of the recent left-hand sides that contradicts nothing
 _UNUSUAL = 10.0  # and how many times the usual part
 _STANDSTILL = 0.01  # part of the mean square below which a motion says nothing against a model
+_PATIENCE = 8  # times as long before what is still open is open because of the motion
 _SLOWEST = 0.1  # 1/s; an observer that converges more slowly is not excited
 
 _SETTING = dict[str, tuple[float, float]]  # name: value in double, in float
@@ -120,15 +121,24 @@ class DriveSource:
     def _placeholders(self) -> dict[str, str]:
         system, names = self.system, self.names
         last = len(self.sample_names) - 1
+        places = [0, *(part.stop for _, part in system.row_slices())]
         start = self.twin.coefficients(self.twin.init(self.settings.start)).tolist()
         values = {
-            "rate": repr(1.0 / self.settings.sample_time),
             "float_macros": _macros(self._calls, "f"),
             "double_macros": _macros(self._calls, ""),
             "settings": self._settings_text(),
             "start": _entries(
-                (_real(value), f"{name}, {self._unit(name)}")
-                for name, value in zip(system.coefficients, start, strict=True)
+                (
+                    (_real(value), f"{name}, {self._unit(name)}")
+                    for name, value in zip(system.coefficients, start, strict=True)
+                ),
+                indent="        ",
+            ),
+            "row_starts": ", ".join(f"{place}U" for place in places),
+            "turns": template_text(
+                "turns_all.c"
+                if self.settings.velocities or len(system.rows) == 1
+                else "turns_float.c"
             ),
             "model_functions": self._model_functions(),
             "latest": "\n".join(
@@ -140,9 +150,11 @@ class DriveSource:
         }
         if isinstance(self.twin, ParametricObserver):
             gains = zip(system.coefficients, self.twin.gains.tolist(), strict=True)
-            values["gains"] = _entries((_real(gain), f"of {name}") for name, gain in gains)
+            entries = ((_real(gain), f"of {name}") for name, gain in gains)
+            values["gains"] = _entries(entries, indent="        ")
         elif not self.settings.velocities:
             half = self.twin.law.half_window
+            values["held"] = ", ".join("true" if h else "false" for h in self.functions.held)
             values["middle_state"] = template_text(
                 "middle_slopes.c" if half else "middle_positions.c"
             )
@@ -171,18 +183,8 @@ class DriveSource:
         return "rad/s" if name in self.system.states[1::2] else "rad"
 
     def _model_functions(self) -> str:
-        counts = [len(row.coefficients) for row in self.system.rows]
-        starts = ", ".join(f"{sum(counts[:i])}U" for i in range(len(counts) + 1))
-        lines = [f"static const uint32_t ROW_START[FLEXID_ROWS + 1U] = {{{starts}}};"]
-        if not self.settings.velocities:
-            held = ", ".join("true" if h else "false" for h in self.functions.held)
-            lines += [
-                "",
-                "/* Which signals an input occurs in, so that its hold matters. */",
-                f"static const bool HELD[FLEXID_SIGNALS] = {{{held}}};",
-            ]
         sign = "sign_of(" in self.functions.source
-        return "\n".join([*lines, "", *([template_text("sign.c")] * sign), self.functions.source])
+        return "\n".join([*([template_text("sign.c")] * sign), self.functions.source])
 
     def _estimates_text(self) -> str:
         lines = []
@@ -205,7 +207,7 @@ class DriveSource:
             numbers["SLOWEST"] = (_SLOWEST, _SLOWEST)
         else:
             law = self.twin.law
-            counts["FEWEST"] = law.fewest
+            counts |= {"FEWEST": law.fewest, "PATIENCE": _PATIENCE * law.fewest}
             kept = (1.0 - law.fading) * law.least_information
             numbers |= {
                 "FADING": (law.fading, law.fading),
@@ -215,7 +217,7 @@ class DriveSource:
                 "LEAST_TOLERANCE": (law.least_tolerance, law.least_tolerance),
                 "LEAST_EXPLAINED": (law.least_explained, law.least_explained),
                 "LEAST_DIAGONAL": (1e-200, 1e-30),
-                "LEAST_SQUARE": (1e-300, 1e-30),
+                "LEAST_SQUARE": (1e-16, 1e-7),
                 "SLACK": (_SLACK, _SLACK),
                 "UNUSUAL": (_UNUSUAL, _UNUSUAL),
                 "STANDSTILL": (_STANDSTILL, _STANDSTILL),
@@ -229,6 +231,7 @@ class DriveSource:
                     weight = half * (half + 1) * (2 * half + 1) / 3.0
                     numbers["SLOPE_WEIGHT"] = (weight, weight)
                 numbers |= {
+                    "SAMPLES_PER_SECOND": (1.0 / h, 1.0 / h),
                     "POLE": (law.pole, law.pole),
                     "ONE_LESS_POLE": (1.0 - law.pole, 1.0 - law.pole),
                     "LEAST_PIVOT": (1e-12, 1e-6),
@@ -253,16 +256,18 @@ _MEANINGS = {
     "LEAST_TOLERANCE": "part of a regressor's square that the others must leave over",
     "LEAST_EXPLAINED": "part of a left-hand side that a row must explain",
     "LEAST_DIAGONAL": "below it a sum of squares is none",
-    "LEAST_SQUARE": "least diagonal of a factor, squared",
+    "LEAST_SQUARE": "part of A[i][i] that a factor's diagonal has at least, squared",
     "SLACK": "unexplained part of the latest left-hand sides that contradicts nothing",
     "UNUSUAL": "and how many times the usual part",
     "STANDSTILL": "part of the mean square below which a motion contradicts nothing",
+    "SAMPLES_PER_SECOND": "1/h, 1/s",
     "POLE": "of the filter lambda^2/(s + lambda)^2, exp(-lambda h)",
     "ONE_LESS_POLE": "1 - POLE",
     "LEAST_PIVOT": "part of the other past unknown's square that one must have",
     "RECENT": "weight of the latest sample in what is called recent",
     "SLOWEST": "1/s; where r^T G r is less, nothing converges",
     "FEWEST": "equations before anything is called determined",
+    "PATIENCE": "equations after which what is still open is open because of the motion",
     "MEMORY": "equations after which the filter remembers nothing of the time before a gap",
     "HALF_WINDOW": "samples to either side that a velocity is the slope over",
     "SLOPE_WEIGHT": "sum of squares of the distances that a slope is taken over",
@@ -288,11 +293,11 @@ def _real(value: float) -> str:
     return f"REAL({value!r})" if value >= 0.0 else f"(-REAL({-value!r}))"
 
 
-def _entries(values: Iterable[tuple[str, str]]) -> str:
+def _entries(values: Iterable[tuple[str, str]], indent: str = "    ") -> str:
     pairs = list(values)
     last = len(pairs) - 1
     return "\n".join(
-        f"    {value}{',' if i < last else ''} /* {comment(text)} */"
+        f"{indent}{value}{',' if i < last else ''} /* {comment(text)} */"
         for i, (value, text) in enumerate(pairs)
     )
 

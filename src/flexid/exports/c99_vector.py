@@ -11,13 +11,13 @@ from flexid.exports.c99_source import DriveSource
 
 _CHECKS = 50
 _AFTER_MEMORY = 1000  # samples
-_MEMORY = 20.0  # time constants of the filter
+_SPAN = 40.0  # time constants of the filter
 _TONES = 3
 _ACCELERATION = 10.0  # rad/s^2, that the input causes by itself
 _SEED = 12
-_SETTLED = 100  # samples
 _ALLOWED_DOUBLE, _ALLOWED_FLOAT = 1e-12, 1e-4
-_MARGIN_DOUBLE, _MARGIN_FLOAT = 30.0, 100.0  # over what rounding otherwise does
+_WELL_CONDITIONED = 30.0  # times what rounding the samples does; where it does more,
+_MARGIN = 1000.0  # the sums, which have that many terms, are rounded, too
 _SHORTEST_LOG = 100  # samples
 
 
@@ -28,7 +28,7 @@ def made_samples(drive: DriveSource) -> FloatArray:
     they are no motion of the model, and least squares has an answer all the same.
     """
     h, rate = drive.settings.sample_time, drive.settings.filter_rate
-    n = int(np.ceil(_MEMORY / (rate * h))) + _AFTER_MEMORY
+    n = int(np.ceil(_SPAN / (rate * h))) + _AFTER_MEMORY
     time = h * np.arange(n, dtype=np.float64)
     rng = np.random.default_rng(_SEED)
     inputs, _ = _sines(time, rate, rng, len(drive.system.inputs))
@@ -98,17 +98,16 @@ def vector_text(drive: DriveSource, samples: FloatArray) -> str:
     scale = np.abs(history.coefficients[places]).max(axis=0)
     scale[scale == 0.0] = 1.0
 
-    def allowed(rounded: FloatArray, least: float, margin: float) -> float:
+    def allowed(rounded: FloatArray, least: float) -> float:
         """What another way of rounding may do to the estimates."""
         found = drive.twin.replay(start, rounded).coefficients
         off = np.abs(found - history.coefficients)[places] / scale
-        return max(least, margin * float(off.max()))
+        change = float(off.max())
+        return least if change <= least / _WELL_CONDITIONED else _MARGIN * change
 
     ulps = np.random.default_rng(_SEED).choice([-1.0, 1.0], samples.shape)
-    double = allowed(
-        samples * (1.0 + ulps * np.finfo(np.float64).eps), _ALLOWED_DOUBLE, _MARGIN_DOUBLE
-    )
-    single = allowed(samples.astype(np.float32).astype(np.float64), _ALLOWED_FLOAT, _MARGIN_FLOAT)
+    double = allowed(samples * (1.0 + ulps * np.finfo(np.float64).eps), _ALLOWED_DOUBLE)
+    single = allowed(samples.astype(np.float32).astype(np.float64), _ALLOWED_FLOAT)
     rows = "\n".join(
         f"    {{{', '.join(f'V({number!r})' for number in sample)}}},"
         for sample in samples.tolist()
@@ -126,9 +125,8 @@ def vector_text(drive: DriveSource, samples: FloatArray) -> str:
 #define N_SAMPLES {n}U
 #define N_CHECKS {len(places)}U
 
-/* How much an estimate may differ, relative to SCALE: {_ALLOWED_DOUBLE:g} and
- * {_ALLOWED_FLOAT:g}, or {_MARGIN_DOUBLE:g} and {_MARGIN_FLOAT:g} times the
- * difference in Python when samples are rounded otherwise. */
+/* How much an estimate may differ, relative to SCALE. More than {_ALLOWED_DOUBLE:g} and
+ * {_ALLOWED_FLOAT:g} only where the estimates hang on how the samples are rounded. */
 #if defined(FLEXID_FLOAT)
 #define V(x) (x##f)
 #define ALLOWED {single!r}
@@ -167,7 +165,7 @@ def _first_check(drive: DriveSource, history: History) -> int:
         return n // 4
     open_ = np.flatnonzero(history.status != Status.USED)
     determined = int(open_[-1]) + 1 if len(open_) else 0
-    settled = _memory(drive) + _SETTLED
+    settled = 2 * _memory(drive)
     return min(max(settled, determined if determined < n else 3 * n // 4), n - 1)
 
 

@@ -15,12 +15,7 @@ $float_macros
 $double_macros
 #endif
 
-#define SAMPLES_PER_SECOND REAL($rate) /* 1/h */
 $settings
-
-static const flexid_real START[FLEXID_COEFFICIENTS] = {
-$start
-};
 
 $model_functions
 /* Whether a number is one, and of a size that squares do not overflow at; false for NaN. */
@@ -32,14 +27,18 @@ static bool is_usable(flexid_real number)
 uint32_t flexid_checksum(const flexid_state *state)
 {
     const unsigned char *const byte = (const unsigned char *)state;
-    uint32_t sum = 0xFFFFFFFFUL;
+    uint32_t sum = 0xFFFFFFFFU;
     for (uint32_t i = 0U; i < (uint32_t)sizeof(flexid_state); ++i) {
-        sum ^= byte[i];
+        sum ^= (uint32_t)byte[i];
         for (uint32_t bit = 0U; bit < 8U; ++bit) {
-            sum = ((sum & 1U) != 0U) ? ((sum >> 1U) ^ 0xEDB88320UL) : (sum >> 1U);
+            const bool odd = (sum & 1U) != 0U;
+            sum >>= 1U;
+            if (odd) {
+                sum ^= 0xEDB88320U;
+            }
         }
     }
-    return sum ^ 0xFFFFFFFFUL;
+    return sum ^ 0xFFFFFFFFU;
 }
 
 bool flexid_restore(flexid_state *state, uint32_t checksum)

@@ -1,18 +1,17 @@
 
 /* ---- The observer with constant gain, eqs. (2)-(3), sampled --------------------------------- */
 
-static const flexid_real GAIN[FLEXID_COEFFICIENTS] = { /* G: the paper's c1 and c2 */
-$gains
-};
-
 void flexid_init(flexid_state *state)
 {
+    static const flexid_real start[FLEXID_COEFFICIENTS] = {
+$start
+    };
     state->version = FLEXID_VERSION;
     state->health = (uint32_t)FLEXID_CONVERGING;
     state->samples = 0U;
     state->spare = 0U;
     for (uint32_t i = 0U; i < FLEXID_COEFFICIENTS; ++i) {
-        state->value[i] = START[i];
+        state->value[i] = start[i];
     }
     for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) {
         state->before[i] = REAL(0.0);
@@ -37,21 +36,25 @@ void flexid_gap(flexid_state *state)
 static void update_row(
     flexid_state *state, uint32_t j, const flexid_real end[], flexid_real velocity)
 {
+    static const uint32_t row_start[FLEXID_ROWS + 1U] = {$row_starts};
+    static const flexid_real gain[FLEXID_COEFFICIENTS] = { /* G: the paper's c1 and c2 */
+$gains
+    };
     flexid_real rate = REAL(0.0);
     flexid_real predicted = REAL(0.5) * (state->before[FLEXID_COEFFICIENTS + j] +
                                          end[FLEXID_COEFFICIENTS + j]);
-    flexid_real middle[FLEXID_COEFFICIENTS];
-    for (uint32_t i = ROW_START[j]; i < ROW_START[j + 1U]; ++i) {
-        middle[i] = REAL(0.5) * (state->before[i] + end[i]);
-        rate += GAIN[i] * middle[i] * middle[i];
-        predicted += middle[i] * state->value[i];
+    for (uint32_t i = row_start[j]; i < row_start[j + 1U]; ++i) {
+        const flexid_real middle = REAL(0.5) * (state->before[i] + end[i]);
+        rate += gain[i] * middle * middle;
+        predicted += middle * state->value[i];
     }
     const flexid_real s = SAMPLE_TIME * rate;
     const flexid_real innovation = (velocity - state->latest[(2U * j) + 1U]) - (SAMPLE_TIME * predicted);
     const flexid_real correction = innovation * (REAL(1.0) + (REAL(0.5) * s)) /
                                    (REAL(1.0) + (s * (REAL(1.0) + (REAL(0.5) * s))));
-    for (uint32_t i = ROW_START[j]; i < ROW_START[j + 1U]; ++i) {
-        state->value[i] += GAIN[i] * middle[i] * correction;
+    for (uint32_t i = row_start[j]; i < row_start[j + 1U]; ++i) {
+        const flexid_real middle = REAL(0.5) * (state->before[i] + end[i]);
+        state->value[i] += gain[i] * middle * correction;
     }
     state->innovation[j] = innovation;
     state->convergence_rate[j] += RECENT * (rate - state->convergence_rate[j]);

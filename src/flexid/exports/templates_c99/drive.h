@@ -20,10 +20,10 @@ extern "C" {
 
 #if defined(FLEXID_FLOAT)
 typedef float flexid_real;
-#define FLEXID_VERSION ${version_float}UL
+#define FLEXID_VERSION ${version_float}U
 #else
 typedef double flexid_real;
-#define FLEXID_VERSION ${version_double}UL
+#define FLEXID_VERSION ${version_double}U
 #endif
 
 $sizes

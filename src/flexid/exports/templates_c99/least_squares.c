@@ -2,10 +2,10 @@
 /* ---- Least squares: A <- mu A + r r^T + (1 - mu) F, b <- mu b + r y + (1 - mu) F p,
  *      p <- p + (A + rho)^-1 (b - A p) -------------------------------------------------------- */
 
-/* A scaled to a unit diagonal, plus the ridge rho, as L L^T. */
+/* A with its diagonal 1 + rho times as large, as L L^T. */
 typedef struct {
-    flexid_real scale[FLEXID_WIDTH];
     flexid_real lower[FLEXID_TRIANGLE];
+    flexid_real inverse[FLEXID_WIDTH]; /* of L's diagonal; 0 where nothing is known */
 } factors;
 
 /* sum <- mu sum + more, with what rounding takes kept for the next time (Kahan). */
@@ -20,127 +20,144 @@ static void accumulate(flexid_total *total, flexid_real more)
 static void add_equation(
     flexid_row *row, uint32_t n, uint32_t m, const flexid_real regressor[], flexid_real target)
 {
+    uint32_t place = 0U;
     for (uint32_t i = 0U; i < m; ++i) {
+        const flexid_real square = regressor[i] * regressor[i];
         flexid_real kept = REAL(0.0);
+        for (uint32_t k = 0U; k < i; ++k) {
+            accumulate(&row->matrix[place], regressor[i] * regressor[k]);
+            ++place;
+        }
         if (i < n) { /* F: never forgotten, drawn to where the estimate is */
-            const flexid_real square = regressor[i] * regressor[i];
-            row->peak[i] = larger(row->peak[i], row->matrix[at(i, i)].sum + square);
+            row->peak[i] = larger(row->peak[i], row->matrix[place].sum + square);
             kept = KEPT * row->peak[i];
         }
-        for (uint32_t k = 0U; k < i; ++k) {
-            accumulate(&row->matrix[at(i, k)], regressor[i] * regressor[k]);
-        }
-        accumulate(&row->matrix[at(i, i)], (regressor[i] * regressor[i]) + kept);
+        accumulate(&row->matrix[place], square + kept);
+        ++place;
         accumulate(&row->vector[i], (regressor[i] * target) + (kept * row->unknown[i]));
     }
     row->power = (FADING * row->power) + (target * target);
 }
 
-/* The entry of L in column k of row i, from those before it; i > k. */
-static flexid_real below_diagonal(
-    const flexid_row *row, const factors *f, uint32_t i, uint32_t k)
+/* total - a b. */
+static inline flexid_real less_product(
+    flexid_real total, const flexid_real a[], const flexid_real b[], uint32_t n)
 {
-    flexid_real total = f->scale[i] * row->matrix[at(i, k)].sum * f->scale[k];
-    for (uint32_t q = 0U; q < k; ++q) {
-        total -= f->lower[at(i, q)] * f->lower[at(k, q)];
+    flexid_real rest = total;
+    for (uint32_t i = 0U; i < n; ++i) {
+        rest -= a[i] * b[i];
     }
-    return total / f->lower[at(k, k)];
+    return rest;
 }
 
 static void factorise(const flexid_row *row, uint32_t m, factors *f)
 {
+    for (uint32_t i = 0U; i < FLEXID_TRIANGLE; ++i) {
+        f->lower[i] = REAL(0.0);
+    }
+    for (uint32_t i = 0U; i < FLEXID_WIDTH; ++i) {
+        f->inverse[i] = REAL(0.0);
+    }
     for (uint32_t i = 0U; i < m; ++i) {
-        const flexid_real diagonal = row->matrix[at(i, i)].sum;
-        flexid_real square = REAL(1.0) + RIDGE;
-        f->scale[i] = (diagonal > LEAST_DIAGONAL) ? (REAL(1.0) / SQRT(diagonal)) : REAL(0.0);
+        const uint32_t row_i = at(i, 0U);
+        const flexid_real diagonal = row->matrix[row_i + i].sum;
+        flexid_real *const line = &f->lower[row_i];
         for (uint32_t k = 0U; k < i; ++k) {
-            const flexid_real entry = below_diagonal(row, f, i, k);
-            f->lower[at(i, k)] = entry;
-            square -= entry * entry;
+            const flexid_real entry = row->matrix[row_i + k].sum;
+            line[k] = less_product(entry, line, &f->lower[at(k, 0U)], k) * f->inverse[k];
         }
-        f->lower[at(i, i)] = SQRT(larger(square, LEAST_SQUARE));
+        if (diagonal > LEAST_DIAGONAL) {
+            const flexid_real square =
+                less_product(diagonal + (RIDGE * diagonal), line, line, i);
+            line[i] = SQRT(larger(square, LEAST_SQUARE * diagonal));
+            f->inverse[i] = REAL(1.0) / line[i];
+        }
     }
 }
 
-/* Entry i of A p. */
-static flexid_real product(const flexid_row *row, uint32_t m, uint32_t i)
-{
-    flexid_real total = REAL(0.0);
-    for (uint32_t k = 0U; k < m; ++k) {
-        total += row->matrix[(k < i) ? at(i, k) : at(k, i)].sum * row->unknown[k];
-    }
-    return total;
-}
-
-/* p <- p + (A + rho)^-1 (b - A p). The ridge holds directions that the data leave open. */
-static void improve(flexid_row *row, uint32_t m, const factors *f)
+/* p <- p + (A + rho)^-1 (b - A p), which is (A + rho)^-1 (b + rho p): the ridge holds directions
+ * that the data leave open. Returns b^T p, what is explained. */
+static flexid_real improve(flexid_row *row, uint32_t m, const factors *f)
 {
     flexid_real step[FLEXID_WIDTH];
+    flexid_real explained = REAL(0.0);
+    for (uint32_t i = 0U; i < FLEXID_WIDTH; ++i) {
+        step[i] = REAL(0.0);
+    }
     for (uint32_t i = 0U; i < m; ++i) {
-        flexid_real total = (row->vector[i].sum - product(row, m, i)) * f->scale[i];
-        for (uint32_t k = 0U; k < i; ++k) {
-            total -= f->lower[at(i, k)] * step[k];
-        }
-        step[i] = total / f->lower[at(i, i)];
+        const uint32_t place = at(i, 0U);
+        const flexid_real pull = RIDGE * row->matrix[place + i].sum * row->unknown[i];
+        const flexid_real total = row->vector[i].sum + pull;
+        step[i] = less_product(total, &f->lower[place], step, i) * f->inverse[i];
     }
     for (uint32_t down = m; down > 0U; --down) {
         const uint32_t i = down - 1U;
-        flexid_real total = step[i];
-        for (uint32_t k = down; k < m; ++k) {
-            total -= f->lower[at(k, i)] * step[k];
+        const uint32_t place = at(i, 0U);
+        step[i] *= f->inverse[i];
+        if (f->inverse[i] > REAL(0.0)) {
+            row->unknown[i] = step[i];
         }
-        step[i] = total / f->lower[at(i, i)];
+        explained += row->unknown[i] * row->vector[i].sum;
+        for (uint32_t k = 0U; k < i; ++k) {
+            step[k] -= f->lower[place + k] * step[i];
+        }
     }
-    for (uint32_t i = 0U; i < m; ++i) {
-        row->unknown[i] += f->scale[i] * step[i];
-    }
+    return explained;
 }
 
-/* The part of regressor i's square that the others do not explain. */
-static flexid_real tolerance(const factors *f, uint32_t m, uint32_t i)
+/* Whether the other regressors leave enough of regressor i's square, which is 1/((A^-1)[i][i]). */
+static bool is_clear(const flexid_row *row, uint32_t m, uint32_t i, const factors *f)
 {
     flexid_real column[FLEXID_WIDTH];
-    flexid_real square = REAL(0.0);
-    for (uint32_t j = i; j < m; ++j) {
-        flexid_real total = (j == i) ? REAL(1.0) : REAL(0.0);
-        for (uint32_t k = i; k < j; ++k) {
-            total -= f->lower[at(j, k)] * column[k];
-        }
-        column[j] = total / f->lower[at(j, j)];
+    flexid_real square = f->inverse[i] * f->inverse[i];
+    const flexid_real allowed = LEAST_TOLERANCE * row->matrix[at(i, i)].sum;
+    for (uint32_t j = 0U; j < FLEXID_WIDTH; ++j) {
+        column[j] = REAL(0.0);
+    }
+    column[i] = f->inverse[i];
+    for (uint32_t j = i + 1U; j < m; ++j) {
+        column[j] = less_product(REAL(0.0), &f->lower[at(j, 0U)], column, j) * f->inverse[j];
         square += column[j] * column[j];
     }
-    return REAL(1.0) / square;
+    return (square > REAL(0.0)) && ((square * allowed) < REAL(1.0));
+}
+
+/* Look at one of a row's coefficients in each step, in turn: whether the data determine it. */
+static void look(flexid_row *row, uint32_t n, uint32_t m, const factors *f)
+{
+    if (row->turn < (n - 1U)) {
+        ++row->turn;
+    } else {
+        row->turn = 0U;
+    }
+    const uint32_t bit = (uint32_t)1U << row->turn;
+    if (is_clear(row, m, row->turn, f)) {
+        row->clear |= bit;
+    } else {
+        row->clear &= ~bit;
+    }
 }
 
 /* Whether the data leave none of a row's coefficients open, and the row explains its left side. */
-static bool is_determined(flexid_row *row, uint32_t n, uint32_t m, const factors *f)
+static bool is_determined(const flexid_row *row, uint32_t n)
 {
-    bool determined = true;
-    row->explained = REAL(0.0);
-    for (uint32_t i = 0U; i < m; ++i) {
-        row->explained += row->unknown[i] * ((REAL(2.0) * row->vector[i].sum) - product(row, m, i));
-    }
-    for (uint32_t i = 0U; i < n; ++i) {
-        determined =
-            determined && (f->scale[i] > REAL(0.0)) && (tolerance(f, m, i) > LEAST_TOLERANCE);
-    }
-    return determined && (row->explained > (LEAST_EXPLAINED * row->power));
+    return (row->clear == (((uint32_t)1U << n) - 1U)) &&
+           (row->explained > (LEAST_EXPLAINED * row->power));
 }
 
-/* Take in one equation of a row; return whether its coefficients are determined. */
-static bool update_row(
-    flexid_row *row, uint32_t n, uint32_t m, const flexid_real regressor[], flexid_real target)
+/* Take in one equation of a row, and bring its estimates to where all of them are best met. */
+static void update_row(
+    flexid_row *row, uint32_t n, uint32_t m, const flexid_real regressor[], flexid_real target,
+    bool solve)
 {
-    factors f;
-    flexid_real innovation = target;
-    for (uint32_t i = 0U; i < m; ++i) {
-        innovation -= regressor[i] * row->unknown[i];
-    }
-    row->innovation = innovation;
+    row->innovation = less_product(target, regressor, row->unknown, m);
     add_equation(row, n, m, regressor, target);
-    factorise(row, m, &f);
-    improve(row, m, &f);
-    return is_determined(row, n, m, &f);
+    if (solve) {
+        factors f;
+        factorise(row, m, &f);
+        row->explained = improve(row, m, &f);
+        look(row, n, m, &f);
+    }
 }
 
 /* ---- Health and the step ------------------------------------------------------------------- */
@@ -153,23 +170,21 @@ static bool is_contradicted(flexid_row *row, flexid_real target, flexid_real wei
     const flexid_real allowed = SLACK + (UNUSUAL * usual / larger(row->power, LEAST_DIAGONAL));
     row->recent_error += RECENT * ((row->innovation * row->innovation) - row->recent_error);
     row->recent_power += RECENT * ((target * target) - row->recent_power);
-    return (row->recent_power * weight > (STANDSTILL * row->power)) &&
+    return ((row->recent_power * weight) > (STANDSTILL * row->power)) &&
            (row->recent_error > (allowed * row->recent_power));
 }
 
-/* Whether every number of a row is one, and none overflows. */
-static bool is_sound(const flexid_row *row, uint32_t m)
+/* Whether nothing has overflown: what is explained depends on all that was learnt. */
+static bool is_sound(const flexid_row *row)
 {
-    bool sound = (row->power >= REAL(0.0)) && (row->power <= LARGEST_POWER);
-    for (uint32_t i = 0U; i < m; ++i) {
-        sound = sound && (FABS(row->unknown[i]) <= LARGEST_POWER) &&
-                (row->matrix[at(i, i)].sum <= LARGEST_POWER);
-    }
-    return sound;
+    return (row->power <= LARGEST_POWER) && (FABS(row->explained) <= LARGEST_POWER);
 }
 
 void flexid_init(flexid_state *state)
 {
+    static const flexid_real start[FLEXID_COEFFICIENTS] = {
+$start
+    };
     state->version = FLEXID_VERSION;
     state->health = (uint32_t)FLEXID_CONVERGING;
     state->clock = 0U;
@@ -184,9 +199,11 @@ void flexid_init(flexid_state *state)
             }
             row->vector[i].sum = REAL(0.0);
             row->vector[i].lost = REAL(0.0);
-            row->unknown[i] = (place < ROW_START[j + 1U]) ? START[place] : REAL(0.0);
+            row->unknown[i] = (place < ROW_START[j + 1U]) ? start[place] : REAL(0.0);
             row->peak[i] = REAL(0.0);
         }
+        row->turn = 0U;
+        row->clear = 0U;
         row->power = REAL(0.0);
         row->explained = REAL(0.0);
         row->innovation = REAL(0.0);
@@ -197,37 +214,21 @@ void flexid_init(flexid_state *state)
     forget_samples(state);
 }
 
-/* All rows take in their equations; what that says of the estimation. */
-static flexid_health update(flexid_state *state, const flexid_real signal[])
+/* A sum has overflown, and nothing that rests on it can be believed. */
+static flexid_health begun_anew(flexid_state *state)
 {
-    bool sound = true;
-    bool determined = true;
-    bool contradicted = false;
-    const bool settled = state->clock >= FEWEST;
+    flexid_init(state);
+    return FLEXID_SENSOR_FAULT;
+}
+
+static flexid_health judged(flexid_state *state, bool determined, bool contradicted)
+{
     flexid_health health = FLEXID_CONVERGED;
-    before_equations(state);
-    state->weight = (FADING * state->weight) + REAL(1.0);
-    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
-        flexid_real regressor[FLEXID_WIDTH];
-        flexid_row *const row = &state->row[j];
-        const uint32_t n = ROW_START[j + 1U] - ROW_START[j];
-        const uint32_t m = regressors_of(state, j, signal, regressor);
-        const flexid_real target = signal[FLEXID_COEFFICIENTS + j];
-        determined = update_row(row, n, m, regressor, target) && determined;
-        if (settled) {
-            contradicted = is_contradicted(row, target, state->weight) || contradicted;
-        }
-        sound = sound && is_sound(row, m);
-    }
-    after_equations(state);
-    if (!sound) {
-        flexid_init(state);
-        health = FLEXID_SENSOR_FAULT;
-    } else if (!settled) {
+    if (state->clock < PATIENCE) {
         ++state->clock;
-        health = FLEXID_CONVERGING;
-    } else if (!determined) {
-        health = FLEXID_NOT_EXCITED;
+    }
+    if (!determined) {
+        health = (state->clock < PATIENCE) ? FLEXID_CONVERGING : FLEXID_NOT_EXCITED;
     } else if (contradicted) {
         health = FLEXID_INCONSISTENT;
     } else {
@@ -236,12 +237,40 @@ static flexid_health update(flexid_state *state, const flexid_real signal[])
     return health;
 }
 
+/* All rows take in their equations; what that says of the estimation. */
+static flexid_health update(flexid_state *state)
+{
+    bool sound = true;
+    bool determined = true;
+    bool contradicted = false;
+    const bool settled = state->clock >= FEWEST;
+    before_equations(state);
+    state->weight = (FADING * state->weight) + REAL(1.0);
+    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
+        flexid_real regressor[FLEXID_WIDTH];
+        for (uint32_t i = 0U; i < FLEXID_WIDTH; ++i) {
+            regressor[i] = REAL(0.0);
+        }
+        flexid_row *const row = &state->row[j];
+        const uint32_t n = ROW_START[j + 1U] - ROW_START[j];
+        const uint32_t m = regressors_of(state, j, regressor);
+        const flexid_real target = target_of(state, j);
+        update_row(row, n, m, regressor, target, is_turn_of(state, j));
+        determined = is_determined(row, n) && determined;
+        if (settled) {
+            contradicted = is_contradicted(row, target, state->weight) || contradicted;
+        }
+        sound = sound && is_sound(row);
+    }
+    after_equations(state);
+    return sound ? judged(state, determined && settled, contradicted) : begun_anew(state);
+}
+
 flexid_health flexid_step(flexid_state *state, const flexid_sample *sample)
 {
     const flexid_real latest[FLEXID_SAMPLE_SIZE] = {
 $latest
     };
-    flexid_real signal[FLEXID_SIGNALS];
     flexid_health health = FLEXID_CONVERGING;
     bool usable = true;
     for (uint32_t i = 0U; i < FLEXID_SAMPLE_SIZE; ++i) {
@@ -250,8 +279,8 @@ $latest
     if (!usable) {
         flexid_gap(state);
         health = FLEXID_SENSOR_FAULT;
-    } else if (next_equations(state, latest, signal)) {
-        health = update(state, signal);
+    } else if (next_equations(state, latest)) {
+        health = update(state);
     } else {
         /* converging: no equation yet since the beginning or a gap */
     }

@@ -59,8 +59,10 @@ $signals_end
 static flexid_real triangle_mean(
     const flexid_state *state, uint32_t i, const flexid_real now[], const flexid_real end[])
 {
+    /* Which signals an input occurs in, so that its hold matters. */
+    static const bool held[FLEXID_SIGNALS] = {$held};
     flexid_real mean;
-    if (HELD[i]) {
+    if (held[i]) {
         const flexid_real inner = state->end_before[i] + state->before[i];
         mean = REAL(1.0) / REAL(6.0) * (state->long_before[i] + (REAL(2.0) * inner) + end[i]);
     } else {
@@ -93,8 +95,9 @@ static void both_sides(
     }
 }
 
-/* Take in one sample; return whether there are equations: regressors, then left-hand sides. */
-static bool next_equations(flexid_state *state, const flexid_real latest[], flexid_real signal[])
+/* Take in one sample; return whether there are equations: regressors, then left-hand sides, in
+ * state->twice. */
+static bool next_equations(flexid_state *state, const flexid_real latest[])
 {
     flexid_real now[FLEXID_SIGNALS];
     flexid_real end[FLEXID_SIGNALS];
@@ -110,7 +113,6 @@ static bool next_equations(flexid_state *state, const flexid_real latest[], flex
             if (there) { /* the filter lambda^2/(s + lambda)^2 */
                 state->once[i] = (POLE * state->once[i]) + (ONE_LESS_POLE * side[i]);
                 state->twice[i] = (POLE * state->twice[i]) + (ONE_LESS_POLE * state->once[i]);
-                signal[i] = state->twice[i];
             }
             state->long_before[i] = state->before[i];
             state->before[i] = now[i];
@@ -169,14 +171,15 @@ static void after_equations(flexid_state *state)
     }
 }
 
+$turns
 /* Regressors of a row; while the filter remembers, two more unknowns: z^i and i z^i. */
 static uint32_t regressors_of(
-    const flexid_state *state, uint32_t j, const flexid_real signal[], flexid_real regressor[])
+    const flexid_state *state, uint32_t j, flexid_real regressor[])
 {
     const uint32_t n = ROW_START[j + 1U] - ROW_START[j];
     uint32_t m = n;
     for (uint32_t i = 0U; i < n; ++i) {
-        regressor[i] = signal[ROW_START[j] + i];
+        regressor[i] = state->twice[ROW_START[j] + i];
     }
     if (state->past_gone == 0U) {
         regressor[n] = state->decayed;
@@ -184,6 +187,12 @@ static uint32_t regressors_of(
         m = n + 2U;
     }
     return m;
+}
+
+/* The left-hand side of a row. */
+static flexid_real target_of(const flexid_state *state, uint32_t j)
+{
+    return state->twice[FLEXID_COEFFICIENTS + j];
 }
 
 void flexid_gap(flexid_state *state)

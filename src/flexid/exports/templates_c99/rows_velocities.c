@@ -12,18 +12,21 @@ static void clear_samples(flexid_state *state)
 {
     for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) {
         state->before[i] = REAL(0.0);
+        state->signal[i] = REAL(0.0);
     }
     for (uint32_t j = 0U; j < FLEXID_SAMPLE_SIZE; ++j) {
         state->latest[j] = REAL(0.0);
     }
 }
 
-/* Take in one sample; return whether there are equations: regressors, then left-hand sides.
+/* Take in one sample; return whether there are equations: regressors, then left-hand sides, in
+ * state->signal.
  *
  * The increment of each velocity over the interval, per second, against the regressor's mean over
  * it: the Stieltjes integral of r dv, eqs. (2)-(3), which needs no acceleration. */
-static bool next_equations(flexid_state *state, const flexid_real latest[], flexid_real signal[])
+static bool next_equations(flexid_state *state, const flexid_real latest[])
 {
+    flexid_real *const signal = state->signal;
     const bool there = state->samples > 0U;
     state->samples = 1U;
     if (there) {
@@ -55,15 +58,21 @@ static void after_equations(flexid_state *state)
     (void)state;
 }
 
+$turns
 static uint32_t regressors_of(
-    const flexid_state *state, uint32_t j, const flexid_real signal[], flexid_real regressor[])
+    const flexid_state *state, uint32_t j, flexid_real regressor[])
 {
     const uint32_t n = ROW_START[j + 1U] - ROW_START[j];
-    (void)state;
     for (uint32_t i = 0U; i < n; ++i) {
-        regressor[i] = signal[ROW_START[j] + i];
+        regressor[i] = state->signal[ROW_START[j] + i];
     }
     return n;
+}
+
+/* The left-hand side of a row. */
+static flexid_real target_of(const flexid_state *state, uint32_t j)
+{
+    return state->signal[FLEXID_COEFFICIENTS + j];
 }
 
 void flexid_gap(flexid_state *state)

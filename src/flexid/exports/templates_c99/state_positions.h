@@ -5,7 +5,7 @@ typedef struct {
     uint32_t health;    /* flexid_health of the last sample */
     uint32_t samples;   /* since the last gap, at most FLEXID_WINDOW */
     uint32_t equations; /* since the last gap */
-    uint32_t clock;     /* equations ever */
+    uint32_t clock;     /* equations ever, at most PATIENCE */
     uint32_t past_gone; /* 1 when the filter remembers nothing of what was before the last gap */
     flexid_real window[FLEXID_WINDOW][FLEXID_SAMPLE_SIZE]; /* latest samples, latest last */
     flexid_real before[FLEXID_SIGNALS];      /* signals one sample before */

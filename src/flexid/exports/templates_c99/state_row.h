@@ -8,6 +8,8 @@ typedef struct {
 
 /* Least squares of one row, eq. (1): v' = r^T p + k. */
 typedef struct {
+    uint32_t turn;                        /* the coefficient that was looked at last */
+    uint32_t clear;                       /* bit by coefficient: the data determine it */
     flexid_total matrix[FLEXID_TRIANGLE]; /* A, the faded sum of r r^T: lower triangle by rows */
     flexid_total vector[FLEXID_WIDTH];    /* b, the faded sum of r y */
     flexid_real unknown[FLEXID_WIDTH];    /* p, and what came before the first sample */

@@ -1,4 +1,7 @@
 
+/* Where the coefficients of each row begin, and where the last ones end. */
+static const uint32_t ROW_START[FLEXID_ROWS + 1U] = {$row_starts};
+
 static flexid_real larger(flexid_real a, flexid_real b)
 {
     return (a > b) ? a : b;
