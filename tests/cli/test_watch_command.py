@@ -45,6 +45,39 @@ def test_a_stream_is_resumed(tmp_path: Path):
     assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole)
 
 
+def test_a_file_goes_on_where_it_was_left(tmp_path: Path):
+    """Assert that the same command, when the file has grown, learns from what is new alone."""
+    whole = run(str(LOG), "--stop-at-end", "--json", *PAPER).stdout.splitlines()[-1]
+    growing = tmp_path / "log.csv"
+    again = (str(growing), "--stop-at-end", "--json", *PAPER)
+    again += ("--checkpoint", str(tmp_path / "state.json"))
+    lines = LOG.read_text().splitlines(keepends=True)
+    for count in (12345, 12345, len(lines)):
+        growing.write_text("".join(lines[:count]))
+        ended = run(*again)
+        assert json.loads(ended.stdout.splitlines()[-1])["samples"]["taken"] == count - 1
+    assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole)
+
+
+def test_another_file_is_learnt_from_wholly(tmp_path: Path):
+    """Assert that a checkpoint of one log leaves nothing out of another one."""
+    checkpoint = ("--checkpoint", str(tmp_path / "state.json"), "--stop-at-end", "--json", *PAPER)
+    header, *rows = LOG.read_text().splitlines()
+    taken = []
+    for name, part in (("one.csv", rows[:3000]), ("other.csv", rows[3000:6000])):
+        (tmp_path / name).write_text("\n".join([header, *part]) + "\n")
+        ended = run(str(tmp_path / name), *checkpoint)
+        taken.append(json.loads(ended.stdout.splitlines()[-1])["samples"]["taken"])
+    assert taken == [3000, 6000]
+
+
+def test_a_checkpoint_that_cannot_be_written_is_refused_at_once(tmp_path: Path):
+    """Assert that a folder that is not there is named before anything is learnt."""
+    done = run(str(LOG), "--stop-at-end", "--checkpoint", str(tmp_path / "no" / "state.json"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "cannot be written: make the folder" in done.stderr
+
+
 def test_ctrl_c_leaves_a_checkpoint_and_a_report(tmp_path: Path):
     """Assert that an interrupted watch saves what it knows, reports it, and exits with 3."""
     growing, checkpoint = tmp_path / "log.csv", tmp_path / "state.json"

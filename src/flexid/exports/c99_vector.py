@@ -77,7 +77,7 @@ def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
     system = drive.system
     if len(samples) < _SHORTEST_LOG:
         raise SettingError(
-            "log", f"has {len(samples)} samples in one piece: give one of {_SHORTEST_LOG} or more"
+            "log", f"has {len(samples)} samples without a gap: give one of {_SHORTEST_LOG} or more"
         )
     found = samples.positions.shape[1], samples.inputs.shape[1]
     if found != (len(system.rows), len(system.inputs)):

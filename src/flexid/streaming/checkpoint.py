@@ -97,6 +97,8 @@ def _content(session: Session) -> dict[str, Any]:
     return {
         "options": session.options.document,
         "fed": session.fed,
+        "n_read": session.n_read,
+        "first_read": _text(session.first_read.ravel()),
         "guard": _text(session.guard_state),
         **{
             name: {
@@ -127,6 +129,8 @@ def _session(content: Mapping[str, Any]) -> Session:
     n_rows = session.n_positions
     sizes = session.learner.sizes()
     session.fed = _count(content["fed"])
+    session.n_read = _count(content["n_read"])
+    session.first_read = _rows(content["first_read"], n_rows + 2)
     session.guard_state = _array(content["guard"], len(session.guard_state))
     session.now = _memory(content["now"], sizes)
     session.newer = _memory(content["newer"], sizes)
@@ -159,10 +163,19 @@ def _text(array: FloatArray) -> str:
 
 
 def _array(text: str, size: int) -> FloatArray:
-    array = np.frombuffer(base64.b64decode(text, validate=True), dtype="<f8").astype(np.float64)
+    array = _numbers(text)
     if array.shape != (size,):
         raise ValueError("another size")
     return array
+
+
+def _rows(text: str, width: int) -> FloatArray:
+    return _numbers(text).reshape(-1, width)
+
+
+def _numbers(text: str) -> FloatArray:
+    raw = base64.b64decode(text, validate=True)
+    return np.frombuffer(raw, dtype="<f8").astype(np.float64)
 
 
 def _count(value: object) -> int:

@@ -13,6 +13,7 @@ from flexid.recording.column_map import MapSource
 from flexid.streaming.checkpoint import read_session
 from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
 from flexid.streaming.options import WatchOptions
+from flexid.streaming.read_before import ReadBefore
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
 from flexid.streaming.text_stream import HEAD_LINES, LineReader, sample_time_of
@@ -64,7 +65,13 @@ def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
     SettingError
         If the checkpoint cannot be used, or was saved with other options.
     """
-    if checkpoint is None or not checkpoint.exists():
+    if checkpoint is None:
+        return Session(options)
+    if not checkpoint.exists():
+        if not checkpoint.absolute().parent.is_dir():
+            raise SettingError(
+                "checkpoint", f"{checkpoint} cannot be written: make the folder that it is in"
+            )
         return Session(options)
     session = read_session(checkpoint)
     # What was measured from time stamps differs a little from one stream to the next.
@@ -129,6 +136,8 @@ class Follower:
         self._source = source
         self._header = header
         self._stop_at_end = stop_at_end
+        self._is_file = source != "-" and "://" not in source
+        self._read_before: ReadBefore | None = None
 
     def _opened(self) -> Incoming:
         if is_whole_log(self._source):
@@ -167,28 +176,36 @@ class Follower:
         """
         incoming = self._opened()
         begun = time.monotonic()
-        samples = np.empty((0, 0))
+        ended = False
         try:
-            while samples is not None:
+            while not ended:
                 late = self._duration is not None and time.monotonic() - begun > self._duration
                 samples = incoming.read(last=late)
-                if samples is not None and len(samples):
-                    if self.session is None:
-                        self.session = self._begun(incoming, samples)
-                    yield from self._take(self.session, samples, every)
+                ended = late or samples is None
+                if self.session is None and samples is not None and len(samples):
+                    self.session = self._begun(incoming, samples)
+                    self._read_before = ReadBefore(self.session) if self._is_file else None
+                if self.session is not None:
+                    yield from self._take(self.session, samples, every, ended=ended)
                 yield False
-                if late:
-                    return
         finally:
             incoming.close()
 
-    def _take(self, session: Session, samples: FloatArray, every: float) -> Iterator[bool]:
-        """Feed the session, and stop wherever a report is due."""
+    def _take(
+        self, session: Session, samples: FloatArray | None, every: float, *, ended: bool
+    ) -> Iterator[bool]:
+        """Feed the session with what it has not read before; stop wherever a report is due."""
+        if samples is None:
+            samples = np.empty((0, session.n_positions + 2))
+        if self._read_before is not None:
+            samples = self._read_before.new(samples, last=ended)
         between = max(1, round(min(every / session.options.sample_time, 1e15)))
         done = 0
         while done < len(samples):
             part = samples[done : done + between - session.fed % between]
             session.feed(part)
+            if self._read_before is not None:
+                self._read_before.note(part)
             done += len(part)
             if session.fed % between == 0:
                 yield True

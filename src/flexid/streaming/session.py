@@ -103,6 +103,10 @@ class Session:
         self.changes: tuple[Change, ...] = ()
         """When the drive changed, as far as its motion says; the last hundred times."""
         self.n_changes = 0
+        self.n_read = 0
+        """Samples of the file that is followed, from its beginning, that came."""
+        self.first_read = np.empty((0, self.n_positions + 2))
+        """The first of them, by which the file is known again."""
 
     def feed(self, samples: FloatArray) -> None:
         """Take in samples.

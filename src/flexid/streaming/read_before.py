@@ -1,0 +1,61 @@
+"""The part of a file that a session from a checkpoint has learnt from already, which is left out.
+
+Counted once more, as independent samples, it would narrow every interval.
+"""
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.streaming.session import Session
+
+FIRST = 200
+"""Samples by which a file is known again; as many as are waited for at its beginning."""
+
+
+class ReadBefore:
+    """Leaves out what a session has read of a file before.
+
+    Parameters
+    ----------
+    session : Session
+        New, or from a checkpoint.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._held = session.first_read[:0]
+        self._left = session.n_read
+        self._compared = session.n_read == 0
+
+    def new(self, samples: FloatArray, *, last: bool) -> FloatArray:
+        """Those of the samples that the session has not read.
+
+        Parameters
+        ----------
+        samples : array, shape (n, n_values)
+            The next ones of the file, from its beginning on; kept back until there are as many as
+            it is known by.
+        last : bool
+            Whether none follow.
+        """
+        if not self._compared:
+            samples = self._held = np.vstack((self._held, samples))
+            known = self._session.first_read
+            if len(samples) < len(known) and not last:
+                return samples[:0]
+            self._compared = True
+            count = min(len(samples), len(known))
+            if not np.array_equal(samples[:count], known[:count], equal_nan=True):
+                self._session.n_read = self._left = 0  # another file
+                self._session.first_read = known[:0]
+        left_out = min(self._left, len(samples))
+        self._left -= left_out
+        return samples[left_out:]
+
+    def note(self, samples: FloatArray) -> None:
+        """Count samples that the session was fed."""
+        session = self._session
+        room = FIRST - len(session.first_read)
+        if room > 0:
+            session.first_read = np.vstack((session.first_read, samples[:room]))
+        session.n_read += len(samples)
