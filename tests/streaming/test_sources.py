@@ -4,11 +4,13 @@ import os
 import socket
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from flexid.errors import RecordingError, SettingError
+from flexid.streaming import sources
 from flexid.streaming.follower import Choices, Follower
 from flexid.streaming.sources import Datagrams, Source, open_source
 
@@ -74,6 +76,22 @@ def test_datagrams():
     assert collected(source, 19) == b"".join(LINES)
     assert source.read() == b""
     source.close()
+
+
+def test_datagrams_that_nobody_reads_are_bounded(monkeypatch: pytest.MonkeyPatch):
+    """Assert that of more bytes than may wait the oldest are lost, and the latest are not."""
+    monkeypatch.setattr(sources, "_MOST_WAITING", 10_000)
+    source = Datagrams("udp://:0")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for number in range(30):
+            sender.sendto(b"%02d" % number + b"," * 1000, ("127.0.0.1", source.port))
+    for _ in range(500):
+        if source._came and source._came[-1].startswith(b"29"):
+            break
+        time.sleep(0.01)
+    lines = (source.read() or b"").splitlines()
+    source.close()
+    assert [line[:2] for line in lines] == [b"%02d" % number for number in range(21, 30)]
 
 
 @pytest.mark.parametrize(

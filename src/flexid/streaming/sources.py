@@ -27,7 +27,8 @@ MOST = 1 << 20
 """Bytes that are handed over at once."""
 
 _BUFFER = 4 << 20  # bytes that the system keeps of datagrams, if it lets us have so many
-_MOST_WAITING = 1 << 20  # datagrams; beyond it the oldest are lost, which their clock shows
+_MOST_WAITING = 1 << 26  # bytes of datagrams; beyond it the oldest are lost: their clock shows it
+_ONE_MORE = 64  # bytes that a datagram takes beside its own, be it empty
 _BAUD = 115200
 _LOOPBACK = "127.0.0.1"
 
@@ -182,7 +183,9 @@ class Datagrams:
         """Where it listens, of use where port 0 left the choice to the system."""
         self.is_open_to_others = not address.is_loopback
         """Whether other machines can send to it."""
-        self._came: deque[bytes] = deque(maxlen=_MOST_WAITING)
+        self._came: deque[bytes] = deque()
+        self._size = 0  # bytes that came and were not read
+        self._lock = threading.Lock()
         self._some = threading.Event()
         self._closed = False
         self._thread = threading.Thread(target=self._receive, daemon=True)
@@ -192,19 +195,22 @@ class Datagrams:
         """Lines of the datagrams that came."""
         self._some.wait(TURN)
         self._some.clear()
-        lines = []
-        while self._came:
-            data = self._came.popleft()
-            lines.append(data if data.endswith(b"\n") else data + b"\n")
-        return b"".join(lines)
+        with self._lock:
+            came, self._came, self._size = self._came, deque(), 0
+        return b"".join(data if data.endswith(b"\n") else data + b"\n" for data in came)
 
     def _receive(self) -> None:
         while not self._closed:
             try:
-                self._came.append(self._socket.recv(65536))
-                self._some.set()
+                data = self._socket.recv(65536)
             except OSError:  # nothing for a while; or, on some systems, an answer to nobody
                 continue
+            with self._lock:
+                self._came.append(data)
+                self._size += len(data) + _ONE_MORE
+                while self._size > _MOST_WAITING:
+                    self._size -= len(self._came.popleft()) + _ONE_MORE
+            self._some.set()
 
     def close(self) -> None:
         """Listen no longer."""
