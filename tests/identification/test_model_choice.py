@@ -29,6 +29,8 @@ def test_link_is_that_of_a_log_without_input():
         n: c.value for n, c in alone.coefficients.items()
     }
     assert asked.provenance["settings"]["model"] == "link"  # type: ignore[index]
+    assert "the link alone, as the settings say, with" in asked.summary[0]
+    assert "the link alone, since the log has no input, with" in alone.summary[0]
 
 
 def test_rigid_takes_the_motors_encoder_alone():

@@ -177,7 +177,7 @@ def identify(
         removed=_removed(job, full, given, error, parameters, thresholds),
         fit=estimate,
         choices=choices,
-        summary=summary(choices, job.joint.kind),
+        summary=summary(choices, job.joint.kind, asked=settings.model != "auto"),
         warnings=(
             *(warning for log in logs for warning in log.warnings),
             *dropped,

@@ -7,7 +7,7 @@ from flexid.identification.result import Choices
 _HOLDS = {"zero": "held between samples", "linear": "on straight lines", "cubic": "smoothly"}
 
 
-def summary(choices: Choices, model: Kind) -> tuple[str, str, str]:
+def summary(choices: Choices, model: Kind, *, asked: bool = False) -> tuple[str, str, str]:
     """Terms, alignment and estimator, a sentence each.
 
     Parameters
@@ -16,17 +16,20 @@ def summary(choices: Choices, model: Kind) -> tuple[str, str, str]:
         What was chosen.
     model : {"flexible", "link", "rigid"}
         What was identified.
+    asked : bool, optional
+        Whether the settings named the model; else it follows from the log.
     """
     return (
-        _model_sentence(choices, model),
+        _model_sentence(choices, model, asked=asked),
         _alignment_sentence(choices.alignment, model),
         _estimator_sentence(choices),
     )
 
 
-def _model_sentence(choices: Choices, model: Kind) -> str:
+def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
     named = ", ".join(choices.terms) or "no further term"
-    alone = "the link alone, since the log has no input, with " if model == "link" else ""
+    why = "as the settings say" if asked else "since the log has no input"
+    alone = f"the link alone, {why}, with " if model == "link" else ""
     sentence = f"Model: {alone}{named}"
     kept = [e for e in choices.term_evidence if e.kept and not e.name.endswith("delay")]
     gone = [e for e in choices.term_evidence if not e.kept and not e.name.endswith("delay")]
