@@ -312,6 +312,15 @@ def test_what_it_lacks_is_said(units, joint, tmp_path, monkeypatch):
         write_fmu(ExportRequest(ExportSource(joint)), tmp_path)
 
 
+def test_a_value_that_is_missing_is_no_zero(units, joint, tmp_path):
+    """Assert that a plant without a value is left out, with a sentence, and not made with 0."""
+    values = {name: value for name, value in TRUE.items() if name != "alpha2"}
+    said = write_fmu(ExportRequest(ExportSource(joint, values), SETTINGS), tmp_path)
+    assert any("the plant is left out" in w and "alpha2" in w for w in said)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["estimator_fmi2.fmu", "estimator_fmi3.fmu"]
+
+
 def test_a_jump_is_smoothed(tmp_path):
     """Assert that a friction that jumps otherwise than Coulomb's is smoothed as that is."""
     system = flexid.flexible_joint(("motor_stribeck",), known={"beta1": 4.0})

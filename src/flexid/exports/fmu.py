@@ -53,15 +53,17 @@ def write_fmu(request: "ExportRequest", directory: Path) -> list[str]:
         If there is nothing to write, or the compiler that is there fails.
     """
     models: list[FmuModel] = []
-    if request.source.values or request.settings is None:
-        models.append(plant_model(request.source))
+    source = request.source
+    whole = bool(source.values) and source.values.keys() >= {*source.system.coefficients}
+    if whole or request.settings is None:
+        models.append(plant_model(source))
     if request.settings is not None:
-        models.append(estimator_model(request.source, request.settings))
+        models.append(estimator_model(source, request.settings))
     for model in models:
         for version in VERSIONS:
             name = f"{model.identifier}_fmi{version[0]}.fmu"
             (directory / name).write_bytes(packed(model, version))
-    return _warnings(request.source, models)
+    return _warnings(source, models)
 
 
 def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
@@ -73,7 +75,14 @@ def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
             f"the plant's friction changes its sign over {SMOOTHING}, a parameter in rad/s: it "
             f"creeps where the drive sticks"
         )
+    missing = [name for name in source.system.coefficients if name not in source.values]
+    if source.values and missing:
+        found.append(
+            f"the plant is left out: the estimate has no value of {', '.join(missing)}, of which "
+            f"the log says nothing"
+        )
     if source.identification is not None and names:
+        found += source.doubts
         alignment = source.identification.choices.alignment
         late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
         found += [

@@ -104,14 +104,12 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     unit = result.coefficients["beta1"].unit if "beta1" in model.coefficients else ""
     made = mjcf_scene(model, unit.removeprefix("rad/s^2/").strip("()"))
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")
-    guessed = [name for name, c in result.coefficients.items() if c.verdict == "undetermined"]
-    doubts = [f"the estimate leaves {', '.join(guessed)} undetermined"] if guessed else []
     several = [name for name in result.coefficients if name.endswith("[1]")]
-    doubts += [
+    doubts = [
         f"{name.removesuffix('[1]')} differs from log to log: the scene has that of the first"
         for name in several
     ]
-    return (*doubts, *made.notes)
+    return (*request.source.doubts, *doubts, *made.notes)
 
 
 def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:

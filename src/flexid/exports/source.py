@@ -35,11 +35,19 @@ class ExportSource:
     units: Mapping[str, str] = field(default_factory=dict)
     identification: "Identification | None" = None
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is to be said of the values, in sentences."""
+        found = {} if self.identification is None else self.identification.coefficients
+        guessed = [name for name, c in found.items() if c.verdict == "undetermined"]
+        return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
+
 
 def source_of_identification(result: "Identification") -> ExportSource:
     """The model of an identification, with the terms that were kept, and its values.
 
-    Offsets that differ from log to log have the value of the first one.
+    Offsets that differ from log to log have the value of the first one. What the log says nothing
+    of has no value.
 
     Parameters
     ----------
@@ -50,7 +58,7 @@ def source_of_identification(result: "Identification") -> ExportSource:
     from flexid.identification.rebuilt import described, given_coefficients
 
     found = described(result, 0, result.choices.shapes).coefficients
-    values = {name: v if isfinite(v) else 0.0 for name, v in found.items() if "[" not in name}
+    values = {name: v for name, v in found.items() if "[" not in name}
     given = given_coefficients(result) & {*values}
     joint = joint_of(result.model)
     constants = {name: values[name] for name in sorted(given)} | {**result.choices.shapes}
@@ -60,7 +68,7 @@ def source_of_identification(result: "Identification") -> ExportSource:
     units = {name.partition("[")[0]: c.unit for name, c in result.coefficients.items()}
     return ExportSource(
         system,
-        {name: values[name] for name in system.coefficients},
+        {name: values[name] for name in system.coefficients if isfinite(values[name])},
         units,
         result,
     )

@@ -1,0 +1,48 @@
+"""What is exported of an estimate: the values that it has, and no others."""
+
+import dataclasses
+from math import nan
+
+import pytest
+
+import flexid
+from flexid.errors import SettingError
+from flexid.exports.fmu import write_fmu
+from flexid.exports.source import source_of_identification
+from flexid.exports.targets import ExportRequest
+
+
+@pytest.fixture(scope="module")
+def result():
+    """An identification of the example."""
+    return flexid.identify(
+        "examples/flexible_joint.csv", terms=("gravity", "motor_viscous"), hold="zero"
+    ).result
+
+
+def doubted(result, **changes):
+    """The same, but for one coefficient."""
+    coefficient = dataclasses.replace(result.coefficients["alpha2"], **changes)
+    return dataclasses.replace(result, coefficients=result.coefficients | {"alpha2": coefficient})
+
+
+def test_what_has_no_value_gets_none(result):
+    """Assert that a coefficient of which the log says nothing is not taken for 0."""
+    assert set(source_of_identification(result).values) == set(result.coefficients)
+    source = source_of_identification(doubted(result, value=nan))
+    assert set(source.values) == set(result.coefficients) - {"alpha2"}
+    assert "alpha2" in source.system.coefficients
+
+
+def test_doubts_are_said(result):
+    """Assert that a value that the log leaves undetermined is named, and others are not."""
+    assert source_of_identification(result).doubts == ()
+    (doubt,) = source_of_identification(doubted(result, verdict="undetermined")).doubts
+    assert doubt == "the estimate leaves alpha2 undetermined"
+
+
+def test_a_plant_without_a_value_is_refused(result, tmp_path):
+    """Assert that an estimate without a value gives no plant."""
+    request = ExportRequest(source_of_identification(doubted(result, value=nan)))
+    with pytest.raises(SettingError, match="the plant needs values of alpha2"):
+        write_fmu(request, tmp_path)
