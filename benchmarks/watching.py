@@ -15,6 +15,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import flexid
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import HEADER, Trial, make_trial
 from benchmarks.trials.score import CORE
@@ -82,12 +83,17 @@ def rates() -> Iterator[tuple[str, float]]:
     raw = text.encode()
     session = Session(WatchOptions(h))
     session.feed(samples[:10])  # compiles
-    for name, size in (("blocks of 1000", 1000), ("blocks of 100", 100), ("one by one", 1)):
+    for name, size in (("blocks of 1000", 1000), ("blocks of 100", 100)):
         session, taken = Session(WatchOptions(h)), min(n, 20_000 * size)
         begun = time.perf_counter()
         for first in range(0, taken, size):
             session.feed(samples[first : first + size])
         yield name, 1e6 * (time.perf_counter() - begun) / taken
+    watch = flexid.watch(sample_time=h)
+    begun = time.perf_counter()
+    for _, link, motor, torque in samples[:20_000].tolist():
+        watch.feed(link_position=link, motor_position=motor, motor_torque=torque)
+    yield "one by one, to flexid.watch", 1e6 * (time.perf_counter() - begun) / 20_000
     session, lines, columns = Session(WatchOptions(h)), LineReader("text"), None
     begun = time.perf_counter()
     for first in range(0, len(raw), 40_000):  # a tenth of a second

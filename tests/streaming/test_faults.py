@@ -19,6 +19,7 @@ from moving_joint import (
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.streaming.guard import Guard
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
@@ -280,3 +281,31 @@ def test_without_a_known_hold_the_interval_covers_both():
     unknown = watched(samples, WatchOptions(H, OPTIONS.terms, hold="auto"))
     widths = [np.diff(s.coefficients["beta1"].interval)[0] for s in (known, unknown)]
     assert widths[1] > 2.0 * widths[0]
+
+
+def test_a_drive_that_starts_with_a_jerk_is_believed_after_the_first_time():
+    """Assert that accelerations that no sample before had are refused three times, and then known.
+
+    Not once more at the next jerk, after seconds at rest.
+    """
+    time = H * np.arange(4000)
+    position = np.zeros(4000)
+    for start in (2.0, 6.0):
+        since = np.clip(time - start, 0.0, 0.2)
+        position += 50.0 * since**2 - 100.0 * np.clip(since - 0.1, 0.0, 0.1) ** 2
+    position += 1e-6 * np.random.default_rng(5).standard_normal(4000)
+    guard = Guard(H, 2, 1, from_deflection=False)
+    samples = np.column_stack((time, position, position, np.sin(time))).astype(np.float64)
+    counts = guard.counts(guard.guard(guard.first_state(), samples).state)
+    assert (counts.outliers, counts.jumps) == (3, 1)
+
+
+def test_steps_of_a_coarse_encoder_are_no_outliers():
+    """Assert that an encoder that shows a step now and then is refused at the first one alone."""
+    time = H * np.arange(6000)
+    link = 0.02 * np.sin(0.5 * time)
+    coarse = np.round(link / 1.5e-3) * 1.5e-3
+    guard = Guard(H, 2, 1, from_deflection=False)
+    samples = np.column_stack((time, coarse, coarse, np.sin(time))).astype(np.float64)
+    counts = guard.counts(guard.guard(guard.first_state(), samples).state)
+    assert counts.outliers == 3

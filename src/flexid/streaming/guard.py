@@ -1,7 +1,6 @@
 """What of a stream may be learnt from: the compiled guard, its thresholds and what it counts."""
 
 from dataclasses import dataclass
-from enum import IntEnum
 from types import ModuleType
 
 import numpy as np
@@ -32,33 +31,26 @@ FEWEST_STILL = 20
 """Samples for which an encoder may stand still, however long that takes."""
 
 
-class Fate(IntEnum):
-    """What became of a sample."""
-
-    TAKEN = 0
-    """It was learnt from."""
-    NO_NUMBER = 1
-    """Something in it is no number, or beyond 1e10."""
-    REPEATED = 2
-    """It came less than half a sample time after the one before."""
-    LATE = 3
-    """It is older than the one before."""
-    OUTLIER = 4
-    """A position is off the motion so far, by more than noise and torque ever made."""
-    STUCK = 5
-    """An encoder does not change while the other one moves."""
-    SATURATED = 6
-    """The input rests at its limit, so that it is not known."""
-
-
 @dataclass(frozen=True)
 class Counts:
     """What happened in a stream.
 
     Parameters
     ----------
-    taken, no_number, repeated, late, outliers, stuck, saturated : int
-        Samples by their fate; see `Fate`.
+    taken : int
+        Samples that were learnt from.
+    no_number : int
+        Something in them is no number, or beyond 1e10.
+    repeated : int
+        They came less than half a sample time after the one before.
+    late : int
+        They are older than the one before.
+    outliers : int
+        A position is off the motion so far, by more than noise and torque ever made.
+    stuck : int
+        An encoder does not change while the other one moves.
+    saturated : int
+        The input rests at its limit, so that it is not known.
     gaps, missing : int
         Places at which samples are missing, and how many are, by the clock.
     wraps : int
