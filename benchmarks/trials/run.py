@@ -47,7 +47,7 @@ def run(tasks: Sequence[Task], jobs: int, command: str, out: Path | None) -> Res
         "command": command,
         "date": str(datetime.datetime.now(datetime.UTC).date()),
         "flexid": version("flexid"),
-        "commit": _commit(),
+        "commit": commit(),
         "machine": f"{processor()}, {os.cpu_count()} cores, {jobs} at work",
         "python": platform.python_version(),
     }
@@ -121,7 +121,7 @@ def _outcome(future: Future[dict[str, Any]], task: Task) -> dict[str, Any]:
     }
 
 
-def _commit() -> str:
+def commit() -> str:
     """Short name of the commit that is checked out, marked where files were changed since."""
     command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
     try:

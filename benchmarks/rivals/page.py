@@ -1,0 +1,99 @@
+"""`rivals.json` as a part of `docs/comparison.md`; needs none of the compared tools."""
+
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks.report import markdown
+from benchmarks.rivals.tools import FAMILIES, TOOLS
+
+RESULTS = Path(__file__).parents[1] / "rivals.json"
+PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
+
+BLOCK = "rivals"
+
+Record = Mapping[str, Any]
+
+
+def render(results: Mapping[str, Any]) -> str:
+    """All tables as Markdown."""
+    records = results["records"]
+    tools = [key for key in TOOLS if any(r["tool"] == key for r in records)]
+    families = [f for f in FAMILIES if any(r["family"] == f for r in records)]
+
+    def table(cell: Callable[[Sequence[Record]], str]) -> list[str]:
+        lines = [
+            [TOOLS[key].title, *(cell(_of(records, key, family)) for family in families)]
+            for key in tools
+        ]
+        return markdown(["", *families], lines)
+
+    about = [[TOOLS[key].title, results["versions"][key], TOOLS[key].given] for key in tools]
+    parts = [
+        "Worst relative error of gravity torque, inertias and stiffness in percent: of each log.",
+        "",
+        *table(_errors),
+        "",
+        "Nominal 95 % intervals of these four that hold the truth, of all that were given; in "
+        "brackets the half-width of the widest in percent, median over the logs.",
+        "",
+        *table(_intervals),
+        "",
+        "Seconds of the processors for one log, median.",
+        "",
+        *table(_seconds),
+        "",
+        *markdown(["", "version", "given beside the log"], about),
+        "",
+        *_failures(records),
+        "Made by:",
+        "",
+        *(
+            f"- `{run['command']}` on {run['date']}, commit {run['commit']}; {run['machine']}; "
+            f"Python {run['python']}"
+            for run in results["runs"]
+        ),
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _of(records: Sequence[Record], key: str, family: str) -> list[Record]:
+    return [r for r in records if (r["tool"], r["family"]) == (key, family)]
+
+
+def _errors(runs: Sequence[Record]) -> str:
+    return ", ".join(
+        "failed" if "failed" in run else _number(max(abs(e) for e in run["errors"].values()))
+        for run in runs
+    )
+
+
+def _number(value: float) -> str:
+    if not isfinite(value):
+        return "no number"
+    return f"{value:.2g}" if value < 100.0 else f"{value:.0f}"
+
+
+def _intervals(runs: Sequence[Record]) -> str:
+    stated = [run for run in runs if "inside" in run]
+    if not stated:
+        return "gives none" if any("errors" in run for run in runs) else "–"
+    inside = [held for run in stated for held in run["inside"].values()]
+    width = median(run["widest"] for run in stated)
+    return f"{sum(inside)} of {len(inside)} (± {width:.2g})"
+
+
+def _seconds(runs: Sequence[Record]) -> str:
+    seconds = [run["seconds"] for run in runs if "seconds" in run]
+    return _number(median(seconds)) if seconds else "–"
+
+
+def _failures(records: Sequence[Record]) -> list[str]:
+    failed = [
+        f"- {TOOLS[r['tool']].title}, {r['family']} {r['seed']}: {r['failed']}"
+        for r in records
+        if "failed" in r
+    ]
+    return ["Failed:", "", *failed, ""] if failed else []
