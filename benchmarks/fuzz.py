@@ -1,11 +1,14 @@
 """Files as nobody means to write them: what every reader of flexid makes of them.
 
-    python -m benchmarks.fuzz [--seconds 60] [--seed 1] [--keep FOLDER] [TARGET ...]
+    python -m benchmarks.fuzz [--guided] [--seconds 60] [--seed 1] [--keep FOLDER] [TARGET ...]
 
 Each target is a reader with files that it reads. They are mutated by bytes, lines, numbers, words
 of the format and encodings, and given to it. It may return, or raise a `FlexidError` of one line;
 whatever else it raises, an input that takes longer than a limit, and memory that grows beyond one,
 is a fault: the file is kept, and the exit status is 1.
+
+With --guided, atheris makes the files, from those that reached a branch which none had reached
+before. With --write, the table is written into `docs/reliability.md`.
 """
 
 from __future__ import annotations
@@ -23,13 +26,15 @@ import zlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from datetime import date
 from pathlib import Path
 
-from benchmarks.fuzz_targets import Target, made_estimate, targets
+from benchmarks.fuzz_targets import ROOT, Target, Targets, made_estimate
+from benchmarks.page_block import with_block
 from flexid.errors import FlexidError
 
 LONGEST = 5.0  # s of processor that one file may take
-HANG = 60.0  # s of grace before a process is taken to hang
+HANG = 300.0  # s of grace before a process is taken to hang
 PER_PROCESS = 5_000  # files
 LARGEST = 300_000  # bytes of a mutated file
 MOST_GROWTH = 500.0  # MB of memory, while a target is tried
@@ -66,6 +71,7 @@ class Tally:
     seconds: float = 0.0
     growth: float = 0.0
     faults: list[str] = field(default_factory=list)
+    branches: int = 0
 
     @property
     def files(self) -> int:
@@ -260,8 +266,39 @@ def _in_processes(name: str, seconds: float, seed: int, keep: Path) -> Tally:
     return tally
 
 
+def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
+    """Let atheris try a reader in a process of its own, until a fault."""
+    folder = keep / re.sub(r"\W+", "-", name)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "tally.json").write_text('{"read": 0, "refused": 0}')
+    command = [sys.executable, "-m", "benchmarks.fuzz_guided", str(keep / "estimate.json")]
+    options = (
+        f"-max_total_time={seconds:.0f} -seed={seed} -timeout={HANG:.0f} -rss_limit_mb=2500 "
+        f"-max_len={LARGEST} -len_control=20 -print_final_stats=1 -artifact_prefix={folder}/"
+    )
+    done = subprocess.run(
+        [*command, str(folder), name, *options.split()],
+        capture_output=True, text=True, errors="replace", check=False,
+    )  # fmt: skip
+    (folder / "log.txt").write_text(done.stderr)
+    runs = re.findall(r"#(\d+)\s.*cov: (\d+)", done.stderr)
+    counts = json.loads((folder / "tally.json").read_text())
+    tally = Tally(read=counts["read"], seconds=seconds)
+    if not runs:
+        tally.faults.append(f"atheris did not run, see {folder / 'log.txt'}")
+        return tally
+    files, tally.branches = map(int, runs[-1])
+    tally.refused = files - tally.read
+    tally.growth = max(map(float, re.findall(r"rss: (\d+)Mb", done.stderr)))
+    if done.returncode:
+        found = re.findall(r"FoundError: (.*)|ERROR: libFuzzer: (.*)", done.stderr)
+        fault = next(filter(None, found[-1]), "") if found else f"exit status {done.returncode}"
+        tally.faults.append(fault)
+    return tally
+
+
 def _child(estimate: str, folder: str, name: str, seconds: str, seed: str) -> None:
-    target = targets(Path(estimate).read_bytes())[name]
+    target = Targets(Path(estimate).read_bytes())[name]
     tally = fuzz(target, PER_PROCESS, float(seconds), int(seed), Path(folder))
     print(json.dumps(asdict(tally)))
 
@@ -275,28 +312,67 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="for each target")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, default=Path("out/fuzz"), help="where faults are kept")
+    parser.add_argument("--guided", action="store_true", help="let atheris make the files")
+    parser.add_argument("--write", action="store_true", help="into docs/reliability.md")
     arguments = parser.parse_args()
     estimate = made_estimate()
-    known = targets(estimate)
+    known = Targets(estimate)
     unknown = set(arguments.targets) - set(known)
     if unknown:
         parser.error(f"{', '.join(sorted(unknown))}: known are {', '.join(known)}")
+    if arguments.write and arguments.targets:
+        parser.error("--write is for all targets")
     arguments.keep.mkdir(parents=True, exist_ok=True)
     (arguments.keep / "estimate.json").write_bytes(estimate)
-    print("| reader | files | read | refused | faults | longest, s of processor | memory |")
-    print("|---|---|---|---|---|---|---|")
+    one, columns, row = _GUIDED if arguments.guided else _MUTATED
+    rows = [columns, "|---" * (columns.count("|") - 1) + "|"]
+    print("\n".join(rows))
     faults = 0
     for name in arguments.targets or known:
-        tally = _in_processes(name, arguments.seconds, arguments.seed, arguments.keep)
+        tally = one(name, arguments.seconds, arguments.seed, arguments.keep)
         faults += len(tally.faults)
-        print(
-            f"| {name} | {tally.files} | {tally.read} | {tally.refused} | {len(tally.faults)} | "
-            f"{tally.longest:.2g} | +{tally.growth:.0f} MB |",
-            flush=True,
-        )
+        rows.append(row(name, tally))
+        print(rows[-1], flush=True)
         for fault, count in Counter(tally.faults).items():
             print(f"  {count} times: {fault}", file=sys.stderr)
+    if arguments.write:
+        _write("guided" if arguments.guided else "mutated", arguments.seconds, rows)
     return sys.exit(1 if faults else 0)
+
+
+def _mutated_row(name: str, tally: Tally) -> str:
+    return (
+        f"| {name} | {tally.files} | {tally.read} | {tally.refused} | {len(tally.faults)} | "
+        f"{tally.longest:.2g} | +{tally.growth:.0f} MB |"
+    )
+
+
+def _guided_row(name: str, tally: Tally) -> str:
+    return (
+        f"| {name} | {tally.files} | {tally.read} | {tally.refused} | {len(tally.faults)} | "
+        f"{tally.branches} | {tally.growth:.0f} MB |"
+    )
+
+
+_MUTATED = (
+    _in_processes,
+    "| reader | files | read | refused | faults | longest, s of processor | memory |",
+    _mutated_row,
+)
+_GUIDED = (
+    _guided,
+    "| reader | files | read | refused | faults | branches reached | largest process |",
+    _guided_row,
+)
+
+
+def _write(name: str, seconds: float, rows: list[str]) -> None:
+    """Write the table into the page, with the command and the day."""
+    page = ROOT / "docs" / "reliability.md"
+    command = f"python -m benchmarks.fuzz {'--guided ' * (name == 'guided')}--seconds {seconds:g}"
+    head = f"`{command} --write` on {date.today():%d %B %Y}, {seconds:g} s for each reader:\n\n"
+    text = with_block(page.read_text(encoding="utf-8"), f"fuzz-{name}", head + "\n".join(rows))
+    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

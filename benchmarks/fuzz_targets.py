@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,97 +37,126 @@ class Target:
     words: tuple[bytes, ...] = ()
 
 
-def targets(estimate: bytes) -> dict[str, Target]:
-    """Every reader, by what it reads.
+_TOML = (b"=", b"[", b"]", b"[[a]]", b"{", b"}", b'"""', b"= {", b"= [1, 'a']")
+_JSON = (b"null", b"[]", b"{}", b'""', b"NaN", b"-Infinity", b":", b"1e400", b'"\\ud800"')
+_HEADER = (b"time [ms]", b"(deg)", b"[rad]", b"tau", b"q_m", b"; ", b"\t", b"1,5", b"\xc2\xb0")
+_EXPRESSIONS = (b"sin(", b"**", b"/0", b"abs(q)", b"__import__", b"lambda", b"1e999*")
+_ENTRY = (
+    b"gear_ratio = 3\n", b"sum = []", b'side = "link"', b"scale = '1/3'", b"offset = 1e300"
+)  # fmt: skip
+_MAPS = (
+    b'gear_ratio = "1/2"\ntime = {column = "time", unit = "s"}\nmotor_position = '
+    b'{sum = ["motor_position", {column = "motor_torque", scale = 0.0}], side = "link"}\n',
+    b'# angles\n[deflection]\ncolumn = "Link_Position"\nscale = 0.1\nunit = "deg"\n',
+)
+
+
+class Targets(Mapping[str, Target]):
+    """Every reader, by what it reads; its files are made when it is asked for.
 
     Parameters
     ----------
     estimate : bytes
         An ``estimate.json``.
     """
-    from flexid.experiment_design.drive_file import read_drive
-    from flexid.experiments.experiment_file import read_experiment
-    from flexid.identification.estimate_file import read_estimate, stored_identification
-    from flexid.identification.validate_estimate import validate_estimate
-    from flexid.models.model_file import read_model
+
+    def __init__(self, estimate: bytes) -> None:
+        self._made: dict[str, Target] = {}
+        self._makers = {**_logs(), **_descriptions(), **_estimates(estimate)}
+
+    def __getitem__(self, name: str) -> Target:
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+def _logs() -> dict[str, Callable[[], Target]]:
     from flexid.recording import read_log
-    from flexid.recording.columns import read_channels
     from flexid.recording.stream import LogStream
-    from flexid.recording.table import Table
-
-    table = Table("log.csv", "line 1", 2, "line", pl.DataFrame(fuzz_files.log_columns()), "")
-
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "log.csv").write_bytes(
-            pl.DataFrame(fuzz_files.log_columns(400)).write_csv().encode()
-        )
-        log = read_log(Path(folder) / "log.csv")
-    drive = ROOT / "examples" / "drive.toml"
 
     def stream(path: Path) -> None:
         for _ in LogStream(path, None, 50).chunks(30):
             pass
 
-    def of(folder: str) -> tuple[bytes, ...]:
-        return tuple(path.read_bytes() for path in sorted(ROOT.glob(folder)))
+    def texts() -> tuple[bytes, ...]:
+        text = fuzz_files.log_text()
+        return (
+            text,
+            b"# " + text.replace(b",", b" "),
+            text.replace(b",", b";").replace(b".", b","),
+            b"Logger 3\n\n" + text.replace(b"\n", b"\ns,rad,rad,Nm\n", 1),
+        )
 
-    parquets = (*fuzz_files.log_parquet() * 10, *fuzz_files.strange_parquet())
-    text, toml = (
-        fuzz_files.log_text(),
-        (b"=", b"[", b"]", b"[[a]]", b"{", b"}", b'"""', b"= {", b"= [1, 'a']"),
-    )
-    logs = (
-        text,
-        b"# " + text.replace(b",", b" "),
-        text.replace(b",", b";").replace(b".", b","),
-        b"Logger 3\n\n" + text.replace(b"\n", b"\ns,rad,rad,Nm\n", 1),
-    )
-    maps = (
-        b'gear_ratio = "1/2"\ntime = {column = "time", unit = "s"}\nmotor_position = '
-        b'{sum = ["motor_position", {column = "motor_torque", scale = 0.0}], side = "link"}\n',
-        b'# angles\n[deflection]\ncolumn = "Link_Position"\nscale = 0.1\nunit = "deg"\n',
-    )
-    estimates = (estimate, json.dumps(json.loads(estimate), indent=0).encode())
-    json_words = (b"null", b"[]", b"{}", b'""', b"NaN", b"-Infinity", b":", b"1e400", b'"\\ud800"')
-    entry = (
-        b"gear_ratio = 3\n",
-        b"sum = []",
-        b'side = "link"',
-        b"scale = '1/3'",
-        b"offset = 1e300",
-    )
-    header = (b"time [ms]", b"(deg)", b"[rad]", b"tau", b"q_m", b"; ", b"\t", b"1,5", b"\xc2\xb0")
-    expressions = (b"sin(", b"**", b"/0", b"abs(q)", b"__import__", b"lambda", b"1e999*")
+    def parquets() -> tuple[bytes, ...]:
+        return (*fuzz_files.log_parquet() * 10, *fuzz_files.strange_parquet())
+
+    def mcaps() -> tuple[bytes, ...]:
+        return (*fuzz_files.log_json_mcap(), *fuzz_files.log_bag2("MCAP"))
+
     return {
-        "log, text": Target(".csv", logs, read_log, header),
-        "log, Parquet": Target(".parquet", parquets, read_log),
-        "log, stream": Target(".parquet", parquets, stream),
-        "log, MATLAB": Target(".mat", fuzz_files.log_matlab(), read_log),
-        "log, MATLAB 7.3": Target(".mat", fuzz_files.log_hdf5(is_matlab=True), read_log),
-        "log, HDF5": Target(".h5", fuzz_files.log_hdf5(), read_log),
-        "log, MDF": Target(".mf4", fuzz_files.log_mdf(), read_log),
-        "log, MCAP": Target(
-            ".mcap", (*fuzz_files.log_json_mcap(), *fuzz_files.log_bag2("MCAP")), read_log
+        "log, text": lambda: Target(".csv", texts(), read_log, _HEADER),
+        "log, Parquet": lambda: Target(".parquet", parquets(), read_log),
+        "log, stream": lambda: Target(".parquet", parquets(), stream),
+        "log, MATLAB": lambda: Target(".mat", fuzz_files.log_matlab(), read_log),
+        "log, MATLAB 7.3": lambda: Target(".mat", fuzz_files.log_hdf5(is_matlab=True), read_log),
+        "log, HDF5": lambda: Target(".h5", fuzz_files.log_hdf5(), read_log),
+        "log, MDF": lambda: Target(".mf4", fuzz_files.log_mdf(), read_log),
+        "log, MCAP": lambda: Target(".mcap", mcaps(), read_log),
+        "log, ROS 1 bag": lambda: Target(".bag", fuzz_files.log_bag1(), read_log),
+        "log, ROS 2 bag": lambda: Target(".db3", fuzz_files.log_bag2("SQLITE3"), read_log),
+    }
+
+
+def _descriptions() -> dict[str, Callable[[], Target]]:
+    from flexid.experiment_design.drive_file import read_drive
+    from flexid.experiments.experiment_file import read_experiment
+    from flexid.models.model_file import read_model
+    from flexid.recording.columns import read_channels
+    from flexid.recording.table import Table
+
+    table = Table("log.csv", "line 1", 2, "line", pl.DataFrame(fuzz_files.log_columns()), "")
+
+    def of(pattern: str, read: Callable[[Path], object], *words: bytes) -> Target:
+        files = tuple(path.read_bytes() for path in sorted(ROOT.glob(pattern)))
+        return Target(".toml", files, read, (*_TOML, *words))
+
+    return {
+        "column map": lambda: Target(
+            ".toml", _MAPS, lambda path: read_channels(table, path), (*_TOML, *_ENTRY)
         ),
-        "log, ROS 1 bag": Target(".bag", fuzz_files.log_bag1(), read_log),
-        "log, ROS 2 bag": Target(".db3", fuzz_files.log_bag2("SQLITE3"), read_log),
-        "column map": Target(".toml", maps, lambda p: read_channels(table, p), (*toml, *entry)),
-        "drive file": Target(".toml", of("examples/drive.toml"), read_drive, toml),
-        "experiment file": Target(
-            ".toml", of("experiments/*.toml"), read_experiment, (*toml, *expressions)
-        ),
-        "model file": Target(
-            ".toml", of("examples/models/*.toml"), read_model, (*toml, *expressions)
-        ),
-        "estimate": Target(
-            ".json", estimates, lambda path: stored_identification(read_estimate(path)), json_words
-        ),
-        "estimate, validated": Target(
-            ".json", estimates, lambda path: validate_estimate(path, [log]), json_words
-        ),
-        "estimate for a design": Target(
-            ".json", estimates, lambda path: read_drive(drive, path), json_words
-        ),
+        "drive file": lambda: of("examples/drive.toml", read_drive),
+        "experiment file": lambda: of("experiments/*.toml", read_experiment, *_EXPRESSIONS),
+        "model file": lambda: of("examples/models/*.toml", read_model, *_EXPRESSIONS),
+    }
+
+
+def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
+    from flexid.experiment_design.drive_file import read_drive
+    from flexid.identification.estimate_file import read_estimate, stored_identification
+    from flexid.identification.validate_estimate import validate_estimate
+    from flexid.recording.frame import table_of_arrays
+    from flexid.recording.read import log_of_table
+
+    files = (estimate, json.dumps(json.loads(estimate), indent=0).encode())
+    drive = ROOT / "examples" / "drive.toml"
+
+    def of(read: Callable[[Path], object]) -> Target:
+        return Target(".json", files, read, _JSON)
+
+    def validated() -> Target:
+        log = log_of_table(table_of_arrays(fuzz_files.log_columns(400)))
+        return of(lambda path: validate_estimate(path, [log]))
+
+    return {
+        "estimate": lambda: of(lambda path: stored_identification(read_estimate(path))),
+        "estimate, validated": validated,
+        "estimate for a design": lambda: of(lambda path: read_drive(drive, path)),
     }
 
 

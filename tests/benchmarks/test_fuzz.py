@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 from benchmarks.fuzz import fuzz, mutated, tried
-from benchmarks.fuzz_targets import Target, made_estimate, targets
+from benchmarks.fuzz_targets import Target, Targets, made_estimate
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -18,13 +18,13 @@ NAMES += ("estimate", "estimate for a design")
 
 
 @pytest.fixture(scope="module")
-def readers() -> dict[str, Target]:
+def readers() -> Targets:
     """Return every reader with what it is tried with."""
-    return targets(made_estimate())
+    return Targets(made_estimate())
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "log, Parquet"])
-def test_what_is_mutated_is_read(name: str, readers: dict[str, Target], tmp_path: Path) -> None:
+def test_what_is_mutated_is_read(name: str, readers: Targets, tmp_path: Path) -> None:
     """Assert that the files are good before they are mutated."""
     target = readers[name]
     for seed in target.seeds:
@@ -39,7 +39,7 @@ def test_what_is_mutated_is_read(name: str, readers: dict[str, Target], tmp_path
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(seed=st.integers(0, 2**32))
-def test_any_mutation(name: str, readers: dict[str, Target], tmp_path: Path, seed: int) -> None:
+def test_any_mutation(name: str, readers: Targets, tmp_path: Path, seed: int) -> None:
     """Assert that a mutated file is read, or refused in one line."""
     target = readers[name]
     content = mutated(Random(seed), target)

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from flexid.control.robust import robust_law
 from flexid.errors import ExperimentError
@@ -189,3 +191,31 @@ def test_acceleration_has_a_remedy(tmp_path: Path):
     with pytest.raises(ExperimentError, match=r"theta_damping.*\[sampling\]") as caught:
         read_experiment(path).run()
     assert str(caught.value).startswith(str(path))
+
+
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=20
+)
+@given(
+    amplitudes=st.lists(st.floats(1e-3, 1.0), min_size=3, max_size=3),
+    inertia=st.floats(1e-3, 1e3),
+    seed=st.integers(0, 2**31),
+)
+def test_any_values_are_those_of_a_file_that_says_so(
+    tmp_path: Path, sampled: Experiment, amplitudes: list[float], inertia: float, seed: int
+):
+    """Assert that whatever numbers are set, a file with these numbers is the same experiment."""
+    text = (FOLDER / "sampled_joint.toml").read_text(encoding="utf-8")
+    written = tmp_path / "written.toml"
+    written.write_text(
+        text.replace("[0.6, 0.3, 0.1]", repr(amplitudes))
+        .replace("motor_inertia = 0.3 ", f"motor_inertia = {inertia!r} ")
+        .replace("seed = 1", f"seed = {seed}"),
+        encoding="utf-8",
+    )
+    values = {"plant.motor_inertia": inertia, "sampling.seed": float(seed)}
+    values |= {f"reference.amplitudes.{i}": value for i, value in enumerate(amplitudes, 1)}
+    changed, expected = sampled.with_values(values), read_experiment(written)
+    assert changed.digest == expected.digest
+    assert changed.sampling == expected.sampling
+    assert changed.loop.parameters.tolist() == expected.loop.parameters.tolist()

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from joint_log import joint_columns
-from test_matlab import assert_is_the_log, refusal
+from test_matlab import CHANNELS, assert_is_the_log, refusal
 
 from flexid.recording import outside, read_log
 
@@ -64,6 +64,17 @@ def test_a_table_and_a_matrix(tmp_path: Path):
     message = refusal(tmp_path / "log.h5")
     assert "found 'q[:,0]' (float64, 100 values), 'q[:,1]'" in message
     assert "'table.tau' (float32, 100 values)" in message
+
+
+def test_a_matrix_of_rows(tmp_path: Path):
+    """Assert that of a matrix which is wider than high each row is a signal."""
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["time"], file["motor_torque"] = COLUMNS["time"], COLUMNS["motor_torque"]
+        file["q"] = np.stack([COLUMNS["motor_position"], COLUMNS["link_position"]])
+    (tmp_path / "map.toml").write_text('motor_position = "q[0,:]"\nlink_position = "q[1,:]"\n')
+    assert_is_the_log(
+        read_log(tmp_path / "log.h5", tmp_path / "map.toml").recordings[0], CHANNELS[:2]
+    )
 
 
 def test_what_it_holds(tmp_path: Path):

@@ -42,9 +42,9 @@ def written_73(path: Path, variables: dict[str, np.ndarray]) -> Path:
     return path
 
 
-def assert_is_the_log(recording: Recording) -> None:
+def assert_is_the_log(recording: Recording, channels: tuple[str, ...] = CHANNELS) -> None:
     """Assert that the channels are those that were written."""
-    for name in CHANNELS:
+    for name in channels:
         np.testing.assert_array_equal(getattr(recording, name), COLUMNS[name])
     np.testing.assert_array_equal(recording.input, COLUMNS["motor_torque"])
 
@@ -118,6 +118,12 @@ def test_times_that_differ(tmp_path: Path):
     late["t"] = COLUMNS["time"]
     savemat(tmp_path / "log.mat", {"drive": late, "joint": rest})
     assert_is_the_log(read_log(tmp_path / "log.mat", tmp_path / "map.toml").recordings[0])
+
+
+def test_two_times_beside_a_channel(tmp_path: Path):
+    """Assert that where two arrays could be a channel's times only its length is compared."""
+    savemat(tmp_path / "log.mat", {"joint": {"t": np.arange(100.0), **COLUMNS}})
+    assert_is_the_log(read_log(tmp_path / "log.mat").recordings[0])
 
 
 def test_nothing_in_it(tmp_path: Path):

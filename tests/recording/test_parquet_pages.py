@@ -87,6 +87,97 @@ def test_a_page_that_promises_too_much(tmp_path: Path):
             read(path)
 
 
+Fields = dict[int, Any]
+
+
+def thrift(value: Any) -> tuple[int, bytes]:
+    """A value in Thrift's compact protocol, with its type."""
+    if isinstance(value, bytes):
+        return 8, varint(len(value)) + value
+    if isinstance(value, int):
+        return 6, varint((value << 1) ^ (value >> 63))
+    if isinstance(value, dict):
+        parts = [bytes([kind, *varint(key << 1)]) + raw for key, kind, raw in typed(value)]
+        return 12, b"".join(parts) + b"\0"
+    parts = [thrift(one) for one in value]
+    return 9, bytes([0xF0 | parts[0][0], *varint(len(parts))]) + b"".join(raw for _, raw in parts)
+
+
+def typed(fields: Fields) -> list[tuple[int, int, bytes]]:
+    """Fields with their types."""
+    return [(key, *thrift(value)) for key, value in fields.items()]
+
+
+def varint(number: int) -> bytes:
+    """A number of any length that is not negative."""
+    head, rest = number & 127, number >> 7
+    return bytes([head | 128]) + varint(rest) if rest else bytes([head])
+
+
+def by_hand(
+    page: Fields | None = None,
+    column: Fields | None = None,
+    group: Fields | None = None,
+    footer: Fields | None = None,
+) -> bytes:
+    """A file of one page of 100 numbers, with other values in one of its structs."""
+    header = thrift({1: 0, 2: 800, 3: 800, 5: {1: 100}} | (page or {}))[1]
+    pages = header + bytes(800)
+    columns = {3: [b"time"], 5: 100, 7: len(pages), 9: 4} | (column or {})
+    groups = {1: [{3: columns}], 3: 100} | (group or {})
+    schema = [{4: b"schema", 5: 1}, {4: b"time"}]
+    last = thrift({2: schema, 3: 100, 4: [groups]} | (footer or {}))[1]
+    return b"PAR1" + pages + last + len(last).to_bytes(4, "little") + b"PAR1"
+
+
+def test_a_file_made_by_hand():
+    """Assert that the file of which the next test changes numbers is whole."""
+    assert shape_of(io.BytesIO(by_hand())) == (100, 1, 100, 800)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"page": {2: -1}},
+        {"page": {2: 2_000_000_000}},
+        {"page": {3: 801}},
+        {"page": {3: -5}},
+        {"page": {5: {1: 99}}},
+        {"page": {5: {1: 101}}},
+        {"page": {5: {1: -1}}},
+        {"page": {5: 100}},
+        {"page": {1: 2, 7: {1: 1000}}},
+        {"page": {1: 3, 8: {1: 100, 2: 101, 3: 100, 5: 0, 6: 0}}},
+        {"page": {1: 3, 8: {1: 100, 2: 0, 3: 100, 5: 700, 6: 200}}},
+        {"page": {5: {1: 200}}, "column": {5: 200}},
+        {"column": {5: 99}},
+        {"column": {5: 2**61}},
+        {"column": {7: 10**9}},
+        {"column": {9: 2**40}},
+        {"column": {9: 0}},
+        {"column": {9: b"4"}},
+        {"group": {3: 101}},
+        {"footer": {2: [{4: b"schema"}]}},
+        {"footer": {3: 99}},
+        {"footer": {4: b"groups"}},
+    ],
+    ids=str,
+)
+def test_numbers_that_contradict(changed: dict[str, Fields]):
+    """Assert that whatever number of the file is wrong, it is found to be damaged."""
+    with pytest.raises(DamagedError):
+        shape_of(io.BytesIO(by_hand(**changed)))
+
+
+def test_nested_deep():
+    """Assert that structs and lists in structs and lists end at a depth."""
+    inner: Any = 1
+    for _ in range(60):
+        inner = [inner]
+    with pytest.raises(DamagedError):
+        shape_of(io.BytesIO(by_hand(footer={9: inner})))
+
+
 def test_what_it_saves_from(tmp_path: Path):
     """Assert that the same file ends a process that hands it to Polars unchecked."""
     path = tmp_path / "log.parquet"

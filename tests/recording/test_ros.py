@@ -16,6 +16,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 from test_matlab import refusal
 
 from flexid.recording import outside, read_log, ros_messages
@@ -193,7 +194,7 @@ def test_no_times_in_common(tmp_path: Path):
     assert "'/drive', '/tau' have no times in common" in message
 
 
-def test_names_that_are_code(tmp_path: Path):
+def test_names_that_are_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that a type's name which is no name is not handed to what makes code of it."""
     trap = tmp_path / "executed"
     names = [f"a/msg/B: pass\nopen({str(trap)!r}, 'w')\nclass C", "__import__('os')", "a//b"]
@@ -205,6 +206,15 @@ def test_names_that_are_code(tmp_path: Path):
     idl = "module a { module msg { struct B { double data; }; }; };"
     topic = ros_messages.Topic("/x", "a/msg/B", "cdr", idl, "ros2idl")
     assert ros_messages.decoder(topic)[0] is not None
+    made: list[object] = []
+    monkeypatch.setattr(Typestore, "register", lambda _, types: made.append(types))
+    inner = ros_messages.Topic(
+        "/x", "a/msg/B", "cdr", f"float64 x\n{'=' * 80}\nMSG: 9c/D\nfloat64 y\n", "ros2msg"
+    )
+    assert "definition cannot be read" in ros_messages.decoder(inner)[1]
+    assert not made
+    broken = ros_messages.Topic("/x", "a/msg/B", "cdr", "float64", "ros2msg")
+    assert "definition cannot be read" in ros_messages.decoder(broken)[1]
     assert not trap.exists()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import sys
 from collections import Counter
 from contextlib import contextmanager, suppress
@@ -66,19 +67,20 @@ def _opened(path: Path) -> Iterator[Any]:
     """The file as asammdf has it.
 
     What it could not read it leaves half made, and that raises once more when it is cleared away,
-    where nothing can catch it but the hook that would print it.
+    where nothing can catch it but the hook that would print it. It also writes to the terminal.
     """
     from asammdf import MDF
 
     hook, content = sys.unraisablehook, None
-    sys.unraisablehook = lambda _: None
+    log = logging.getLogger("asammdf")
+    sys.unraisablehook, log.disabled = lambda _: None, True
     try:
         with suppress(Exception):
             content = MDF(str(path))
         if content is None:
-            gc.collect()
+            gc.collect(1)  # it is young
     finally:
-        sys.unraisablehook = hook
+        sys.unraisablehook, log.disabled = hook, False
     if content is None:
         raise ValueError("asammdf cannot read it")
     with content:
@@ -145,23 +147,17 @@ def _reader(path: Path, group: int, index: int) -> Callable[[], NDArray[np.gener
         with readable(shown(path), _WHAT), _opened(path) as content:
             signal = content.get(group=group, index=index, ignore_invalidation_bits=False)
             cycles = int(content.groups[group].channel_group.cycles_nr)
-            if len(signal.samples) != cycles or signal.invalidation_bits is not None:
-                _check_valid(shown(path), signal, cycles)
+            lost = cycles - len(signal.samples)  # those that are marked are left out
+            if lost:
+                raise RecordingError(
+                    shown(path),
+                    f"{signal.name!r}",
+                    f"{lost} of its {cycles} samples are marked as invalid: cut the log to where "
+                    f"all are valid",
+                )
             return np.asarray(signal.samples)
 
     return read
-
-
-def _check_valid(file: str, signal: Any, cycles: int) -> None:
-    bits = signal.invalidation_bits
-    lost = cycles - len(signal.samples) + (0 if bits is None else int(np.count_nonzero(bits)))
-    if lost:
-        raise RecordingError(
-            file,
-            f"{signal.name!r}",
-            f"{lost} of its {cycles} samples are marked as invalid: cut the log to where all are "
-            f"valid",
-        )
 
 
 def _clock_reader(path: Path, group: int) -> Callable[[], FloatArray]:

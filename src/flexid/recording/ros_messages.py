@@ -15,6 +15,8 @@ from flexid.recording.limits import LARGEST_HELD
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from rosbags.typesys.store import Typestore
+
     Decode: TypeAlias = Callable[[bytes], Any]
 
 WHAT = "bag or MCAP file"
@@ -113,27 +115,36 @@ def decoder(topic: Topic) -> tuple[Decode | None, str]:
         return None, f"messages of encoding {topic.encoding[:40]!r}, which are not read"
     if not _TYPE_NAME.fullmatch(topic.kind) or len(topic.definition) > _LONGEST_DEFINITION:
         return None, "messages of a type whose name or definition cannot be read"
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
     from rosbags.typesys.msg import normalize_msgtype
 
     kind = normalize_msgtype(topic.kind)
-    if topic.definition:
-        store = get_typestore(Stores.EMPTY)
-        if topic.language == "ros2idl":
-            types = get_types_from_idl(topic.definition)
-        else:
-            types = get_types_from_msg(topic.definition, kind)
-        # rosbags makes Python code of them, in which their names stand.
-        if not all(map(_TYPE_NAME.fullmatch, types)):
-            return None, "messages of a type whose name cannot be read"
-        store.register(types)
-    else:
-        store = get_typestore(Stores.LATEST)
+    try:
+        store = _store(topic, kind)
+    except Exception:  # whatever rosbags makes of a definition that is none
+        return None, "messages of a type whose definition cannot be read"
     if kind not in store.types:
         return None, f"messages of type {topic.kind[:80]!r}, of which the file has no definition"
     if topic.encoding == "ros1":
         return lambda raw: store.deserialize_ros1(raw, kind), ""
     return lambda raw: store.deserialize_cdr(raw, kind), ""
+
+
+def _store(topic: Topic, kind: str) -> Typestore:
+    """The types that a topic's messages are made of."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if not topic.definition:
+        return get_typestore(Stores.LATEST)
+    if topic.language == "ros2idl":
+        types = get_types_from_idl(topic.definition)
+    else:
+        types = get_types_from_msg(topic.definition, kind)
+    # rosbags makes Python code of them, in which their names stand.
+    if not all(map(_TYPE_NAME.fullmatch, types)):
+        raise ValueError("a type's name is no name")
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    return store
 
 
 def _of_mcap(file: str, path: Path, topics: set[str] | None) -> Iterator[tuple[Topic, int, bytes]]:
