@@ -169,6 +169,29 @@ def test_numbers_that_contradict(changed: dict[str, Fields]):
         shape_of(io.BytesIO(by_hand(**changed)))
 
 
+def test_a_page_that_reaches_into_the_footer():
+    """Assert that the footer is no part of a page, whatever the page and the column say."""
+    header = len(thrift({1: 0, 2: 800, 3: 805, 5: {1: 100}})[1])
+    with pytest.raises(DamagedError):
+        shape_of(io.BytesIO(by_hand(page={3: 805}, column={7: header + 805})))
+
+
+def test_a_dictionary_that_promises_too_much():
+    """Assert that a dictionary has no more values than bytes, and that others are left alone."""
+    for count, fits in ((8, True), (9, False)):
+        page = thrift({1: 2, 2: 8, 3: 8, 7: {1: count}})[1] + bytes(8)
+        data = thrift({1: 0, 2: 800, 3: 800, 5: {1: 100}})[1] + bytes(800)
+        column = {7: len(page) + len(data), 9: 4 + len(page), 11: 4}
+        raw = by_hand(column=column)
+        footer = raw[4 + len(data) :]
+        whole = io.BytesIO(b"PAR1" + page + data + footer)
+        if fits:
+            assert shape_of(whole) == (100, 1, 100, 808)
+        else:
+            with pytest.raises(DamagedError):
+                shape_of(whole)
+
+
 def test_nested_deep():
     """Assert that structs and lists in structs and lists end at a depth."""
     inner: Any = 1
