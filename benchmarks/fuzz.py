@@ -202,6 +202,7 @@ def fuzz(target: Target, files: int, seconds: float, seed: int, folder: Path) ->
     before = _peak()
     start = time.perf_counter()
     path = folder / f"input{target.suffix}"
+    tried(target, path, target.seeds[0])  # what is compiled at first takes longer
     while tally.files < files and tally.seconds < seconds:
         content = mutated(draw, target)
         begun = time.process_time()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 
 from benchmarks import fuzz_files
@@ -62,7 +65,7 @@ class Targets(Mapping[str, Target]):
 
     def __init__(self, estimate: bytes) -> None:
         self._made: dict[str, Target] = {}
-        self._makers = {**_logs(), **_descriptions(), **_estimates(estimate)}
+        self._makers = {**_logs(), **_descriptions(), **_estimates(estimate), **_streams()}
 
     def __getitem__(self, name: str) -> Target:
         if name not in self._made:
@@ -157,6 +160,49 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
         "estimate": lambda: of(lambda path: stored_identification(read_estimate(path))),
         "estimate, validated": validated,
         "estimate for a design": lambda: of(lambda path: read_drive(drive, path)),
+    }
+
+
+def _streams() -> dict[str, Callable[[], Target]]:
+    from flexid.streaming.checkpoint import read_session, save_session
+    from flexid.streaming.options import WatchOptions
+    from flexid.streaming.session import Session
+    from flexid.streaming.text_stream import LineReader, stream_columns
+
+    def watch(path: Path) -> None:
+        """Watch a text that comes in parts."""
+        reader, raw = LineReader("stream"), path.read_bytes()
+        session = Session(WatchOptions(0.005))
+        for start in range(0, len(raw) + 1, 5_000):
+            cells = reader.cells(raw[start : start + 5_000], ended=start + 5_000 > len(raw))
+            if cells is not None and reader.layout is not None:
+                columns = stream_columns("stream", reader.layout, None)
+                if len(columns.weights) == 4:  # time, both positions, input
+                    session.feed(columns.samples(cells))
+        save_session(session, path.with_suffix(".session"))
+
+    def checkpoint() -> bytes:
+        columns = fuzz_files.log_columns(400)
+        session = Session(WatchOptions(0.005, ("motor_viscous",), "rigid"))
+        names = ("time", "motor_position", "motor_torque")
+        session.feed(np.column_stack([columns[name] for name in names]))
+        with tempfile.TemporaryDirectory() as folder:
+            save_session(session, Path(folder) / "session.json")
+            return (Path(folder) / "session.json").read_bytes()
+
+    def restore(path: Path) -> None:
+        """Read a checkpoint whose checksum is right, whatever it holds, and go on from it."""
+        with suppress(ValueError, RecursionError, TypeError, KeyError):
+            document = json.loads(path.read_bytes())
+            content = json.dumps(document["content"], sort_keys=True).encode()
+            document["sha256"] = hashlib.sha256(content).hexdigest()
+            path.write_text(json.dumps(document), encoding="utf-8")
+        session = read_session(path)
+        session.feed(np.zeros((3, 3)))
+
+    return {
+        "watch, text": lambda: Target(".csv", (fuzz_files.log_text(),), watch, _HEADER),
+        "watch, checkpoint": lambda: Target(".json", (checkpoint(),), restore, _JSON),
     }
 
 

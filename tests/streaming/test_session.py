@@ -13,6 +13,7 @@ from moving_joint import LINK, OPTIONS, TORQUE, H, same, stream, watched
 from flexid.errors import SettingError
 from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.health import Health
+from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
 
 FEW = settings(
@@ -141,6 +142,15 @@ class TestFile:
         with pytest.raises(SettingError, match="checkpoint"):
             read_session(path)
 
+    def test_a_number_that_no_float_is(self, path: Path):
+        """Assert that a number too large for any float is refused."""
+        from flexid.streaming import checkpoint
+
+        content = json.loads(path.read_text())["content"] | {"changes": [[10**400, "link", 1.0]]}
+        self.change(path, content=content, sha256=checkpoint._digest(content))
+        with pytest.raises(SettingError, match="does not hold what it should"):
+            read_session(path)
+
     def test_something_else(self, tmp_path: Path):
         """Assert that another JSON file is not taken for one."""
         (tmp_path / "estimate.json").write_text("{}")
@@ -151,6 +161,26 @@ class TestFile:
         """Assert that a file that is not there is named."""
         with pytest.raises(SettingError, match="no such file"):
             read_session(tmp_path / "nothing.json")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"sample_time": 0.0}, "sample time: 0.0 s is no drive's"),
+        ({"sample_time": 1e-320}, "sample time"),
+        ({"sample_time": np.nan}, "sample time"),
+        ({"sample_time": 0.51}, "sample time"),
+        ({"filter_rate": 0.9e-3}, "filter rate: 0.0009 is none"),
+        ({"filter_rate": 1e-320}, "filter rate"),
+        ({"filter_rate": 63.0}, "filter rate"),
+    ],
+)
+def test_clocks_that_no_drive_has(options: dict, words: str):
+    """Assert that sample times and filters beyond what drives have are refused."""
+    WatchOptions(sample_time=H, filter_rate=1.1e-3)
+    WatchOptions(sample_time=H, filter_rate=62.0)
+    with pytest.raises(SettingError, match=words):
+        WatchOptions(**{"sample_time": H, **options})
 
 
 def test_samples_of_another_width_are_refused():

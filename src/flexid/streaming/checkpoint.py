@@ -5,7 +5,6 @@ a file does so bit for bit. Nothing in the file is executed, and every size is c
 """
 
 import base64
-import binascii
 import hashlib
 import json
 from collections.abc import Mapping
@@ -83,7 +82,7 @@ def read_session(path: Path) -> Session:
         raise refuse("its checksum is wrong, so it was changed or cut: begin anew, without it")
     try:
         return _session(content)
-    except (KeyError, TypeError, ValueError, AttributeError, binascii.Error):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         raise refuse("it does not hold what it should: begin anew, without it") from None
 
 

@@ -10,12 +10,16 @@ from flexid.models.flexible_joint import TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
+from flexid.recording.sampling import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 """Terms of the model where none are named."""
 
 FASTEST = 0.125
 """Fastest filter, over the sampling rate: one four times as fast runs beside it."""
+
+SLOWEST = 1e-3
+"""Slowest filter, in 1/s: it takes an hour to forget its beginning."""
 
 _INPUT_UNITS = ("N m", "A", "V")
 
@@ -64,9 +68,11 @@ class WatchOptions:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
-        if not (isfinite(self.sample_time) and self.sample_time > 0.0):
+        if not SHORTEST_SAMPLE_TIME <= self.sample_time <= LONGEST_SAMPLE_TIME:
             raise SettingError(
-                "sample time", f"{self.sample_time} is no time step: give seconds above 0"
+                "sample time",
+                f"{self.sample_time} s is no drive's: give {SHORTEST_SAMPLE_TIME:g} to "
+                f"{LONGEST_SAMPLE_TIME:g} s",
             )
         check_terms(self.terms, TERMS)
         if self.kind not in ("flexible", "rigid"):
@@ -74,11 +80,11 @@ class WatchOptions:
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"{self.hold!r} is none: give 'auto', 'linear' or 'zero'")
         fastest = FASTEST / self.sample_time
-        if not 0.0 < self.filter_rate <= fastest:
+        if not SLOWEST <= self.filter_rate <= fastest:
             raise SettingError(
                 "filter rate",
                 f"{self.filter_rate} is none for samples every {1e3 * self.sample_time:g} ms: give "
-                f"a number up to {fastest:.3g} 1/s, or sample faster",
+                f"{SLOWEST:g} to {fastest:.3g} 1/s, or sample faster",
             )
         if not self.memory > 20.0 / self.filter_rate:
             raise SettingError(
