@@ -104,12 +104,22 @@ def test_without_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert "pip install 'flexid[mdf]'" in refusal(path)
 
 
+class Listener(logging.Handler):
+    """What is logged."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep it."""
+        self.said.append(record)
+
+
 def test_damaged_files(tmp_path: Path):
     """Assert that files cut short or overwritten are refused, and that asammdf says nothing."""
     raw = written(tmp_path / "log.mf4", encoders()).read_bytes()
-    said: list[logging.LogRecord] = []
-    handler = logging.Handler()
-    handler.emit = said.append
+    handler = Listener()
     logging.getLogger("asammdf").addHandler(handler)
     (tmp_path / "cut.mf4").write_bytes(raw[:200])
     assert "no MDF file that can be read" in refusal(tmp_path / "cut.mf4")
@@ -118,4 +128,4 @@ def test_damaged_files(tmp_path: Path):
     (tmp_path / "log.mf4").write_bytes(raw.replace(b"##DG", b"##XX"))
     assert "no MDF file that can be read" in refusal(tmp_path / "log.mf4")
     logging.getLogger("asammdf").removeHandler(handler)
-    assert not said
+    assert not handler.said
