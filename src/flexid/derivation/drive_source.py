@@ -5,6 +5,7 @@ definition makes all of it float or double. The operations are those of the comp
 same order, so that both agree to rounding.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
@@ -69,7 +70,7 @@ def drive_functions(system: ParametricSystem, positions_only: bool) -> DriveFunc
     parts = [split_regressor(expression, symbolic) for expression in expressions]
     printer = _printer(symbolic)
     names = (*system.states, *system.inputs, *system.coefficients)
-    comments = [f"{label}: {_comment(text)}" for label, text in zip(labels, texts, strict=True)]
+    comments = [comment(f"{label}: {text}") for label, text in zip(labels, texts, strict=True)]
     if positions_only:
         sampled = [part.memoryless + part.remainder for part in parts]
         functions = [
@@ -147,8 +148,16 @@ def _printer(symbolic: SymbolicSystem) -> _DrivePrinter:
         for name in names
         if name in RESERVED or name in _OWN_NAMES or not name.isascii()
     }
+    renamed |= {
+        name: str(fresh.take(f"{name.lower()}_"))
+        for name in names
+        if name not in renamed and _TAKEN.fullmatch(name)
+    }
     return _DrivePrinter(renamed)
 
+
+_TAKEN = re.compile(r"[A-Z][A-Z0-9_]+|flexid_\w+|\w+_t")
+"""Macros of the estimator and of the C library, and types."""
 
 _OWN_NAMES = frozenset(
     {
@@ -166,9 +175,9 @@ _OWN_NAMES = frozenset(
 )
 
 
-def _comment(text: str) -> str:
-    """An expression's text, of which nothing ends the comment that it stands in."""
-    return text.replace("*/", "* /").replace("/*", "/ *")
+def comment(text: str) -> str:
+    """A text that may stand in a comment of C, on one line."""
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
 
 
 def _sampled_parts(

@@ -4,8 +4,9 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING
 
+from flexid.derivation.drive_source import comment
 from flexid.estimators.parametric_observer import ParametricObserver
-from flexid.exports.c99_source import DriveSource, comment, template_text
+from flexid.exports.c99_source import DriveSource, template_text
 from flexid.exports.c99_vector import log_samples, made_samples, vector_text
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from importlib import resources
 from math import exp
 from string import Template
 
-from flexid.derivation.drive_source import MACROS, drive_functions
+from flexid.derivation.drive_source import MACROS, comment, drive_functions
+from flexid.errors import SettingError
 from flexid.estimators.parametric_observer import ParametricObserver
 from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
 from flexid.exports.estimator import EstimatorSettings
@@ -16,6 +17,9 @@ from flexid.models.parametric_system import ParametricSystem
 
 LARGEST_SAMPLE = 1e9
 """A number in a sample beyond this, in its unit, is a fault of the sensor."""
+
+MOST_COEFFICIENTS = 31
+"""Of a row: which of them are determined stands in the bits of one number."""
 
 _RECENT = 10.0  # time constants of the filter that "lately" reaches back over
 _RECENT_TIME = 0.5  # s, where there is no filter
@@ -37,10 +41,22 @@ class DriveSource:
         The model.
     settings : EstimatorSettings
         Of the estimator.
+
+    Raises
+    ------
+    SettingError
+        If a row has too many coefficients.
     """
 
     def __init__(self, source: ExportSource, settings: EstimatorSettings) -> None:
         self.system = source.system
+        for row in self.system.rows:
+            if len(row.coefficients) > MOST_COEFFICIENTS:
+                raise SettingError(
+                    row.name,
+                    f"has {len(row.coefficients)} coefficients, more than the {MOST_COEFFICIENTS} "
+                    f"of a row that an estimator in C takes: leave some out",
+                )
         self.settings = settings
         self.twin = settings.twin(source.system)
         self.functions = drive_functions(source.system, not settings.velocities)
@@ -241,11 +257,6 @@ class DriveSource:
         return _definitions(counts, numbers)
 
 
-def comment(text: str) -> str:
-    """A text that may stand in a comment, on one line."""
-    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
-
-
 _MEANINGS = {
     "LARGEST_POWER": "beyond it a sum is taken for an overflow",
     "SAMPLE_TIME": "h, s",
@@ -313,7 +324,9 @@ def _equations(system: ParametricSystem) -> list[str]:
     for row in system.rows:
         terms = [f"{name}*({text})" for name, text in row.regressors.items()]
         terms += [row.known] * (row.known != "0")
-        lines.append(f" *   {row.velocity}' = {comment(' + '.join(terms))}   eq. (1), {row.name}")
+        lines.append(
+            f" *   {row.velocity}' = {comment(' + '.join(terms))}   eq. (1), {comment(row.name)}"
+        )
     constants = ", ".join(f"{name} = {value!r}" for name, value in system.constants.items())
     return [*lines, *([f" *   with {constants}"] * bool(constants))]
 

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from flexid.derivation.drive_source import comment
 from flexid.errors import SettingError
 from flexid.exports.c99_source import DriveSource
 from flexid.exports.estimator import EstimatorSettings
@@ -274,11 +275,6 @@ def _health() -> str:
 
 def _lines(lines: Iterable[str]) -> str:
     return "\n".join(f"    {line}" for line in lines)
-
-
-def comment(text: str) -> str:
-    """A text that ends no comment of C."""
-    return text.replace("*/", "* /").replace("/*", "/ *")
 
 
 def filled(name: str, **values: str) -> str:

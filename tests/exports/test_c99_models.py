@@ -1,0 +1,45 @@
+"""Models that are awkward in C: names that C or the estimator has already, rows of any length."""
+
+import pytest
+from drive import compiled, run
+
+import flexid
+from flexid.errors import SettingError
+from flexid.exports.c99_source import DriveSource
+from flexid.exports.estimator import EstimatorSettings
+from flexid.exports.source import ExportSource
+
+SETTINGS = EstimatorSettings(1e-3)
+
+
+def arm(regressors, name="arm", **options):
+    """A model of one row."""
+    row = flexid.Row(name, "q", "v", regressors, "u")
+    return flexid.ParametricSystem("model", (row,), **options)
+
+
+@pytest.mark.parametrize("name", ["FLEXID_ROWS", "POLE", "uint32_t"])
+def test_names_that_are_taken_are_renamed(tmp_path, name):
+    """Assert that a coefficient and a constant of such a name compile, and the estimates agree."""
+    model = arm({name: f"-{name}_2*sin(q)", "viscous": "-v"}, constants={f"{name}_2": 2.0})
+    flexid.export(model, to="c99", sample_time=1e-3, out=tmp_path / "drive")
+    assert f"{name.lower()}_ = " in run(compiled("gcc", tmp_path / "drive", out=tmp_path / "run"))
+
+
+def test_a_row_that_is_too_long():
+    """Assert that a row of more coefficients than there are bits is refused."""
+    rows = [{f"c{i}": f"sin({i + 1}*q)" for i in range(count)} for count in (31, 32)]
+    assert "row[0].unknown[30]" in DriveSource(ExportSource(arm(rows[0])), SETTINGS).source()
+    with pytest.raises(SettingError, match="arm: has 32 coefficients"):
+        DriveSource(ExportSource(arm(rows[1])), SETTINGS)
+
+
+def test_no_text_of_a_model_ends_a_comment():
+    """Assert that names in comments are on one line and do not end them, in FMUs either."""
+    from flexid.exports.fmu_model import estimator_model
+
+    model = arm({"gravity": "-sin(q)"}, "arm *\\\n/ int evil; /*")
+    unit = estimator_model(ExportSource(model), SETTINGS)
+    for text in (unit.header(), *unit.sources.values()):
+        assert "\\\n/" not in text
+        assert "\n/ int" not in text
