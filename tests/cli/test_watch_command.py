@@ -8,6 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from flexid.cli import watch as watch_command
+from flexid.errors import SettingError
+from flexid.streaming import checkpoint
+from flexid.streaming.session import Session
+
 LOG = Path("examples/flexible_joint.csv")
 PAPER = ("--terms", "gravity,motor_viscous", "--hold", "linear")
 
@@ -76,6 +81,25 @@ def test_a_checkpoint_that_cannot_be_written_is_refused_at_once(tmp_path: Path):
     done = run(str(LOG), "--stop-at-end", "--checkpoint", str(tmp_path / "no" / "state.json"))
     assert (done.returncode, done.stdout) == (2, "")
     assert "cannot be written: make the folder" in done.stderr
+
+
+def test_a_checkpoint_that_cannot_be_written_costs_no_report(
+    tmp_path: Path, flexid, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that a disk that is full is warned of meanwhile, and at its end the report comes."""
+    (tmp_path / "log.csv").write_text("\n".join(LOG.read_text().splitlines()[:3001]))
+
+    def full(session: Session, path: Path) -> None:
+        raise SettingError("checkpoint", f"{path} cannot be written (No space left on device)")
+
+    monkeypatch.setattr(checkpoint, "save_session", full)
+    monkeypatch.setattr(watch_command, "_SAVED_EVERY", -1.0)
+    watched = ("watch", tmp_path / "log.csv", "--stop-at-end", "--checkpoint", tmp_path / "state")
+    outcome = flexid(*watched, *PAPER)
+    assert outcome.status == 2
+    assert "Samples: 3000 of 3000 learnt from" in outcome.stdout
+    assert "warning: checkpoint" in outcome.stderr
+    assert "flexid: checkpoint" in outcome.stderr
 
 
 def test_ctrl_c_leaves_a_checkpoint_and_a_report(tmp_path: Path):

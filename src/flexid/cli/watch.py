@@ -14,6 +14,7 @@ import typer
 from flexid.cli.exit_status import ExitStatus
 from flexid.cli.options import AsJson, Columns
 from flexid.cli.output import print_warnings
+from flexid.errors import SettingError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -201,7 +202,7 @@ def _follow(
                 live.update(live_view(session, sparks, errors.width), refresh=True)
                 drawn = now
             if checkpoint is not None and session is not None and now - saved > _SAVED_EVERY:
-                _save(session, checkpoint)
+                _save_meanwhile(session, checkpoint, errors)
                 saved = now
             if asked:
                 break
@@ -219,17 +220,27 @@ def _save(session: "Session", checkpoint: Path) -> None:
     save_session(session, checkpoint)
 
 
+def _save_meanwhile(session: "Session", checkpoint: Path, errors: "Console") -> None:
+    """Save, or warn: there may be room again in a minute, and the drive runs on."""
+    try:
+        _save(session, checkpoint)
+    except SettingError as error:
+        print_warnings((str(error),), errors)
+
+
 def _end(session: "Session", checkpoint: Path | None, *, as_json: bool) -> None:
     """Save, then print the last report: a reader that has gone must not cost the checkpoint."""
     from flexid.report.terminal import print_parts
     from flexid.report.watch_table import watch_parts
 
-    if checkpoint is not None:
-        _save(session, checkpoint)
-    if as_json:
-        _print_line(session)
-    else:
-        print_parts(watch_parts(session))
+    try:
+        if checkpoint is not None:
+            _save(session, checkpoint)
+    finally:  # a full disk must not cost the report
+        if as_json:
+            _print_line(session)
+        else:
+            print_parts(watch_parts(session))
 
 
 def _print_line(session: "Session") -> None:
