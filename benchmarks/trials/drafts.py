@@ -142,6 +142,8 @@ def truth(draft: Draft, drive: Drive, size: Size) -> dict[str, float]:
         - stretch,
         "joint_damping": drive.joint_damping,
         "cubic_joint_stiffness": drive.cubic_stiffness,
+        "spring_hysteresis": drive.hysteresis_torque,
+        "hysteresis_reach": drive.hysteresis_reach if drive.hysteresis_torque else 0.0,
         "link_viscous_friction": drive.link_viscous,
         "link_coulomb_friction": drive.link_coulomb,
         "link_offset_torque": drive.link_offset + stretch,
@@ -159,6 +161,7 @@ _TERMS = {
     "motor_coulomb_friction": "motor_coulomb",
     "link_coulomb_friction": "link_coulomb",
     "cubic_joint_stiffness": "cubic_stiffness",
+    "spring_hysteresis": "spring_hysteresis",
     "link_offset_torque": "link_offset",
     "motor_offset_torque": "motor_offset",
 }

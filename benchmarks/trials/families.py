@@ -174,6 +174,11 @@ def _hysteresis(rng: Generator, draft: Draft) -> None:
     draft.hysteresis_reach = _log(rng, 0.1, 1.0)
 
 
+def _hysteresis_other(rng: Generator, draft: Draft) -> None:
+    _hysteresis(rng, draft)
+    draft.base = draft.base._replace(hysteresis_power=rng.uniform(1.5, 4.0))
+
+
 def _eccentricity(rng: Generator, draft: Draft) -> None:
     size, phase = _log(rng, 1e-4, 1e-3), rng.uniform(0.0, 2.0 * np.pi)
     draft.base = draft.base._replace(eccentricity=size, eccentricity_phase=phase)
@@ -267,6 +272,7 @@ _ALL = (
         True,
         _payload_off_axis,
     ),
+    Family("hysteresis", "spring hysteresis after Dahl, 2 to 8 % of its torque", True, _hysteresis),
     Family("lugre", "LuGre friction with Stribeck effect and presliding", False, _lugre),
     Family(
         "ripple",
@@ -275,7 +281,12 @@ _ALL = (
         _ripple,
     ),
     Family("backlash", "dead zone of 0.2 to 2 mrad in the spring", False, _backlash),
-    Family("hysteresis", "spring hysteresis, 2 to 8 % of its torque", False, _hysteresis),
+    Family(
+        "hysteresis_other",
+        "spring hysteresis after Bouc and Wen, with powers of 1.5 to 4",
+        False,
+        _hysteresis_other,
+    ),
     Family(
         "eccentricity",
         "error of the gear once per turn, 0.1 to 1 mrad, behind the motor's encoder",

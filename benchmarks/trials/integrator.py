@@ -56,6 +56,7 @@ class Drive(NamedTuple):
     bend_stiffness: float = 0.0  # N m/rad, what the stiffness gains there
     hysteresis_torque: float = 0.0  # N m
     hysteresis_reach: float = 1.0  # rad of deflection
+    hysteresis_power: float = 1.0  # of Bouc and Wen: 1 bends all the way, more bend late
     eccentricity: float = 0.0  # rad
     eccentricity_phase: float = 0.0
     saturation: float = 0.0  # share of the torque that is lost at the peak
@@ -167,7 +168,8 @@ def _derivative(drive, state, torque, link_mode, motor_mode):
         motor -= drive.bristle_stiffness * z + drive.bristle_damping * bristle
     hysteresis = 0.0
     if drive.hysteresis_torque > 0.0:
-        hysteresis = (rate - abs(rate) * h) / drive.hysteresis_reach
+        bent = abs(h) ** drive.hysteresis_power * np.sign(h)
+        hysteresis = (rate - abs(rate) * bent) / drive.hysteresis_reach
     link = 0.0 if link_mode == 0 else link + _friction(drive, link_mode, True)
     motor = 0.0 if motor_mode == 0 else motor + _friction(drive, motor_mode, False)
     return (w, link / drive.link_inertia, v, motor / drive.motor_inertia, bristle, hysteresis)

@@ -52,6 +52,7 @@ def plain_least_squares(trial: Trial) -> dict[str, float]:
         "motor_coulomb": ("motor_coulomb_friction", zero, np.sign(v)),
         "link_coulomb": ("link_coulomb_friction", np.sign(w), zero),
         "cubic_stiffness": ("cubic_joint_stiffness", spring**3, -(spring**3)),
+        "spring_hysteresis": ("spring_hysteresis", np.sign(w - v), np.sign(v - w)),
         "link_offset": ("link_offset_torque", -one, zero),
         "motor_offset": ("motor_offset_torque", zero, -one),
     }

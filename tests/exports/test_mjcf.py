@@ -129,12 +129,10 @@ def test_play_is_a_dead_zone():
 
 def test_friction_within_the_spring():
     """Assert that it acts on both sides, against the rate of the deflection."""
-    scene = _scene(
-        {"theta1": 0.0, "alpha2": 0.0, **_both(hysteresis=0.3)}, shapes={"hysteresis_velocity": 0.1}
-    )
+    scene = _scene({"theta1": 0.0, "alpha2": 0.0, **_both(hysteresis=0.3), "hysteresis_grip": 20.0})
     found = _accelerations(scene, np.array([0.0, 1.0, 0.0, -1.0]), 0.0)
     np.testing.assert_allclose(found, [-0.3, 1.0], rtol=1e-6)
-    assert "0.1 rad/s" in scene.notes[0]
+    assert "0.05 rad" in scene.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -24,19 +24,24 @@ def test_terms_and_what_is_always_there_make_the_system(joint):
     """Assert that each coefficient belongs to one term, or to the spring and the input's gain."""
     of_terms = [c for names in joint.terms.values() for c in names]
     always = ["theta2", "alpha1", "beta1"] if joint.kind == "flexible" else ["beta1"]
-    assert sorted([*of_terms, *always]) == sorted(joint.extended.coefficients)
+    assert sorted([*of_terms, *always]) == sorted(joint.remembering.coefficients)
 
 
 def test_usual_terms_have_a_system_of_their_own():
     """Assert that the terms of most drives need no others, smooth or dry."""
     usual = {c for term in TERMS for c in FLEXIBLE.terms[term]} | {"theta2", "alpha1", "beta1"}
     assert {*FLEXIBLE.system.coefficients} == {*FLEXIBLE.smooth.coefficients} == usual
-    assert {*FLEXIBLE.extended.coefficients} == usual | FLEXIBLE.shapes
+    assert {*FLEXIBLE.remembering.coefficients} == usual | FLEXIBLE.shapes
+    assert {*FLEXIBLE.extended.coefficients} == {*FLEXIBLE.remembering.coefficients} - {
+        "alpha_hysteresis",
+        "theta_hysteresis",
+        "hysteresis_grip",
+    }
 
 
 def test_every_coefficient_has_a_unit():
     """Assert that no coefficient would come out without its unit."""
-    assert set(COEFFICIENT_UNITS) == {*FLEXIBLE.extended.coefficients}
+    assert set(COEFFICIENT_UNITS) == {*FLEXIBLE.remembering.coefficients}
     assert set(RIGID_UNITS) == {*rigid().system.coefficients}
 
 
@@ -117,7 +122,8 @@ def moving(size: float) -> Samples:
 def test_shapes_scale_with_the_motion():
     """Assert that twice the motion makes every width twice as wide, and needs no other kernel."""
     one, two = (FLEXIBLE.scaled([moving(size)]) for size in (1.0, 2.0))
-    assert len(one.extended.constants) == 3
+    assert len(one.extended.constants) == 2
+    assert one.first_grip == pytest.approx(2.0 * two.first_grip)
     for name, width in one.extended.constants.items():
         assert width > 0.0
         assert two.extended.constants[name] == pytest.approx(2.0 * width)

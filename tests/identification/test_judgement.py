@@ -102,6 +102,8 @@ def test_thresholds_are_these():
         "hold_fall": 9.0,
         "friction_sign": 4.0,
         "sensor_excess": 1.1,
+        "memory_promise": 0.15,
+        "memory_share": 0.7,
         "white_growth": 0.4,
         "repeated_growth": 0.8,
         "lost_condition": 1e5,

@@ -1,13 +1,21 @@
 """What identification says of a joint that its model does not describe."""
 
+import json
+from dataclasses import replace
 from functools import cache
 
 import pytest
 from made_joint import COEFFICIENTS, TRUTH, log, made
 
+from flexid.errors import SettingError
+from flexid.exports.source import source_of_identification
 from flexid.identification.identify import identify
+from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.linear_joint import linear_joint
 from flexid.identification.settings import Settings
+from flexid.identification.validate_estimate import validate_estimate
 from flexid.models.flexible_joint import PAPER_TERMS
+from flexid.report.documents import identification_document, to_json
 
 MISSING = {
     "cubic_stiffness": ({"cubic_stiffness": 2000.0}, {"cubic_joint_stiffness": 2000.0}),
@@ -19,6 +27,10 @@ MISSING = {
     "torque_saturation": (
         {"saturation": 0.1, "peak_torque": 30.0},
         {"torque_saturation": 0.1 / 30.0**2},
+    ),
+    "spring_hysteresis": (
+        {"hysteresis_torque": 0.5, "hysteresis_reach": 0.03},
+        {"spring_hysteresis": 0.5, "hysteresis_reach": 0.03},
     ),
 }
 
@@ -77,3 +89,43 @@ def test_right_model_is_not_doubted(noise):
     result = identify([log(made(1, noise=noise))], Settings(terms=PAPER_TERMS))
     assert {c.verdict for c in result.coefficients.values()} == {"determined"}
     assert result.model_error.share == 0.0
+
+
+def test_hysteresis_is_not_laid_to_a_gap():
+    """Assert that little is promised of a memory where a spring has another fault."""
+    result = identify([log(made(1, half_gap=2e-3))])
+    assert "spring_hysteresis" not in result.choices.terms
+
+
+@pytest.mark.parametrize("name", ["memory_promise", "memory_share"])
+def test_hysteresis_has_to_explain_what_is_left(name):
+    """Assert that a model is left without it where it takes away less than is asked."""
+    more, _ = MISSING["spring_hysteresis"]
+    recording = made(1, **more)  # pyright: ignore[reportArgumentType]
+    result = identify([log(recording)], thresholds=replace(THRESHOLDS, **{name: 1.01}))
+    assert "spring_hysteresis" not in result.choices.terms
+
+
+def test_hysteresis_may_be_asked_for():
+    """Assert that it is found where the terms are given."""
+    result = identified("spring_hysteresis", (*PAPER_TERMS, "spring_hysteresis"))
+    for name, true in {**TRUTH, **MISSING["spring_hysteresis"][1]}.items():
+        assert result.parameters[name].value == pytest.approx(true, rel=0.01), name
+
+
+def test_an_estimate_with_hysteresis_predicts_another_log():
+    """Assert that what is stored of it follows the same drive elsewhere, nearly to the noise."""
+    more, _ = MISSING["spring_hysteresis"]
+    document = json.loads(to_json(identification_document(identified("spring_hysteresis", None))))
+    other = log(made(2, **more))  # pyright: ignore[reportArgumentType]
+    answer = validate_estimate(document, [other])
+    assert min(answer.fit_percent.values()) > 99.0
+
+
+def test_hysteresis_is_no_stiffness_of_a_linear_joint():
+    """Assert that a linearisation has the spring alone, and that no memory is exported."""
+    result = identified("spring_hysteresis", None)
+    linear = linear_joint(result)
+    assert "hysteresis_grip" not in linear.names
+    with pytest.raises(SettingError, match="identify with --terms gravity,motor_viscous"):
+        source_of_identification(result)

@@ -97,8 +97,8 @@ def test_shape_terms_of_the_spring_are_tied(term: str):
     for name, regressor in declared.link.items():
         source, upper, lower = TIES[name]
         assert (upper, lower) == ("theta2", "alpha1")
-        point = {n: 0.1 * (i + 1) for i, n in enumerate(("x1", "x2", "x3", "x4"))}
         model = flexible_joint((term,))
+        point = {n: 0.1 * (i + 1) for i, n in enumerate(model.states)}
         states = np.array([list(point.values())])
         regressors = regressors_along(model, states, np.zeros((1, 1)))
         here = regressors["link"][0, model.rows[0].coefficients.index(name)]

@@ -11,6 +11,13 @@ whose source is (∂f/∂u) du, with du the derivative of the inputs by that del
 
 The sign of a row's own velocity is the row's *mode*, which the kernel sets: a dry friction is
 smooth while the joint slides to one side.
+
+A memory follows the direction of its path. While the path q does not turn it is a function of it,
+
+    h = d + (h0 - d) exp(-s |q - q0|),    d the direction,
+
+whatever the velocity. So a step of the integrator takes it from the path, and no reach however
+short makes the equations stiff.
 """
 
 from dataclasses import replace
@@ -28,7 +35,7 @@ KNOWN = -1
 
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header, ``DRY`` and ``variation_rates(z, u, du, m, p, c, at, delay, dz)``.
+    """Header, ``DRY``, ``remember(z, start, p, at)`` and ``variation_rates(z, u, ..., dz)``.
 
     Parameters
     ----------
@@ -40,14 +47,16 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     Returns
     -------
     str
-        A module with the sizes of the model and the function, which fills dz = z' for the matrix
-        z of shape (N_STATES, n_columns); at[i] is the column of coefficient i, or 0 if it has none,
-        `delay` that of the inputs' delay, m[j] the mode of row j. ``DRY[j]`` holds the places of
-        the coefficients of row j that multiply its mode, and `KNOWN` if its known part does. A z of
-        one column is x alone.
+        A module with the sizes of the model and ``variation_rates(z, u, du, m, p, c, at, delay,
+        dz)``, which fills dz = z' for the matrix z of shape (N_STATES, n_columns); at[i] is the
+        column of coefficient i, or 0 if it has none, `delay` that of the inputs' delay, m[j] the
+        mode of row j. ``DRY[j]`` holds the places of the coefficients of row j that multiply its
+        mode, and `KNOWN` if its known part does. ``remember`` fills the memories of z from its
+        positions and from all that was at the start of a step. A z of one column is x alone.
     """
     symbolic = _with_modes(symbolic_system(system))
-    return "\n\n".join((module_header(system, purpose), _dry(symbolic), _variation_rates(symbolic)))
+    parts = (_dry(symbolic), _remember(symbolic), _variation_rates(symbolic))
+    return "\n\n".join((module_header(system, purpose), *parts))
 
 
 def _mode(place: int) -> sp.Symbol:
@@ -75,6 +84,37 @@ def _dry(symbolic: SymbolicSystem) -> str:
         places.append((*own, *([KNOWN] if row.known.has(_mode(j)) else [])))
         first += len(row.regressor)
     return f"DRY = {tuple(places)!r}\n"
+
+
+def _remember(symbolic: SymbolicSystem) -> str:
+    grips = len(symbolic.coefficients) - len(symbolic.memories)
+    blocks = []
+    for m, memory in enumerate(symbolic.memories):
+        place, grip = 2 * len(symbolic.rows) + m, grips + m
+        slopes = {
+            2 * j: float(cast(sp.Expr, sp.diff(memory.path, row.coordinate)))
+            for j, row in enumerate(symbolic.rows)
+            if memory.path.has(row.coordinate)
+        }
+        path = " + ".join(f"{a!r} * (_z[{i}, _j] - _start[{i}, _j])" for i, a in slopes.items())
+        blocks.append(
+            f"    _path = {path.replace('_j]', '0]')}\n"
+            f"    _d = copysign(1.0, _path)\n"
+            f"    _e = exp(-_p[{grip}] * abs(_path))\n"
+            f"    _left = (_start[{place}, 0] - _d) * _e\n"
+            f"    _z[{place}, 0] = _d + _left\n"
+            f"    for _j in range(1, _z.shape[1]):\n"
+            f"        _step = {path}\n"
+            f"        _z[{place}, _j] = _e * _start[{place}, _j]\n"
+            f"        _z[{place}, _j] -= _left * _d * _p[{grip}] * _step\n"
+            f"    if _z.shape[1] > 1 and _at[{grip}]:\n"
+            f"        _z[{place}, _at[{grip}]] -= _left * abs(_path)"
+        )
+    return function(
+        "remember(_z, _start, _p, _at)",
+        "Memories in every column of _z after the path from _start.  # Dahl (1968)",
+        "\n".join(blocks) or "    pass",
+    )
 
 
 def _variation_rates(symbolic: SymbolicSystem) -> str:
@@ -106,6 +146,22 @@ def _variation_rates(symbolic: SymbolicSystem) -> str:
                 f"            _dz[{2 * j + 1}, _at[{coefficient}]] += _r{j}_{i}"
             )
             coefficient += 1
+    for m, memory in enumerate(symbolic.memories):
+        place = 2 * len(symbolic.rows) + m
+        jacobian = {
+            i: derivative(memory.rate, state)
+            for i, state in enumerate(symbolic.states)
+            if memory.rate.has(state)
+        }
+        targets += [f"_dz[{place}, 0]", *(f"_b{m}_{i}" for i in jacobian), f"_s{m}"]
+        by_grip = derivative(memory.rate, memory.grip)
+        expressions += [memory.rate, *jacobian.values(), by_grip]
+        products = [f"_b{m}_{i} * _z[{i}, _j]" for i in jacobian]
+        loop.append(f"        _dz[{place}, _j] = {' + '.join(products)}")
+        sources.append(
+            f"        if _at[{coefficient}]:\n            _dz[{place}, _at[{coefficient}]] += _s{m}"
+        )
+        coefficient += 1
     states = [f"    {name} = _z[{place}, 0]" for place, name in enumerate(symbolic.states)]
     return function(
         "variation_rates(_z, _u, _du, _m, _p, _c, _at, _delay, _dz)",

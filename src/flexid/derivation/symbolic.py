@@ -100,11 +100,27 @@ class SymbolicRow:
 
 
 @dataclass(frozen=True)
+class SymbolicMemory:
+    """A memory in symbols: its state, the rate of its path, and its grip."""
+
+    state: sp.Symbol
+    path: sp.Expr
+    path_rate: sp.Expr
+    grip: sp.Symbol
+
+    @property
+    def rate(self) -> sp.Expr:
+        """The right-hand side s (w - |w| h)."""
+        return self.grip * (self.path_rate - sp.Abs(self.path_rate) * self.state)
+
+
+@dataclass(frozen=True)
 class SymbolicSystem:
     """A `ParametricSystem` in symbols."""
 
     system: ParametricSystem
     rows: tuple[SymbolicRow, ...]
+    memories: tuple[SymbolicMemory, ...] = ()
 
     @property
     def states(self) -> tuple[sp.Symbol, ...]:
@@ -123,13 +139,15 @@ class SymbolicSystem:
 
     @property
     def coefficients(self) -> tuple[sp.Symbol, ...]:
-        """Symbols of the unknown coefficients, row by row."""
-        return tuple(p for row in self.rows for p in row.coefficients)
+        """Symbols of the unknown coefficients, row by row, then the grips of memories."""
+        of_rows = (p for row in self.rows for p in row.coefficients)
+        return (*of_rows, *(memory.grip for memory in self.memories))
 
     @property
     def right_hand_side(self) -> tuple[sp.Expr, ...]:
         """x' for the states in order."""
-        return tuple(e for row in self.rows for e in (row.velocity, row.acceleration))
+        of_rows = (e for row in self.rows for e in (row.velocity, row.acceleration))
+        return (*of_rows, *(memory.rate for memory in self.memories))
 
 
 def symbolic_system(system: ParametricSystem) -> SymbolicSystem:
@@ -149,4 +167,10 @@ def symbolic_system(system: ParametricSystem) -> SymbolicSystem:
         )
         for row in system.rows
     )
-    return SymbolicSystem(system, rows)
+    rates = {row.coordinate: row.velocity for row in rows}
+    memories = []
+    for memory in system.memories:
+        path = to_sympy(memory.path, names, f"{system.name}: {memory.name}")
+        rate = sp.Add(*(sp.diff(path, q) * v for q, v in rates.items()))
+        memories.append(SymbolicMemory(symbol(memory.name), path, rate, symbol(memory.grip)))
+    return SymbolicSystem(system, rows, tuple(memories))

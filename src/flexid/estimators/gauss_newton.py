@@ -8,7 +8,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.arrow import Reduced
 from flexid.estimators.segmented_motion import Equations, Point, SegmentedMotion
-from flexid.estimators.segments import FEWEST_SAMPLES, first_states
+from flexid.estimators.segments import FEWEST_SAMPLES
 
 FLAT = 2e-3
 """Part of the sum of squares that a step promises, below which none has to be found."""
@@ -77,9 +77,9 @@ def _approach(problem: SegmentedMotion, point: Point, tolerance: float, halvings
     except ConvergenceError:
         if halvings == 0 or problem.segments.lengths.min() < 2 * FEWEST_SAMPLES:
             raise
-    halves = problem.segments.halved()
-    start = Point(point.values, first_states(halves))
-    found = _approach(replace(problem, segments=halves), start, tolerance, halvings - 1).point
+    halves = replace(problem, segments=problem.segments.halved())
+    start = Point(point.values, halves.start_states)
+    found = _approach(halves, start, tolerance, halvings - 1).point
     return minimise(problem, Point(found.values, found.initial_states[::2]), tolerance)
 
 

@@ -19,7 +19,7 @@ from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_w
 from flexid.estimators.rowwise import RowwiseFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
-from flexid.estimators.segments import divide, first_states
+from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.estimators.whiteness import whiteness
@@ -204,7 +204,7 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     """Fit twice: with the noise guessed from the signals, then with that of the residuals."""
     outputs = problem.segments.outputs
     guess = np.array([position_noise(column) for column in outputs.T])
-    point = Point(values, first_states(problem.segments))
+    point = Point(values, problem.start_states)
     problem = problem.at(point, output_weights(guess, outputs))
     coarse = approach(problem, point, _COARSE)
     problem = problem.at(coarse.point, output_weights(coarse.noise(problem), outputs))

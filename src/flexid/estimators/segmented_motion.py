@@ -19,7 +19,7 @@ from flexid.estimators.arrow import Reduced, solve_arrow
 from flexid.estimators.block_sandwich import block_duration
 from flexid.estimators.cluster_covariance import Clusters
 from flexid.estimators.held_input import held_input
-from flexid.estimators.segments import Segments
+from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.threads import in_threads
 from flexid.estimators.unknowns import Unknowns
 from flexid.kernels.store import load_kernel
@@ -165,10 +165,25 @@ class SegmentedMotion:
         )
         # Where the model has no linearisation, nothing is said of its poles.
         usable = jacobians[np.isfinite(jacobians).all(axis=(1, 2))]
+        # What a memory forgets along its path is computed in closed form, however fast.
+        memories = np.arange(2 * self._kernel.N_ROWS, self._kernel.N_STATES)
+        usable[:, memories, memories] = 0.0
         fastest = float(np.abs(np.linalg.eigvals(usable)).max(initial=0.0))
         phase = fastest * float(self.segments.sample_times.max())
         substeps = max(1, int(np.ceil(min(_SUBSTEPS_PER_RADIAN * phase, _MOST_SUBSTEPS))))
         return replace(self, substeps=substeps, weights=weights)
+
+    @property
+    def start_states(self) -> FloatArray:
+        """Where initial states may begin, shape (n_segments, n_states): near what was measured."""
+        return self.with_memories(first_states(self.segments))
+
+    def with_memories(self, states: FloatArray) -> FloatArray:
+        """Initial states of the same rows, with this model's memories: of no direction, if new."""
+        rows = 2 * self._kernel.N_ROWS
+        if states.shape[1] == self._kernel.N_STATES:
+            return states
+        return np.pad(states[:, :rows], ((0, 0), (0, self._kernel.N_STATES - rows)))
 
     def delays(self, values: FloatArray) -> dict[str, float]:
         """Every delay in s at some values of what is sought."""
@@ -322,6 +337,13 @@ class SegmentedMotion:
         if not np.all(np.abs(normal) < _LARGEST):
             cost = np.inf
         normal, gradient = self._gathered(normal, gradient, point.values, wanted)
+        # A memory is between -1 and 1 wherever a segment starts, so that it is known by about 1.
+        firsts = self.first_blocks[:-1]
+        for place in range(2 * kernel.N_ROWS, kernel.N_STATES):
+            memory = point.initial_states[:, place]
+            cost += float(memory @ memory)
+            normal[firsts, place, place] += 1.0
+            gradient[firsts, place] -= memory
         return Equations(cost, normal, gradient, residuals, ~np.isfinite(costs))
 
     def _gathered(

@@ -70,7 +70,7 @@ class Unknowns:
         if min(self.groups, default=0) < 0:
             raise SettingError("groups", "they are counted from 0: give no negative ones")
         coefficients = self.system.coefficients
-        labels = {label for row in self.system.rows for label in self._all(row)}
+        labels = {label for c in coefficients for label in self._labels(c)}
         _check_known("per-group", self.per_group, coefficients)
         _check_known("fixed", self.fixed, (*coefficients, *sorted(labels - {*coefficients})))
         named = (c for source in self.tied.values() for c in source)
@@ -84,7 +84,7 @@ class Unknowns:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """What is sought, row by row; those of group g carry ``[g + 1]`` if there are several."""
-        return tuple(name for row in self.system.rows for name in self.names_of(row))
+        return self._sought(self.system.coefficients)
 
     @cached_property
     def coefficient_of(self) -> dict[str, str]:
@@ -94,13 +94,7 @@ class Unknowns:
 
     def names_of(self, row: Row) -> tuple[str, ...]:
         """What is sought in one row; it may be nothing."""
-        fixed_names = {
-            label
-            for c in row.coefficients
-            for label in self._labels(c)
-            if c in self.fixed or label in self.fixed or c in self.tied
-        }
-        return tuple(name for name in self._all(row) if name not in fixed_names)
+        return self._sought(row.coefficients)
 
     def columns(self, recording_index: int) -> NDArray[np.int64]:
         """Place in `names` of each of the system's coefficients, `FIXED` where it is not sought."""
@@ -161,8 +155,14 @@ class Unknowns:
         """The same with more coefficients fixed."""
         return replace(self, fixed={**self.fixed, **more})
 
-    def _all(self, row: Row) -> tuple[str, ...]:
-        return tuple(label for c in row.coefficients for label in self._labels(c))
+    def _sought(self, coefficients: Iterable[str]) -> tuple[str, ...]:
+        return tuple(
+            label
+            for c in coefficients
+            if c not in self.fixed and c not in self.tied
+            for label in self._labels(c)
+            if label not in self.fixed
+        )
 
     def _labels(self, coefficient: str) -> tuple[str, ...]:
         """The names under which a coefficient may be sought."""

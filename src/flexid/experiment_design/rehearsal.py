@@ -117,7 +117,9 @@ class Rehearsal:
         """
         factors = self._factors
         moved = first_states(divide([replace(self.record, positions=change)], self._duration))
-        deviations = self._deviations(self._states + moved, inputs)
+        states = self._states.copy()
+        states[:, : moved.shape[1]] += moved  # what a model remembers of its path stays
+        deviations = self._deviations(states, inputs)
         return self._judged({name: factors[name] * std for name, std in deviations.items()})
 
     @cached_property

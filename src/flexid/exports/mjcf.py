@@ -19,7 +19,6 @@ from flexid.identification.full_model import LINK as LINK_DELAY
 from flexid.identification.rebuilt import Described, described
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
-    HYSTERESIS_VELOCITY,
     SHAPE_TERMS,
     TERMS,
     TIES,
@@ -59,7 +58,15 @@ _SPRING = ("lopsided", "cubic", "damping", "hysteresis", "backlash")
 """Coefficients that have a place in a scene, by what they are there."""
 
 _REPRESENTED = (
-    {"beta1", "theta2", "alpha1", *_LINK.values(), *_MOTOR.values(), *_RIGID.values()}
+    {
+        "beta1",
+        "theta2",
+        "alpha1",
+        "hysteresis_grip",
+        *_LINK.values(),
+        *_MOTOR.values(),
+        *_RIGID.values(),
+    }
     | {f"theta_{name}" for name in _SPRING}
     | {f"alpha_{name}" for name in _SPRING}
 )
@@ -242,10 +249,10 @@ def _shapes(joint: Described, values: Mapping[str, float]) -> list[str]:
             f"Coulomb friction sticks here, where the estimate smooths it over {width:.4g} rad/s"
         )
     if "alpha_hysteresis" in values:
-        width = joint.shapes.get(HYSTERESIS_VELOCITY, 0.0)
+        reach = 1.0 / values.get("hysteresis_grip", inf)
         notes.append(
-            f"the friction within the spring sticks here, where the estimate smooths it over "
-            f"{width:.4g} rad/s"
+            f"the friction within the spring sticks here, where that of the estimate turns round "
+            f"over {reach:.4g} rad"
         )
     if "alpha_backlash" in values:
         width = joint.shapes.get(BACKLASH_WIDTH, 0.0)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from flexid.errors import SettingError
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import SMOOTHING
 
@@ -53,6 +54,11 @@ def source_of_identification(result: "Identification") -> ExportSource:
     ----------
     result : Identification
         What was found.
+
+    Raises
+    ------
+    SettingError
+        If the joint remembers its path.
     """
     from flexid.identification.joint import joint_of
     from flexid.identification.rebuilt import described, given_coefficients
@@ -61,6 +67,14 @@ def source_of_identification(result: "Identification") -> ExportSource:
     values = {name: v for name, v in found.items() if "[" not in name}
     given = given_coefficients(result) & {*values}
     joint = joint_of(result.model)
+    for name in joint.grips.keys() & values.keys():
+        term = joint.of_coefficient(name) or name
+        raise SettingError(
+            term,
+            "remembers the path of the spring, and what is exported remembers nothing: identify "
+            f"with --terms {','.join(t for t in result.choices.terms if t != term)}, and export "
+            "that estimate",
+        )
     constants = {name: values[name] for name in sorted(given)} | {**result.choices.shapes}
     if result.choices.coulomb_velocity is not None:
         constants[SMOOTHING] = result.choices.coulomb_velocity

@@ -14,7 +14,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.fitting import climb, lengths, onward
+from flexid.identification.fitting import climb, lengths, motion_at, onward
 from flexid.identification.full_model import Data, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.progress import Progress
@@ -22,6 +22,7 @@ from flexid.identification.starting import starts
 from flexid.recording.recording import Hold
 
 _SHORT = 0.5  # s of segments up to which any hold will do
+_TURNING = 0.5  # s of segments in which most springs turn round: these show a hysteresis best
 _FIRST_ITERATIONS = 8  # from least squares; what takes longer goes by a smaller model
 _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
@@ -94,14 +95,93 @@ def climb_full(
     progress("the full model over longer segments")
     if len(found[-1].problem.segments) == len(short[-1]):
         found = found + onward(found[-1], ladder)
+    if len(holds) > 1:
+        progress("how the input runs between its samples")
+    return _with_best_hold(found, ladder, holds, not durations, thresholds)
+
+
+def climb_remembering(
+    climbed: Climb,
+    holds: Sequence[Hold],
+    progress: Progress,
+    thresholds: Thresholds = THRESHOLDS,
+) -> Climb | None:
+    """Fit a joint with memory where one without leaves more than noise.
+
+    Parameters
+    ----------
+    climbed : Climb
+        Of the full model without.
+    holds, progress, thresholds
+        As of `climb_full`.
+
+    Returns
+    -------
+    Climb or None
+        None where the model without explains the log, or one with memory hardly does so better.
+    """
+    left = [fitted for fitted in climbed.found if fitted.excess > thresholds.sensor_excess]
+    if not left or not left[0].structure.joint.remembered:
+        return None
+    # Over the shortest segments a grip is any spring's; over the longest ones no start is good.
+    before = next((fitted for fitted in left if fitted.duration >= _TURNING), left[-1])
+    joint, absent = before.structure.joint, before.structure.absent
+    structure = replace(before.structure, absent=absent - joint.remembered)
+    progress("hysteresis of the spring")
+    segments = before.problem.segments
+    if promised_by_memory(before, structure) < thresholds.memory_promise:
+        return None
+    try:
+        found = climb(
+            structure,
+            before.data,
+            before.by_name,
+            [segments],
+            insist=False,
+            iterations=_FIRST_ITERATIONS,
+        )
+    except ConvergenceError:
+        return None
+    if before.excess - found[0].excess < thresholds.memory_share * (before.excess - 1.0):
+        return None
+    found += onward(found[0], climbed.ladder)
+    ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
+    return _with_best_hold(found, ladder, holds, climbed.free_length, thresholds)
+
+
+def promised_by_memory(fitted: Fitted, structure: Structure) -> float:
+    """Share of the residuals beyond noise that the first step with memory promises to take away.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        Without memory.
+    structure : Structure
+        The same with it.
+    """
+    states = fitted.minimum.point.initial_states
+    problem, point = motion_at(
+        structure, fitted.data, fitted.problem.segments, fitted.by_name, states
+    )
+    equations = problem.equations(point)
+    beyond = equations.cost - problem.degrees_of_freedom
+    return problem.solve(equations).decrement / beyond if np.isfinite(beyond) else 0.0
+
+
+def _with_best_hold(
+    found: list[Fitted],
+    ladder: Sequence[Segments],
+    holds: Sequence[Hold],
+    free_length: bool,
+    thresholds: Thresholds,
+) -> Climb:
     if len(holds) == 1:
-        return Climb(tuple(found), tuple(ladder), not durations, "as given")
-    progress("how the input runs between its samples")
+        return Climb(tuple(found), tuple(ladder), free_length, "as given")
     best, reason, tied = _best_hold(found[-1], holds, thresholds)
     # A model that explains the log is best over its longest segments; the others do not matter.
     explained = best.excess <= thresholds.sensor_excess
     found = [best] if explained and best is not found[-1] else _climbed_like(best, found, ladder)
-    return Climb(tuple(found), tuple(ladder), not durations, reason, tied)
+    return Climb(tuple(found), tuple(ladder), free_length, reason, tied)
 
 
 def _with_hold(structure: Structure, hold: Hold) -> Structure:

@@ -14,7 +14,7 @@ from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide, first_states
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model import FINE, ROUGH, Data, Fitted, Structure
 
@@ -143,7 +143,7 @@ def expanded(structure: Structure, fitted: Fitted) -> Fitted:
     values = {**structure.timing.delays, **fitted.by_name}
     point = Point(
         np.array([values.get(name, 0.0) for name in problem.names]),
-        fitted.minimum.point.initial_states,
+        problem.with_memories(fitted.minimum.point.initial_states),
     )
     equations = problem.equations(point)
     minimum = Minimum(point, equations, problem.solve(equations), 0, np.inf)
@@ -224,8 +224,13 @@ def motion_at(
     unknowns = structure.unknowns(data.groups)
     timing = replace(structure.timing, relative_to=data.relative_to)
     problem = segmented_motion(unknowns.system, segments, timing, unknowns)
-    states = first_states(segments) if states is None or len(states) != len(segments) else states
-    point = Point(np.array([start.get(name, 0.0) for name in problem.names]), states)
+    if states is None or len(states) != len(segments):
+        states = problem.start_states
+    grips = dict.fromkeys(structure.joint.grips.values(), structure.joint.first_grip)
+    values = {**grips, **start}
+    point = Point(
+        np.array([values.get(name, 0.0) for name in problem.names]), problem.with_memories(states)
+    )
     return problem.at(point, 1.0 / data.noise), point
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
-from flexid.estimators.segments import Segments, first_states
+from flexid.estimators.segments import Segments
 
 _MOST_STEPS = 10
 _CONVERGED = 1e-6  # relative fall of the sum of squares by a step that ends the search
@@ -29,7 +29,7 @@ def following_states(model: SegmentedMotion, values: FloatArray, windows: Segmen
     array, shape (n_windows, n_states)
     """
     problem = replace(model, segments=windows)
-    states = first_states(windows)
+    states = problem.start_states
     equations = problem.equations(Point(values, states))
     n = states.shape[1]
     for _ in range(_MOST_STEPS):

@@ -127,6 +127,7 @@ class Structure:
         """The same with some coefficients and delays zero, and what follows from them."""
         gone = {name.partition("[")[0] for name in names}
         gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
+        gone |= {grip for c, grip in self.joint.grips.items() if c in gone}
         timing = replace(
             self.timing,
             sought=tuple(name for name in self.timing.sought if name not in gone),

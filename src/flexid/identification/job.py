@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from flexid.estimators.segmented_motion import INPUT, Timing
-from flexid.identification.climbing import Climb, climb_full
+from flexid.identification.climbing import Climb, climb_full, climb_remembering
 from flexid.identification.full_model import LINK, Data, Structure
 from flexid.identification.joint import Joint, Kind, joint_of
 from flexid.identification.judgement import Thresholds
@@ -67,9 +67,6 @@ class Job:
     def climbed(self, training: Data, progress: Progress, thresholds: Thresholds) -> Climb:
         """The full model, fitted to some data."""
         settings = self.settings
-        holds: Sequence[Hold] = _HOLDS if settings.hold == "auto" else (settings.hold,)
-        if self.joint.kind == "link":
-            holds = (MEASURED_HOLD,)
         smooth = settings.coulomb_velocity
         joint = self.joint.scaled(training.samples)
         if smooth != "auto":
@@ -80,7 +77,14 @@ class Job:
         base = base.without(self.left_out)
         duration = settings.segment_duration
         durations = () if duration == "auto" else (duration,)
-        return climb_full(base, training, holds, durations, progress, thresholds)
+        return climb_full(base, training, self.holds, durations, progress, thresholds)
+
+    @property
+    def holds(self) -> Sequence[Hold]:
+        """Behaviours of the input to choose from."""
+        if self.joint.kind == "link":
+            return (MEASURED_HOLD,)
+        return _HOLDS if self.settings.hold == "auto" else (self.settings.hold,)
 
     @property
     def kept(self) -> set[str]:
@@ -159,14 +163,22 @@ def _predicting(
     choice = choose_structure(climb, job.kept, auto, progress, thresholds)
     progress("predicting the held-out data")
     choice, validation = _preferred(choice, whole, recordings, thresholds)
-    if not auto or choice.structure.joint.shapes <= choice.structure.absent:
+    if not auto:
         return choice, validation
-    progress("the usual terms alone as a rival")
-    rival = choose_structure(climb, job.kept, False, progress, thresholds)
+    if not choice.structure.joint.shapes <= choice.structure.absent:
+        progress("the usual terms alone as a rival")
+        rival = choose_structure(climb, job.kept, False, progress, thresholds)
+        rival, other = _preferred(rival, whole, recordings, thresholds)
+        if misprediction(validation) >= misprediction(other):
+            choice, validation = rival, other
+    remembering = climb_remembering(climb, job.holds, progress, thresholds)
+    if remembering is None:
+        return choice, validation
+    rival = choose_structure(remembering, job.kept, True, progress, thresholds)
     rival, other = _preferred(rival, whole, recordings, thresholds)
-    if misprediction(validation) < misprediction(other):
-        return choice, validation
-    return rival, other
+    if misprediction(other) < misprediction(validation) - thresholds.generous_gain:
+        return rival, other
+    return choice, validation
 
 
 def _preferred(

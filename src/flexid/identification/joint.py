@@ -22,7 +22,6 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
-    HYSTERESIS_VELOCITY,
     SHAPE_TERMS,
     STRIBECK_VELOCITY,
     TERMS,
@@ -47,7 +46,8 @@ _OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
 
 # Widths of shapes, relative to the root mean square of what they depend on: a quarter and four
 # times as wide describe nearly the same friction, since the log is fitted with the amplitude.
-_STRIBECK_SHARE, _HYSTERESIS_SHARE, _BACKLASH_SHARE, _SMOOTHING_SHARE = 0.05, 0.1, 0.1, 0.1
+_STRIBECK_SHARE, _BACKLASH_SHARE, _SMOOTHING_SHARE = 0.05, 0.1, 0.1
+_GRIP_SHARE = 0.4  # reach with which the search for a spring's hysteresis begins
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,9 @@ class Joint:
     system : ParametricSystem
         The model with every usual term, and dry friction.
     extended : ParametricSystem
-        The same with `SHAPE_TERMS`.
+        The same with those of `SHAPE_TERMS` that have no memory.
+    remembering : ParametricSystem
+        The same with those that have.
     smooth : ParametricSystem
         The first with smoothed friction: what least squares and the paper's observer take.
     terms : mapping of str to tuple of str
@@ -75,17 +77,29 @@ class Joint:
         What a free run is compared in.
     ties : mapping of str to tuple of str
         Coefficients that follow from others.
+    grips : mapping of str to str
+        Coefficients that multiply a memory, and the grip without which they say nothing.
+    first_grip : float
+        In 1/rad, where the search for a grip begins.
     """
 
     kind: Kind
     system: ParametricSystem
     extended: ParametricSystem
+    remembering: ParametricSystem
     smooth: ParametricSystem
     terms: Mapping[str, tuple[str, ...]]
     shapes: frozenset[str]
     units: Mapping[str, str]
     channels: tuple[str, ...]
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+    grips: Mapping[str, str] = field(default_factory=dict)
+    first_grip: float = 1.0
+
+    @property
+    def remembered(self) -> frozenset[str]:
+        """Coefficients that only the model with memory has."""
+        return frozenset({*self.remembering.coefficients} - {*self.extended.coefficients})
 
     @property
     def optional(self) -> frozenset[str]:
@@ -99,15 +113,19 @@ class Joint:
         if self.kind == "rigid":
             return replace(self, smooth=smooth)
         sides = [self._both_sides(recording) for recording in recordings]
-        rate = _root_mean_square([np.subtract(*velocities.T) for _, velocities in sides])
         deflection = _root_mean_square([np.subtract(*positions.T) for positions, _ in sides])
         widths = {
             STRIBECK_VELOCITY: max(_STRIBECK_SHARE * last, 1e-6),
-            HYSTERESIS_VELOCITY: max(_HYSTERESIS_SHARE * rate, 1e-6),
             BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9),
         }
         widths = {name: w for name, w in widths.items() if name in self.extended.constants}
-        return replace(self, smooth=smooth, extended=self.extended.with_constants(widths))
+        grip = 1.0 / max(_GRIP_SHARE * deflection, 1e-9)
+        return replace(self.with_widths(widths), smooth=smooth, first_grip=grip)
+
+    def with_widths(self, widths: Mapping[str, float]) -> "Joint":
+        """The same with other values of the constants that `SHAPES` names."""
+        extended = self.extended.with_constants(widths)
+        return replace(self, extended=extended, remembering=self.remembering.with_constants(widths))
 
     def _both_sides(self, recording: Samples) -> tuple[FloatArray, FloatArray]:
         """Positions and velocities of link and motor, shape (n, 2) each."""
@@ -123,7 +141,14 @@ class Joint:
         smooth = self.smooth.with_constants({SMOOTHING: velocity})
         usual = {t: names for t, names in self.terms.items() if not {*names} <= self.shapes}
         return replace(
-            self, smooth=smooth, system=smooth, extended=smooth, terms=usual, shapes=frozenset()
+            self,
+            smooth=smooth,
+            system=smooth,
+            extended=smooth,
+            remembering=smooth,
+            terms=usual,
+            shapes=frozenset(),
+            grips={},
         )
 
     def of_coefficient(self, name: str) -> str | None:
@@ -169,6 +194,7 @@ class Joint:
             The log that each recording comes from: offsets are sought log by log.
         """
         system = self.system if self.shapes <= {*absent} else self.extended
+        system = system if self.remembered <= {*absent} else self.remembering
         off = {c: 0.0 for c in system.coefficients if c in absent}
         ties = {
             c: sources
@@ -199,16 +225,19 @@ def flexible() -> Joint:
     """The flexible joint of Huang (2003), eq. (4), with every further term."""
     smooth = flexible_joint(tuple(TERMS))
     every = TERMS | SHAPE_TERMS
+    without_memory = [name for name, term in every.items() if term.memory is None]
     return Joint(
         "flexible",
         with_dry_friction(smooth),
+        with_dry_friction(flexible_joint(without_memory)),
         with_dry_friction(flexible_joint(tuple(every))),
         smooth,
-        {name: (*term.link, *term.motor) for name, term in every.items()},
-        frozenset(c for term in SHAPE_TERMS.values() for c in (*term.link, *term.motor)),
+        {name: term.coefficients for name, term in every.items()},
+        frozenset(c for term in SHAPE_TERMS.values() for c in term.coefficients),
         COEFFICIENT_UNITS,
         ("link_position", "motor_position", "deflection"),
         TIES,
+        {c: term.memory.grip for term in every.values() if term.memory for c in term.motor},
     )
 
 
@@ -227,6 +256,7 @@ def link() -> Joint:
         "link",
         row_alone(whole.system, "link"),
         extended,
+        extended,
         smooth,
         {t: names for t, names in terms.items() if names},
         whole.shapes & own,
@@ -241,6 +271,7 @@ def rigid() -> Joint:
     dry = with_dry_friction(smooth)
     return Joint(
         "rigid",
+        dry,
         dry,
         dry,
         smooth,

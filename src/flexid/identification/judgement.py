@@ -71,6 +71,18 @@ class Thresholds:
         "mean square of residuals over the sensors' noise that may be an error of that noise: an "
         "encoder's steps are no white noise where the joint hardly moves",
     )
+    memory_promise: float = _threshold(
+        0.15,
+        "1",
+        "share of the residuals beyond noise that a first step with hysteresis of the spring must "
+        "promise to take away, for it to be tried: 0.3 to 1 where there is some, 0 for most others",
+    )
+    memory_share: float = _threshold(
+        0.7,
+        "1",
+        "the same of a few steps, for it to be followed up: all but 0.02 where there is some, up "
+        "to half of it where a spring bends",
+    )
     white_growth: float = _threshold(
         0.4,
         "1",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.identification.joint import Kind
+from flexid.identification.joint import Kind, joint_of
 from flexid.identification.rebuilt import described, rebuilt
 from flexid.identification.result import Identification
 from flexid.models.parametric_system import ParametricSystem
@@ -133,6 +133,10 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     """
     # Friction is dry here even where it was smoothed: sliding, it is constant.
     model = replace(described(result, 0, result.choices.shapes), coulomb_velocity=None)
+    # A friction that remembers its path is constant along it, too.
+    remembered = joint_of(result.model).remembered
+    lasting = {c: value for c, value in model.coefficients.items() if c not in remembered}
+    model = replace(model, coefficients=lasting)
     system = rebuilt(model).unknowns.system
     given = {name: model.coefficients.get(name, 0.0) for name in system.coefficients}
     lost = np.array([not np.isfinite(value) for value in given.values()])

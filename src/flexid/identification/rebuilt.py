@@ -1,7 +1,7 @@
 """The model of an estimate once more: joint, coefficients and delays, ready to run over a log."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import isclose
 
 import numpy as np
@@ -15,7 +15,7 @@ from flexid.estimators.segmented_motion import (
     Timing,
     segmented_motion,
 )
-from flexid.estimators.segments import Segments, first_states
+from flexid.estimators.segments import Segments
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model import LINK, Data, Structure
 from flexid.identification.joint import Joint, Kind, joint_of
@@ -130,7 +130,7 @@ class Rebuilt:
         timing = Timing(timing.hold, timing.delays, tuple(delays), data.relative_to)
         late = [timing.delays.get(name, 0.0) for name in delays]
         problem = segmented_motion(self.unknowns.system, segments, timing, self.unknowns)
-        point = Point(np.concatenate((self.values, late)), first_states(segments))
+        point = Point(np.concatenate((self.values, late)), problem.start_states)
         return problem.at(point, 1.0 / noise), point
 
 
@@ -203,7 +203,7 @@ def _with_constants(joint: Joint, described: Described, values: Mapping[str, flo
     if missing:
         raise SettingError(missing[0], "is missing, without which its term says nothing")
     widths = {name: described.shapes[name] for name in sorted(wanted)}
-    return replace(joint, extended=joint.extended.with_constants(widths)) if widths else joint
+    return joint.with_widths(widths) if widths else joint
 
 
 def _untied(joint: Joint, values: Mapping[str, float], absent: frozenset[str]) -> dict[str, float]:

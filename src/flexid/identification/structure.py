@@ -142,7 +142,9 @@ def _wider(best: Fitted, with_shapes: bool) -> Fitted:
     """A fit with terms beyond the usual ones; the fit itself where they lead astray."""
     if not with_shapes or not best.structure.joint.shapes:
         return best
-    extended = replace(best.structure, absent=best.structure.absent - best.structure.joint.shapes)
+    joint = best.structure.joint
+    shapes = joint.shapes - joint.remembered
+    extended = replace(best.structure, absent=best.structure.absent - shapes)
     return _fit_like(extended, best, ROUGH) or best
 
 
@@ -203,8 +205,10 @@ def eliminate(
     joint = full.structure.joint
     names = full.names
     base = [name.partition("[")[0] for name in names]
+    grips = {*joint.grips.values()}
     may_go = [
-        (b in joint.optional or b in full.structure.timing.sought) and b not in kept for b in base
+        (b in joint.optional or b in full.structure.timing.sought) and b not in {*kept, *grips}
+        for b in base
     ]
     limits = np.array(
         [thresholds.shape_chance if b in joint.shapes else thresholds.term_chance for b in base]
@@ -235,6 +239,7 @@ def eliminate(
         # Of terms that the log does not distinguish the less usual ones go first.
         gone = max(free or candidates, key=lambda i: (base[i] in joint.shapes, ratio[i], i))
         left[gone] = False
+        left[[b == joint.grips.get(base[gone]) for b in base]] = False
         tests[names[gone]] = replace(tests[names[gone]], kept=False)
     dropped = [names[i] for i in np.flatnonzero(~left)]
     whole = {b for b, stays in zip(base, left, strict=True) if stays}

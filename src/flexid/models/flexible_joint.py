@@ -11,7 +11,7 @@ gear, u is the motor torque (or the voltage or current that causes it).
 
 from collections.abc import Collection, Mapping
 
-from flexid.models.parametric_system import ParametricSystem
+from flexid.models.parametric_system import Memory, ParametricSystem
 from flexid.models.terms import (
     COULOMB_VELOCITY,
     SMOOTHING,
@@ -54,7 +54,6 @@ TERMS: dict[str, Term] = {
 """Terms that can be switched on beside the joint spring, which is always there."""
 
 STRIBECK_VELOCITY = "stribeck_velocity"
-HYSTERESIS_VELOCITY = "hysteresis_velocity"
 BACKLASH_WIDTH = "backlash_width"
 
 SHAPE_TERMS: dict[str, Term] = {
@@ -85,8 +84,9 @@ SHAPE_TERMS: dict[str, Term] = {
     ),
     "spring_hysteresis": Term(
         "friction within the joint spring",
-        {"theta_hysteresis": f"-tanh((x2 - x4)/{HYSTERESIS_VELOCITY})"},
-        {"alpha_hysteresis": f"tanh((x2 - x4)/{HYSTERESIS_VELOCITY})"},
+        {"theta_hysteresis": "-hysteresis"},
+        {"alpha_hysteresis": "hysteresis"},
+        Memory("hysteresis", "x1 - x3", "hysteresis_grip"),
     ),
     "backlash": Term(
         "play of the joint about its rest",
@@ -101,7 +101,7 @@ SHAPE_TERMS: dict[str, Term] = {
 }
 """Terms for what a drive may have beside those of `TERMS`; each stands for a family of shapes."""
 
-SHAPES = (STRIBECK_VELOCITY, HYSTERESIS_VELOCITY, BACKLASH_WIDTH)
+SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH)
 """Constants of these terms: how wide their shapes are, in rad/s and rad."""
 
 TIES: dict[str, tuple[str, str, str]] = {
@@ -142,6 +142,7 @@ COEFFICIENT_UNITS: dict[str, str] = {
     "alpha_backlash": "rad/s^2",
     "alpha_lopsided": "1/(rad s^2)",
     "beta1": "rad/s^2/{input}",
+    "hysteresis_grip": "1/rad",
 }
 """Unit of every coefficient; ``{input}`` stands for the unit of the input."""
 
@@ -201,4 +202,5 @@ def flexible_joint(
         ),
         constants=model_constants(link | motor, known, coulomb_velocity)
         | {shape: 1.0 for shape in SHAPES if any(shape in r for r in (link | motor).values())},
+        memories=tuple(term.memory for term in chosen if term.memory),
     )

@@ -58,6 +58,33 @@ class Row:
         return tuple(self.regressors)
 
 
+@dataclass(frozen=True)
+class Memory:
+    """A state h between -1 and 1 that follows the direction of a path (Dahl, 1968).
+
+        h' = s (w - |w| h),    w the rate of the path,
+
+    with the unknown grip s: after a reversal h turns from one sign to the other over a distance of
+    about 1/s, however fast. As s grows it becomes the sign of w. A friction F h is passive for
+    positive F and s, since of its power F h w it stores and loses
+
+        F h w = d/dt (F h²/(2 s)) + F |w| h².
+
+    Parameters
+    ----------
+    name : str
+        Name of h in expressions.
+    path : str
+        Coordinates of rows, or a difference of two.
+    grip : str
+        Name of the coefficient s, in 1/rad.
+    """
+
+    name: str
+    path: str
+    grip: str
+
+
 def check_name(model: str, name: str) -> None:
     """Raise `ModelError` if expressions could not use a name."""
     if keyword.iskeyword(name):
@@ -86,6 +113,9 @@ class ParametricSystem:
     constants : mapping of str to float, optional
         Known numbers that expressions may use, with their default values; values can be replaced
         at run time without deriving anything anew.
+    memories : tuple of Memory, optional
+        States that expressions may use beside those of the rows. The prediction error alone knows
+        what to do with them.
 
     Raises
     ------
@@ -108,10 +138,12 @@ class ParametricSystem:
     rows: tuple[Row, ...]
     inputs: tuple[str, ...] = ("u",)
     constants: Mapping[str, float] = field(default_factory=dict)
+    memories: tuple[Memory, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rows", tuple(self.rows))
         object.__setattr__(self, "inputs", tuple(self.inputs))
+        object.__setattr__(self, "memories", tuple(self.memories))
         object.__setattr__(self, "constants", {c: float(v) for c, v in self.constants.items()})
         if not self.rows:
             raise ModelError(self.name, "has no rows: declare at least one")
@@ -139,16 +171,21 @@ class ParametricSystem:
             for coefficient, regressor in row.regressors.items():
                 check_expression(regressor, names, f"{self.name}: {row.name}.{coefficient}")
             check_expression(row.known, names, f"{self.name}: {row.name}.known")
+        coordinates = {row.coordinate for row in self.rows}
+        for memory in self.memories:
+            check_expression(memory.path, coordinates, f"{self.name}: {memory.name}")
 
     @property
     def states(self) -> tuple[str, ...]:
-        """State names in order: coordinate and velocity of each row in turn."""
-        return tuple(name for row in self.rows for name in (row.coordinate, row.velocity))
+        """State names in order: coordinate and velocity of each row in turn, then memories."""
+        of_rows = (name for row in self.rows for name in (row.coordinate, row.velocity))
+        return (*of_rows, *(memory.name for memory in self.memories))
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """Names of all unknown coefficients, row by row."""
-        return tuple(name for row in self.rows for name in row.coefficients)
+        """Names of all unknown coefficients, row by row, then the grips of memories."""
+        of_rows = (name for row in self.rows for name in row.coefficients)
+        return (*of_rows, *(memory.grip for memory in self.memories))
 
     @property
     def variables(self) -> frozenset[str]:
@@ -167,6 +204,8 @@ class ParametricSystem:
             "inputs": self.inputs,
             "constants": list(self.constants),
         }
+        if self.memories:
+            content["memories"] = [[m.name, m.path, m.grip] for m in self.memories]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def with_constants(self, values: Mapping[str, float]) -> "ParametricSystem":

@@ -203,6 +203,7 @@ _WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("motor_drag", "N m s^2/rad^2", {"alpha_drag": 1, "beta1": -1}),
     Product("torque_saturation", "1/(N m)^2", {"alpha_saturation": 1, "beta1": -1}),
     Product("spring_hysteresis", "N m", {"alpha_hysteresis": 1, "beta1": -1}),
+    Product("hysteresis_reach", "rad", {"hysteresis_grip": -1}),
     Product("lopsided_stiffness", "N m/rad^2", {"alpha_lopsided": 1, "beta1": -1}),
     *_SHAPE_RATIOS,
     Product("link_drag", "N m s^2/rad^2", {"theta_drag": 1, **_LINK_INERTIA}),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from flexid.errors import SettingError
-from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
 COULOMB_VELOCITY = 0.1
 """Velocity in rad/s over which the smoothed Coulomb friction, a tanh, changes sign."""
@@ -16,11 +16,20 @@ SMOOTHING = "coulomb_velocity"
 
 @dataclass(frozen=True)
 class Term:
-    """A term of the flexible joint: the coefficients it adds to each row, with their regressors."""
+    """A term of the flexible joint: the coefficients it adds to each row, with their regressors.
+
+    A regressor may use the state of a memory, which the term then brings with it.
+    """
 
     description: str
     link: Mapping[str, str]
     motor: Mapping[str, str]
+    memory: Memory | None = None
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """All that it adds."""
+        return (*self.link, *self.motor, *((self.memory.grip,) if self.memory else ()))
 
 
 def check_terms(terms: Iterable[str], known_terms: Collection[str]) -> None:
@@ -94,4 +103,6 @@ def with_dry_friction(system: ParametricSystem) -> ParametricSystem:
         )
         for row in system.rows
     )
-    return ParametricSystem(f"{system.name}, dry friction", rows, system.inputs, constants)
+    return ParametricSystem(
+        f"{system.name}, dry friction", rows, system.inputs, constants, system.memories
+    )

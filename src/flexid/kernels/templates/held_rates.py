@@ -18,3 +18,8 @@ def rates_at(z, place, motion, rate):
     for j in range(N_INPUTS):
         motion.u[j] = motion.start[j] + place * motion.change[j]
     right_hand_side(z[:, 0], motion.u, motion.p, motion.c, rate[:, 0])
+
+
+@njit(cache=True, error_model="numpy")
+def recall(z, start, motion):
+    """Leave memories as their rates make them."""

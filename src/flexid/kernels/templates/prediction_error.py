@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         N_INPUTS,
         N_ROWS,
         N_STATES,
+        remember,
         variation_rates,
     )
     from flexid.kernels.templates.runge_kutta import runge_kutta
@@ -49,6 +50,12 @@ def rates_at(z, place, motion, rate):
             for j in range(z.shape[1]):
                 rate[2 * row, j] = 0.0
                 rate[2 * row + 1, j] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def recall(z, start, motion):
+    """Set the memories of z to what its path since the start of a step makes of them."""
+    remember(z, start, motion.p, motion.at)
 
 
 @njit(cache=True, error_model="numpy")

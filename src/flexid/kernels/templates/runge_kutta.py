@@ -2,7 +2,8 @@
 
 Another template gives ``rates_at(z, place, motion, rate)``, which fills `rate` with the
 rates of z, both of shape (N_STATES, n), at a place within the sampling interval: 0 at its start, 1
-at its end. What it needs beyond that is the tuple `motion`.
+at its end. What it needs beyond that is the tuple `motion`. And it gives ``recall(z, start,
+motion)``, which may set states of z that follow from the path since the start of the step.
 """
 
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import N_STATES
-    from flexid.kernels.templates.prediction_error import rates_at
+    from flexid.kernels.templates.prediction_error import rates_at, recall
 
 
 @njit(cache=True, error_model="numpy")
@@ -35,3 +36,5 @@ def runge_kutta(z, place, span, h, motion, work):
             for j in range(end.shape[1]):
                 end[i, j] += weight * rate[i, j]
                 trial[i, j] = z[i, j] + reach * step * rate[i, j]
+        recall(trial, z, motion)
+    recall(end, z, motion)
