@@ -12,6 +12,7 @@ from benchmarks.trials.generate import Trial, make_trial
 from benchmarks.trials.plain_least_squares import plain_least_squares
 from flexid.errors import FlexidError
 from flexid.identification.identify import identify
+from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.settings import Settings
 from flexid.recording.read import read_log
 from flexid.recording.recording import Log
@@ -41,20 +42,20 @@ def recorded(family: str, seed: int, with_structure: bool) -> Record:
         place where identification raised.
     """
     trial = make_trial(family, seed)
-    record = _known(trial)
+    record = known(trial)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
         path = Path(folder) / "log.csv"
         trial.write_csv(path)
-        record |= _identified(path, Settings())
+        record |= identified(path, Settings())
         if with_structure:
-            given = _identified(path, _given_settings(trial, trial.terms))
+            given = identified(path, _given_settings(trial, trial.terms))
             record["given"] = given.get("estimates", {"error": given.get("error")})
             record["least_squares"] = _shortened(plain_least_squares(trial))
     return record
 
 
-def _known(trial: Trial) -> Record:
-    """What the generator knows."""
+def known(trial: Trial) -> Record:
+    """What the generator knows of a log, ready for JSON."""
     return {
         "family": trial.family,
         "seed": trial.seed,
@@ -66,12 +67,22 @@ def _known(trial: Trial) -> Record:
     }
 
 
-def _identified(path: Path, settings: Settings) -> Record:
+def identified(path: Path, settings: Settings, thresholds: Thresholds = THRESHOLDS) -> Record:
+    """What was claimed of a log, ready for JSON.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    settings : Settings
+    thresholds : Thresholds, optional
+        What is decided by.
+    """
     start = time.process_time()
     try:
         # Reading is part of what a user waits for, and of what may refuse.
         logs: list[Log] = [read_log(path)]
-        result = identify(logs, settings)
+        result = identify(logs, settings, thresholds=thresholds)
     except Exception as error:  # whatever it fails with is its result
         refused = isinstance(error, FlexidError)
         place = traceback.extract_tb(error.__traceback__)[-1]

@@ -1,0 +1,148 @@
+"""What half and twice each threshold of an identification would change, on blind trials.
+
+    python -m benchmarks.thresholds [--seeds N] [--first-seed K] [--family F ...] [--jobs J]
+                                    [--out FILE] [--page docs/decisions/thresholds.md]
+
+in the root of a clone. Every log is identified as it is, and with each threshold moved alone.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from benchmarks.page_block import with_block
+from benchmarks.report import markdown
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.generate import make_trial
+from benchmarks.trials.record import identified, known
+from benchmarks.trials.score import CORE, claims, core_names
+from flexid.identification.judgement import THRESHOLDS, Thresholds
+from flexid.identification.settings import Settings
+
+BLOCK = "sensitivity"
+FACTORS = (0.5, 2.0)
+UNTOUCHED = ("contradiction",)
+"""What needs prior knowledge, which no trial gives."""
+
+Record = Mapping[str, Any]
+
+
+def moved() -> Iterator[tuple[str, Thresholds]]:
+    """Each threshold at half and twice its value, by a name such as ``hold_fall x 2``."""
+    for field in fields(THRESHOLDS):
+        if field.name not in UNTOUCHED:
+            for factor in FACTORS:
+                value = factor * getattr(THRESHOLDS, field.name)
+                yield f"{field.name} x {factor:g}", replace(THRESHOLDS, **{field.name: value})
+
+
+def of_log(task: tuple[str, int]) -> dict[str, Record]:
+    """One log's records, by what was moved; as it is under the empty name."""
+    trial = make_trial(*task)
+    found = {}
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
+        path = Path(folder) / "log.csv"
+        trial.write_csv(path)
+        for name, thresholds in (("", THRESHOLDS), *moved()):
+            found[name] = {**known(trial), **identified(path, Settings(), thresholds)}
+    return found
+
+
+def table(logs: Sequence[Mapping[str, Record]]) -> list[str]:
+    """The changes as Markdown; what changes nothing has no line."""
+    headings = [
+        "moved",
+        "logs with other terms",
+        "with another hold",
+        "with other verdicts",
+        "intervals that hold the truth, in class",
+        "outside",
+        "core determined, in class",
+        "outside",
+        "logs confidently wrong (core)",
+    ]
+    lines = [["nothing", "", "", "", *_scores([log[""] for log in logs])]]
+    same = []
+    for name in [name for name in logs[0] if name]:
+        pairs = [(log[""], log[name]) for log in logs]
+        changes = [sum(part(a) != part(b) for a, b in pairs) for part in (_terms, _hold, _verdicts)]
+        if any(changes):
+            lines.append([f"`{name}`", *map(str, changes), *_scores([b for _, b in pairs])])
+        else:
+            same.append(f"`{name}`")
+    found = markdown(headings, lines)
+    return [*found, "", f"Nothing changes with {', '.join(same)}."] if same else found
+
+
+def _terms(record: Record) -> Any:
+    return sorted(record.get("chosen", {}).get("terms", ()))
+
+
+def _hold(record: Record) -> Any:
+    return record.get("chosen", {}).get("hold")
+
+
+def _verdicts(record: Record) -> Any:
+    return {name: status for name, (*_, status) in record.get("estimates", {}).items()}
+
+
+def _scores(records: Sequence[Record]) -> list[str]:
+    """Coverage and determined core, in class and outside; logs that are confidently wrong."""
+    cells = {}
+    for in_class in (True, False):
+        chosen = [record for record in records if record["in_class"] is in_class]
+        counted = [c for record in chosen for c in claims(record) if c.kind != "delay"]
+        core = [c for c in counted if c.name in CORE and c.truth and c.status == "determined"]
+        cells[in_class] = (
+            _percent(sum(c.holds for c in counted), len(counted)),
+            _percent(len(core), sum(len(core_names(record)) for record in chosen)),
+        )
+    wrong = sum(any(c.confidently_wrong and c.name in CORE for c in claims(r)) for r in records)
+    return [cells[i][k] for k in (0, 1) for i in (True, False)] + [str(wrong)]
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100.0 * part / whole:.1f} %" if whole else "-"
+
+
+def main() -> None:
+    """Run, and show what came out."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.thresholds",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--seeds", type=int, default=1, help="logs of each family")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--family", action="append", choices=list(FAMILIES), help="may be repeated")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--out", type=Path, help="file for the records, a line for each log")
+    parser.add_argument("--page", type=Path, help="page whose table is made anew")
+    options = parser.parse_args()
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
+    tasks = [(name, seed) for seed in seeds for name in options.family or FAMILIES]
+    logs = []
+    with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
+        for task, found in zip(tasks, pool.map(of_log, tasks), strict=True):
+            logs.append(found)
+            print(*task, flush=True)
+            if options.out:
+                text = "".join(json.dumps(log, ensure_ascii=False) + "\n" for log in logs)
+                options.out.write_text(text, encoding="utf-8")
+    text = "\n".join(table(logs))
+    print(text)
+    if options.page:
+        page = options.page.read_text(encoding="utf-8")
+        options.page.write_text(with_block(page, BLOCK, text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
