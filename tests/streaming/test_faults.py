@@ -184,6 +184,16 @@ def test_what_a_stuck_encoder_taught_is_taken_back(column):
     np.testing.assert_array_equal(session.now.states[0], before.now.states[0])
 
 
+@pytest.mark.parametrize("column", [LINK, MOTOR])
+def test_a_dead_encoder_teaches_nothing(column):
+    """Assert that nothing is known where an encoder never moved, however long that took to see."""
+    samples = stream(12.0)
+    samples[:, column] = samples[0, column]
+    session = watched(samples)
+    assert session.health.health is Health.SENSOR_FAULT
+    assert session.learner.main.equations(session.now.states[0]) == 0
+
+
 def test_an_encoder_that_comes_back_is_learnt_from_again():
     """Assert that the fault ends with its cause."""
     samples = stream(12.0)

@@ -17,11 +17,11 @@ ROWS = [
 ]
 
 
-def samples_of(text: str, pieces: int = 1, column_map=None, header=None) -> np.ndarray:
-    """Samples of a text that comes in some pieces."""
+def samples_of(text: str, parts: int = 1, column_map=None, header=None) -> np.ndarray:
+    """Samples of a text that comes in some parts."""
     reader, found = LineReader("stream", header), []
     raw = text.encode()
-    edges = np.linspace(0, len(raw), pieces + 1).astype(int)
+    edges = np.linspace(0, len(raw), parts + 1).astype(int)
     for first, stop in pairwise(edges):
         cells = reader.cells(raw[first:stop], ended=stop == len(raw))
         if cells is not None and reader.layout is not None:
@@ -29,13 +29,13 @@ def samples_of(text: str, pieces: int = 1, column_map=None, header=None) -> np.n
     return np.concatenate(found)
 
 
-@pytest.mark.parametrize("pieces", [1, 7, 400])
-def test_samples_are_those_of_the_log(tmp_path: Path, pieces: int):
+@pytest.mark.parametrize("parts", [1, 7, 400])
+def test_samples_are_those_of_the_log(tmp_path: Path, parts: int):
     """Assert that names and units mean the same in a stream, however its bytes are cut."""
     text = "\n".join([HEADER, *ROWS]) + "\n"
     (tmp_path / "log.csv").write_text(text)
     (recording,) = read_log(tmp_path / "log.csv").recordings
-    samples = samples_of(text, pieces)
+    samples = samples_of(text, parts)
     assert recording.input is not None
     assert recording.link_position is not None
     np.testing.assert_allclose(samples[:, 0], recording.time, rtol=1e-12)

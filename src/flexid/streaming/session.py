@@ -153,9 +153,13 @@ class Session:
 
     def _forget(self, since: int) -> None:
         """Take back what an encoder taught that has stood still since some sample."""
-        self.now = next(
-            (memory for memory in (self.newer, self.older) if memory.fed <= since), self.older
-        )
+        kept = [memory for memory in (self.newer, self.older) if memory.fed <= since]
+        if kept:
+            self.now = kept[0]
+        elif since >= self.window:
+            self.now = self.older
+        else:  # it is dead from the beginning: nothing that was learnt is true
+            self.now = Memory(self.fed, self.learner.first_states(), False)
         self.newer = self.now
         self.recent.begin(self.learner, self.now.states)
 
