@@ -1,0 +1,187 @@
+"""The estimator in C99 at work: what it says of itself, gaps, and a state that is saved."""
+
+import ctypes
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drive import STRICT, run, tool
+
+import flexid
+from flexid.simulation.free_run import free_run
+
+H = 1e-3
+TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.33, "beta1": 3.3}
+CONVERGING, CONVERGED, NOT_EXCITED, INCONSISTENT, SENSOR_FAULT = range(5)
+
+SHIM = """
+#include "flexid_drive.h"
+unsigned size_of_state(void);
+unsigned size_of_state(void) { return (unsigned)sizeof(flexid_state); }
+"""
+
+
+class Drive:
+    """An estimation in C, fed from Python."""
+
+    def __init__(self, library: Path) -> None:
+        self._c = ctypes.CDLL(str(library))
+        self._c.flexid_checksum.restype = ctypes.c_uint32
+        self._c.flexid_restore.restype = ctypes.c_bool
+        self._c.flexid_restore.argtypes = [ctypes.c_void_p, ctypes.c_uint32]
+        self.state = ctypes.create_string_buffer(self._c.size_of_state())
+        self._c.flexid_init(self.state)
+
+    def feed(self, samples: np.ndarray) -> list[int]:
+        """Take in samples; return the health after each."""
+        return [self._c.flexid_step(self.state, (ctypes.c_double * 3)(*row)) for row in samples]
+
+    def gap(self) -> None:
+        """Say that samples were missed."""
+        self._c.flexid_gap(self.state)
+
+    def checksum(self) -> int:
+        """Of the state as it is."""
+        return self._c.flexid_checksum(self.state)
+
+    def restore(self, saved: bytes, checksum: int) -> bool:
+        """Go on from a copy; return whether it is whole."""
+        self.state.raw = saved
+        return self._c.flexid_restore(self.state, checksum)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """By coefficient."""
+        values = (ctypes.c_double * len(TRUE))()
+        self._c.flexid_estimates(self.state, values)
+        return dict(zip(TRUE, values, strict=True))
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory) -> Callable[[], Drive]:
+    """Makes estimations that have just begun."""
+    folder = tmp_path_factory.mktemp("health")
+    flexid.export("flexible-joint", to="c99", out=folder, sample_time=H)
+    (folder / "shim.c").write_text(SHIM)
+    sources = (folder / "flexid_drive.c", folder / "shim.c")
+    run(tool("gcc"), *STRICT, "-O2", "-fPIC", "-shared", *sources, "-lm", "-o", folder / "drive.so")
+    return lambda: Drive(folder / "drive.so")
+
+
+def motion(duration: float, values: dict[str, float] = TRUE, state=(0.0,) * 4) -> np.ndarray:
+    """States under two sines and the input, shape (n, 5)."""
+    time = H * np.arange(round(duration / H))
+    torque = 20.0 * np.sin(2.0 * time) + 10.0 * np.sin(5.3 * time)
+    system = flexid.flexible_joint()
+    return np.column_stack((free_run(system, values, state, torque, H, "zero"), torque))
+
+
+def measured(states: np.ndarray) -> np.ndarray:
+    """What encoders and the current controller show: link, motor, torque."""
+    return states[:, [0, 2, 4]]
+
+
+def test_it_converges(drive):
+    """Assert that the coefficients are found, and that it says so at the end and not at once."""
+    estimation = drive()
+    health = estimation.feed(measured(motion(5.0)))
+    assert health[10] == CONVERGING
+    assert set(health[2000:]) == {CONVERGED}
+    assert estimation.estimates == pytest.approx(TRUE, rel=1e-3)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e10, -1e300])
+@pytest.mark.parametrize("channel", [0, 1, 2])
+def test_a_fault_is_left_out(drive, bad, channel):
+    """Assert that a sample that cannot be is flagged, and that estimates stay as they were."""
+    estimation = drive()
+    samples = measured(motion(3.0))
+    estimation.feed(samples[:2500])
+    before = estimation.estimates
+    wrong = samples[2500:2501].copy()
+    wrong[0, channel] = bad
+    assert estimation.feed(wrong) == [SENSOR_FAULT]
+    assert estimation.estimates == before
+    assert SENSOR_FAULT not in estimation.feed(samples[2501:])
+    assert estimation.estimates == pytest.approx(TRUE, rel=1e-3)
+
+
+def test_standstill_is_not_excited(drive):
+    """Assert that a drive at rest is first given time, and is then asked to move."""
+    health = drive().feed(np.zeros((2500, 3)))
+    assert set(health[:1900]) == {CONVERGING}
+    assert set(health[2100:]) == {NOT_EXCITED}
+
+
+def test_a_changed_drive_is_inconsistent(drive):
+    """Assert that a softer spring is noticed within two seconds, and not before it is softer."""
+    first = motion(10.0)
+    softer = motion(4.0, TRUE | {"theta2": 50.0, "alpha1": 166.0}, first[-1, :4])
+    estimation = drive()
+    assert INCONSISTENT not in estimation.feed(measured(first))
+    health = estimation.feed(measured(softer))
+    assert INCONSISTENT in health[:2000]
+
+
+def test_a_gap_corrupts_nothing(drive):
+    """Assert that half a second that is missing does no harm where it is said, and else does."""
+    samples = measured(motion(6.0))
+    errors = {}
+    for said in (True, False):
+        estimation = drive()
+        estimation.feed(samples[:3000])
+        if said:
+            estimation.gap()
+        estimation.feed(samples[3500:4000])
+        found = np.array([*estimation.estimates.values()]) / [*TRUE.values()]
+        errors[said] = float(np.abs(found - 1.0).max())
+    assert errors[True] < 1e-3
+    assert errors[False] > 0.1
+
+
+def test_a_copy_goes_on_bit_for_bit(drive):
+    """Assert that the struct is all there is: a copy ends with the same bytes."""
+    samples = measured(motion(3.0))
+    one, other = drive(), drive()
+    one.feed(samples[:1234])
+    other.state.raw = one.state.raw
+    one.feed(samples[1234:])
+    other.feed(samples[1234:])
+    assert one.state.raw == other.state.raw
+
+
+def test_a_saved_state_is_taken_up(drive):
+    """Assert that estimates outlive a power cycle, and that the filter begins anew after it."""
+    samples = measured(motion(6.0))
+    estimation = drive()
+    estimation.feed(samples[:3000])
+    saved, checksum, found = estimation.state.raw, estimation.checksum(), estimation.estimates
+    fresh = drive()
+    assert fresh.restore(saved, checksum)
+    assert fresh.estimates == found
+    fresh.feed(samples[4500:])
+    assert fresh.estimates == pytest.approx(TRUE, rel=1e-3)
+
+
+@pytest.mark.parametrize("place", [0, 40, 500])
+def test_a_damaged_state_is_refused(drive, place):
+    """Assert that one flipped bit, of the version or of a number, makes it begin anew."""
+    estimation = drive()
+    estimation.feed(measured(motion(1.0)))
+    checksum = estimation.checksum()
+    damaged = bytearray(estimation.state.raw)
+    damaged[place] ^= 1
+    fresh = drive()
+    assert not fresh.restore(bytes(damaged), checksum)
+    assert fresh.estimates == dict.fromkeys(TRUE, 0.0)
+
+
+def test_another_version_is_refused(drive):
+    """Assert that a state of another model is not taken, although its checksum is right."""
+    estimation = drive()
+    other = bytearray(estimation.state.raw)
+    other[0] ^= 1
+    estimation.state.raw = bytes(other)
+    assert not drive().restore(bytes(other), estimation.checksum())
