@@ -336,6 +336,7 @@ class SegmentedMotion:
         cost = float(np.sum(costs))
         if not np.all(np.abs(normal) < _LARGEST):
             cost = np.inf
+            normal[:], gradient[:] = 0.0, 0.0  # no number that overflowed says anything
         normal, gradient = self._gathered(normal, gradient, point.values, wanted)
         # A memory is between -1 and 1 wherever a segment starts, so that it is known by about 1.
         firsts = self.first_blocks[:-1]
