@@ -8,7 +8,7 @@ from made_joint import made
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.full_model import Structure
 from flexid.identification.identify import identify
-from flexid.identification.joint import joint_of
+from flexid.identification.joint import Kind, joint_of
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.mirrored import mirrored, turned_round
 from flexid.identification.settings import Settings
@@ -22,7 +22,7 @@ def right():
     return replace(made(3, 6.0), link_from_deflection=True)
 
 
-def found(recording, model="flexible"):
+def found(recording, model: Kind = "flexible"):
     """Whether the deflection is held to be turned round."""
     joint = joint_of(model)
     structure = Structure(joint, frozenset(joint.shapes), Timing("linear", {}))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from tests.identification.made_joint import log, made
+from made_joint import log, made
 
 from flexid.errors import SettingError
 from flexid.identification.identify import identify

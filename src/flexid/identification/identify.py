@@ -190,7 +190,7 @@ def identify(
             *validation_warnings(validation.fit_percent),
             *compliance_warnings(compliance),
         ),
-        provenance=provenance(logs, settings, choices),
+        provenance=provenance(logs, settings, job.joint.kind, choices),
         recordings=recordings.whole,
     )
 

@@ -4,17 +4,21 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 import flexid
+from flexid.identification.joint import Kind
 from flexid.identification.result import Choices
 from flexid.identification.settings import Settings
 from flexid.recording.recording import Log
 
 
-def provenance(logs: Sequence[Log], settings: Settings, choices: Choices) -> dict[str, object]:
+def provenance(
+    logs: Sequence[Log], settings: Settings, model: Kind, choices: Choices
+) -> dict[str, object]:
     """What it takes to repeat a result."""
     return {
         "flexid_version": flexid.__version__,
         "settings": asdict(settings),
         "chosen": {
+            "model": model,
             "terms": list(choices.terms),
             "hold": choices.hold,
             "input_delay": choices.alignment.input_delay.value,
