@@ -12,6 +12,7 @@ from flexid.exports.c99_source import DriveSource
 _CHECKS = 50
 _AFTER_MEMORY = 1000  # samples
 _SPAN = 40.0  # time constants of the filter
+_MOST_SAMPLES = 50_000  # a file of some megabytes
 _TONES = 3
 _ACCELERATION = 10.0  # rad/s^2, that the input causes by itself
 _SEED = 12
@@ -28,7 +29,7 @@ def made_samples(drive: DriveSource) -> FloatArray:
     they are no motion of the model, and least squares has an answer all the same.
     """
     h, rate = drive.settings.sample_time, drive.settings.filter_rate
-    n = int(np.ceil(_SPAN / (rate * h))) + _AFTER_MEMORY
+    n = min(int(np.ceil(_SPAN / (rate * h))) + _AFTER_MEMORY, _MOST_SAMPLES)
     time = h * np.arange(n, dtype=np.float64)
     rng = np.random.default_rng(_SEED)
     inputs, _ = _sines(time, rate, rng, len(drive.system.inputs))

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 MEMORY_TIME = 60.0
 """s; a drive runs for years, and sums in float do not grow for ever."""
 
+_SHORTEST, _LONGEST = 1e-6, 1.0  # s
+_SLOWEST, _FASTEST = 1e-4, 1.0  # of the filter's rate times the sample time
+
 
 @dataclass(frozen=True)
 class EstimatorSettings:
@@ -38,6 +41,12 @@ class EstimatorSettings:
         Time in s after which a sample weighs 1/e as much. A constant gain has none.
     start : mapping of str to float, optional
         First values of the coefficients; 0 where none is given.
+
+    Raises
+    ------
+    SettingError
+        If no drive is sampled so, the filter does not suit that, or a constant gain has no
+        velocities.
     """
 
     sample_time: float
@@ -52,6 +61,18 @@ class EstimatorSettings:
         if self.gains and not self.velocities:
             raise SettingError(
                 "gain", "a constant gain takes measured velocities: add --velocities, or leave it"
+            )
+        h, rate = self.sample_time, self.filter_rate
+        if not _SHORTEST <= h <= _LONGEST:
+            raise SettingError(
+                "sample-time",
+                f"{h:g} s is none of a drive: give seconds between {_SHORTEST:g} and {_LONGEST:g}",
+            )
+        if not (self.velocities or _SLOWEST <= rate * h <= _FASTEST):
+            raise SettingError(
+                "filter-rate",
+                f"{rate:g} 1/s does not suit samples every {h:g} s: give one between "
+                f"{_SLOWEST / h:g} and {_FASTEST / h:g}",
             )
 
     def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":

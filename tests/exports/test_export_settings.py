@@ -1,0 +1,71 @@
+"""Settings of an export: what no drive has is refused in a sentence, and nothing is written."""
+
+from pathlib import Path
+
+import pytest
+
+import flexid
+from flexid.errors import SettingError
+
+REFUSED = {
+    "no sample time": ({}, "sample-time: is missing"),
+    "not a number": ({"sample_time": float("nan")}, "nan s is none of a drive"),
+    "too short": ({"sample_time": 1e-9}, "seconds between 1e-06 and 1"),
+    "too long": ({"sample_time": 2.0}, "seconds between 1e-06 and 1"),
+    "filter too slow": ({"sample_time": 1e-3, "filter_rate": 1e-3}, "between 0.1 and 1000"),
+    "filter too fast": ({"sample_time": 1e-3, "filter_rate": 1e4}, "between 0.1 and 1000"),
+    "filter backwards": ({"sample_time": 1e-3, "filter_rate": -20.0}, "between 0.1 and 1000"),
+    "gain without velocities": (
+        {"sample_time": 1e-3, "gain": {"link": 1.0, "motor": 1.0}},
+        "add --velocities",
+    ),
+    "gain of one row": (
+        {"sample_time": 1e-3, "velocities": True, "gain": {"link": 1.0}},
+        "none for 'alpha1'",
+    ),
+    "memory too short": ({"sample_time": 1e-3, "memory_time": 0.0}, "more than ten samples"),
+    "another sample time": (
+        {"sample_time": 2e-3, "log": "examples/flexible_joint.csv"},
+        "the log's is 0.001 s",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_no_drive_has_is_refused(tmp_path, name):
+    """Assert that the sentence says what is wrong, and that no file is left."""
+    options, sentence = REFUSED[name]
+    with pytest.raises(SettingError, match=sentence):
+        flexid.export("flexible-joint", to="c99", out=tmp_path / "drive", **options)
+    assert not (tmp_path / "drive").exists()
+
+
+def test_a_log_of_another_machine_is_refused(tmp_path):
+    """Assert that the model's rows and inputs are compared with the log's."""
+    with pytest.raises(SettingError, match="2 positions and 1 inputs, and the model 1 and 1"):
+        flexid.export(
+            "examples/models/pendulum.toml",
+            to="c99",
+            out=tmp_path / "drive",
+            log="examples/flexible_joint.csv",
+        )
+
+
+def test_the_command_prints_what_it_wrote(flexid, tmp_path):
+    """Assert that the command writes the five files and names them."""
+    out = tmp_path / "drive"
+    done = flexid(
+        *("export", "examples/models/pendulum.toml", "--to", "c99", "--sample-time", "0.001"),
+        *("--out", str(out)),
+    )
+    assert done.status == 0
+    assert {Path(line).name for line in done.stdout.splitlines()} == {
+        "README.md",
+        "example_main.c",
+        "flexid_drive.c",
+        "flexid_drive.h",
+        "test_vector.h",
+    }
+    assert {file.name for file in out.iterdir()} == {
+        Path(line).name for line in done.stdout.splitlines()
+    }
