@@ -10,7 +10,6 @@ import h5py
 import numpy as np
 import polars as pl
 import pytest
-from asammdf import MDF, Signal
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from joint_log import Columns, csv_text, joint_columns
@@ -45,13 +44,6 @@ def as_hdf5(path: Path, columns: Columns) -> None:
             file[f"log/{name}"] = values
 
 
-def as_mdf(path: Path, columns: Columns) -> None:
-    """Channels of one group."""
-    with MDF(version="4.10") as file:
-        file.append([Signal(v, columns["time"], name=n) for n, v in columns.items() if n != "time"])
-        file.save(path, overwrite=True)
-
-
 def as_mcap(path: Path, columns: Columns) -> None:
     """Messages of JSON."""
     with path.open("wb") as stream:
@@ -68,7 +60,6 @@ FORMATS: dict[str, Callable[[Path, Columns], None]] = {
     ".parquet": as_parquet,
     ".mat": as_matlab,
     ".h5": as_hdf5,
-    ".mf4": as_mdf,
     ".mcap": as_mcap,
 }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from asammdf import MDF, Signal
 from joint_log import joint_columns
 from test_matlab import refusal
 
-from flexid.recording import outside, read_log
+from flexid.recording import mdf, outside, read_log
 
 COLUMNS = joint_columns(200)
 TIME = COLUMNS["time"]
@@ -104,28 +103,32 @@ def test_without_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert "pip install 'flexid[mdf]'" in refusal(path)
 
 
-class Listener(logging.Handler):
-    """What is logged."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.said: list[logging.LogRecord] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep it."""
-        self.said.append(record)
-
-
-def test_damaged_files(tmp_path: Path):
+def test_damaged_files(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     """Assert that files cut short or overwritten are refused, and that asammdf says nothing."""
     raw = written(tmp_path / "log.mf4", encoders()).read_bytes()
-    handler = Listener()
-    logging.getLogger("asammdf").addHandler(handler)
     (tmp_path / "cut.mf4").write_bytes(raw[:200])
     assert "no MDF file that can be read" in refusal(tmp_path / "cut.mf4")
     (tmp_path / "text.mf4").write_text("time,motor_position\n")
     assert "no MDF file that can be read" in refusal(tmp_path / "text.mf4")
     (tmp_path / "log.mf4").write_bytes(raw.replace(b"##DG", b"##XX"))
     assert "no MDF file that can be read" in refusal(tmp_path / "log.mf4")
-    logging.getLogger("asammdf").removeHandler(handler)
-    assert not handler.said
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "import os; os.abort()",
+        "print('{')",
+        "",
+        "import os; from flexid.recording import mdf_apart as apart; "
+        "apart._read = lambda *_: os.abort(); apart.main()",
+    ],
+    ids=["dies", "says half", "says nothing", "dies later"],
+)
+def test_a_process_that_dies(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that where a file ends the process that reads it flexid goes on, with a sentence."""
+    torque = [signal("motor_torque", COLUMNS["motor_torque"])]
+    path = written(tmp_path / "log.mf4", encoders(), torque)
+    monkeypatch.setattr(mdf, "PROGRAM", program)
+    assert "no MDF file that can be read" in refusal(path)

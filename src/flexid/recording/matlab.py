@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +11,7 @@ from flexid.files import shown
 from flexid.recording.arrays import WIDEST, Arrays
 from flexid.recording.hdf5 import open_series as open_hdf5
 from flexid.recording.limits import LARGEST_FILE, LARGEST_UNPACKED, MOST_COLUMNS
+from flexid.recording.matlab_elements import TooLargeError, check_elements
 from flexid.recording.outside import DEEPEST, digest_of, readable
 from flexid.recording.series import SeriesFile
 
@@ -23,7 +22,6 @@ _WHAT = "MATLAB file"
 _VERSION_73 = b"MATLAB 7.3"
 _HDF5 = b"\x89HDF"
 _HEADER = 128  # bytes before the first element
-_COMPRESSED = 15  # type of an element that zlib compressed
 _REMEDY = "save its Time and Data as arrays"
 
 
@@ -45,7 +43,7 @@ def open_series(path: Path) -> SeriesFile:
     with readable(file, _WHAT):
         from scipy.io import loadmat
 
-        _check_unpacked(path)
+        _check(path)
         content = loadmat(str(path), appendmat=False)
         found = Arrays("()")
         for name, value in content.items():
@@ -75,28 +73,14 @@ def _add(file: str, found: Arrays, path: str, value: Any, depth: int) -> None:
                 _add(file, found, f"{where}.{name}", one[name], depth + 1)
 
 
-def _check_unpacked(path: Path) -> None:
-    """Raise if the elements of a file are larger than memory, without unpacking them there."""
-    total = 0
-    with path.open("rb") as file:
-        head = file.read(_HEADER)
-        order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
-        if order is None:  # version 4 compresses nothing
-            return
-        while len(tag := file.read(8)) == 8:
-            kind, size = struct.unpack(f"{order}II", tag)
-            if kind != _COMPRESSED:
-                file.seek(size, 1)
-                continue
-            unpacker = zlib.decompressobj()
-            data = file.read(size)
-            while data and not unpacker.eof:
-                total += len(unpacker.decompress(data, 1_000_000))
-                data = unpacker.unconsumed_tail
-                if total > LARGEST_UNPACKED:
-                    raise RecordingError(
-                        shown(path),
-                        "",
-                        f"unpacked it is larger than {LARGEST_UNPACKED / 1e9:g} GB, the most that "
-                        f"is read: save the signals of one joint",
-                    )
+def _check(path: Path) -> None:
+    """Raise if the file would not fit into memory, or SciPy could not bear it."""
+    try:
+        check_elements(path)
+    except TooLargeError:
+        raise RecordingError(
+            shown(path),
+            "",
+            f"unpacked it is larger than {LARGEST_UNPACKED / 1e9:g} GB, the most "
+            f"that is read: save the signals of one joint",
+        ) from None

@@ -85,6 +85,8 @@ class SeriesFile:
     prepare : callable
         Called with the signals that are wanted before their values are, for formats of which a
         signal cannot be read alone.
+    close : callable
+        Called when nothing more is wanted, or something was wrong.
     """
 
     file: str
@@ -94,6 +96,7 @@ class SeriesFile:
     clocks: Mapping[str, Callable[[], FloatArray]] = field(default_factory=dict)
     clock_warnings: Mapping[str, str] = field(default_factory=dict)
     prepare: Callable[[Collection[Series]], None] = lambda _: None
+    close: Callable[[], None] = lambda: None
 
 
 def table_of_series(held: SeriesFile, columns: MapSource | None) -> Table:
@@ -110,6 +113,13 @@ def table_of_series(held: SeriesFile, columns: MapSource | None) -> Table:
     RecordingError
         If a signal that is needed is missing, or signals have no clock in common.
     """
+    try:
+        return _table(held, columns)
+    finally:
+        held.close()
+
+
+def _table(held: SeriesFile, columns: MapSource | None) -> Table:
     names = _names(held)
     wanted, warnings = sources(names, columns)
     headers = {channel: [h for h in found if h != TIME] for channel, found in wanted.items()}
