@@ -61,6 +61,13 @@ def test_the_allowed_difference_is_small(drives):
     assert re.findall(r"define ALLOWED (\S+)", text) == ["0.0001", "1e-12"]
 
 
+def test_sums_in_float_lose_nothing(drives, tmp_path):
+    """Assert that half a minute in float is right to 2e-5; plain sums lose 9e-5."""
+    printed = run(compiled("gcc", drives[MAIN], "-DFLEXID_FLOAT", out=tmp_path / "drive"))
+    (difference,) = re.findall(r"difference to Python (\S+)", printed)
+    assert float(difference) < 2e-5
+
+
 def test_a_wrong_filter_is_noticed(drives, tmp_path):
     """Assert that the example fails where the C does not do what Python does."""
     directory = tmp_path / "wrong"

@@ -4,6 +4,7 @@ import ctypes
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,8 @@ unsigned size_of_state(void) { return (unsigned)sizeof(flexid_state); }
 class Drive:
     """An estimation in C, fed from Python."""
 
-    def __init__(self, library: Path) -> None:
+    def __init__(self, library: Path, number: Any = ctypes.c_double) -> None:
+        self._number = number
         self._c = ctypes.CDLL(str(library))
         self._c.flexid_checksum.restype = ctypes.c_uint32
         self._c.flexid_restore.restype = ctypes.c_bool
@@ -36,7 +38,7 @@ class Drive:
 
     def feed(self, samples: np.ndarray) -> list[int]:
         """Take in samples; return the health after each."""
-        return [self._c.flexid_step(self.state, (ctypes.c_double * 3)(*row)) for row in samples]
+        return [self._c.flexid_step(self.state, (self._number * 3)(*row)) for row in samples]
 
     def gap(self) -> None:
         """Say that samples were missed."""
@@ -54,7 +56,7 @@ class Drive:
     @property
     def estimates(self) -> dict[str, float]:
         """By coefficient."""
-        values = (ctypes.c_double * len(TRUE))()
+        values = (self._number * len(TRUE))()
         self._c.flexid_estimates(self.state, values)
         return dict(zip(TRUE, values, strict=True))
 
@@ -68,6 +70,18 @@ def drive(tmp_path_factory) -> Callable[[], Drive]:
     sources = (folder / "flexid_drive.c", folder / "shim.c")
     run(tool("gcc"), *STRICT, "-O2", "-fPIC", "-shared", *sources, "-lm", "-o", folder / "drive.so")
     return lambda: Drive(folder / "drive.so")
+
+
+@pytest.fixture
+def float_drive(tmp_path) -> Drive:
+    """One in float, of a joint with a cubic spring."""
+    terms = ("gravity", "cubic_stiffness")
+    flexid.export("flexible-joint", to="c99", out=tmp_path, sample_time=H, terms=terms)
+    (tmp_path / "shim.c").write_text(SHIM)
+    sources = (tmp_path / "flexid_drive.c", tmp_path / "shim.c")
+    options = ("-O2", "-DFLEXID_FLOAT", "-fPIC", "-shared", "-o", tmp_path / "drive.so")
+    run(tool("gcc"), *STRICT, *sources, *options, "-lm")
+    return Drive(tmp_path / "drive.so", ctypes.c_float)
 
 
 def motion(duration: float, values: dict[str, float] = TRUE, state=(0.0,) * 4) -> np.ndarray:
@@ -115,6 +129,28 @@ def test_standstill_is_not_excited(drive):
     assert set(health[2100:]) == {NOT_EXCITED}
 
 
+def test_noise_at_rest_is_not_excited(drive):
+    """Assert that noise, whose regressors are independent, is not taken for a motion."""
+    noise = np.random.default_rng(3).normal(0.0, 1e-4, (4000, 3))
+    health = drive().feed(noise)
+    assert set(health[2100:]) == {NOT_EXCITED}
+
+
+def test_what_cannot_be_told_apart_is_not_excited(drive):
+    """Assert that gravity and spring are open where the deflection goes with the link's sine."""
+    time = H * np.arange(3000)
+    link = 0.01 * np.sin(5.0 * time)
+    samples = np.column_stack((link, 1.3 * link, np.sin(3.0 * time)))
+    assert set(drive().feed(samples)[2100:]) == {NOT_EXCITED}
+
+
+def test_an_overflow_is_flagged(float_drive):
+    """Assert that sums beyond what float holds begin the estimation anew, with a flag."""
+    wild = 1e9 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]] * 10)
+    assert SENSOR_FAULT in float_drive.feed(wild)
+    assert all(map(math.isfinite, float_drive.estimates.values()))
+
+
 def test_a_changed_drive_is_inconsistent(drive):
     """Assert that a softer spring is noticed within two seconds, and not before it is softer."""
     first = motion(10.0)
@@ -139,6 +175,21 @@ def test_a_gap_corrupts_nothing(drive):
         errors[said] = float(np.abs(found - 1.0).max())
     assert errors[True] < 1e-3
     assert errors[False] > 0.1
+
+
+def test_a_gap_brings_no_noise_of_its_own(drive):
+    """Assert that, with noise, estimates after many gaps are as good as the samples allow.
+
+    The filter begins at rest after each, and would take the first noise for a motion.
+    """
+    samples = measured(motion(12.0))
+    noise = np.random.default_rng(4).normal(0.0, 1e-4, samples.shape) * [1.0, 1.0, 0.0]
+    estimation = drive()
+    for part in np.array_split(samples + noise, 24):
+        estimation.feed(part)
+        estimation.gap()
+    found = np.array([*estimation.estimates.values()]) / [*TRUE.values()]
+    assert np.abs(found - 1.0).max() < 0.003
 
 
 def test_a_copy_goes_on_bit_for_bit(drive):
