@@ -161,6 +161,15 @@ def test_a_changed_drive_is_inconsistent(drive):
     assert INCONSISTENT in health[:2000]
 
 
+def test_a_rest_contradicts_nothing(drive):
+    """Assert that a drive that stands still after it was learnt is not said to have changed."""
+    noise = np.random.default_rng(5).normal(0.0, 1e-4, (10_000, 3)) * [1.0, 1.0, 0.0]
+    estimation = drive()
+    estimation.feed(measured(motion(6.0)) + noise[:6000])
+    estimation.gap()
+    assert set(estimation.feed(noise[6000:])[100:]) == {CONVERGED}
+
+
 def test_a_gap_corrupts_nothing(drive):
     """Assert that half a second that is missing does no harm where it is said, and else does."""
     samples = measured(motion(6.0))
