@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,21 @@ def test_sizes_that_are_none(value: object, old: bytes, new: bytes, tmp_path: Pa
     """Assert that what does not fit into where it stands is refused."""
     with pytest.raises(DamagedError):
         check_elements(changed(tmp_path, value, old, new))
+
+
+def test_an_element_larger_than_its_file(tmp_path: Path):
+    """Assert that for an element that says that it has gigabytes no memory is reserved."""
+    savemat(tmp_path / "a.mat", {"a": np.arange(5.0)})
+    raw = bytearray((tmp_path / "a.mat").read_bytes())
+    raw[132:136] = (2**32 - 1).to_bytes(4, "little")
+    (tmp_path / "a.mat").write_bytes(raw)
+    tracemalloc.start()
+    try:
+        with pytest.raises(DamagedError):
+            check_elements(tmp_path / "a.mat")
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_nested_deep(tmp_path: Path):

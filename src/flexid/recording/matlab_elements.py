@@ -7,6 +7,7 @@ or it fills all memory; nothing catches either. Versions 5 to 7.2 are meant; ver
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 from math import prod
@@ -67,13 +68,13 @@ def check_elements(path: Path) -> None:
 def _elements(path: Path, order: str) -> Iterator[tuple[int, bytes]]:
     """Type and content of the outermost elements."""
     with path.open("rb") as file:
+        end = file.seek(0, io.SEEK_END)
         file.seek(_HEADER)
         while tag := file.read(8):
             _require(len(tag) == 8)
             kind, size = struct.unpack(f"{order}II", tag)
-            data = file.read(size)
-            _require(len(data) == size)
-            yield kind, data
+            _require(size <= end - file.tell())  # as many bytes as are asked for are reserved
+            yield kind, file.read(size)
 
 
 def _size(packed: bytes, most: int) -> int:
