@@ -144,10 +144,34 @@ def predicting(
     """
     rest = (training, whole, recordings, progress, thresholds)
     if not job.delay_in_doubt:
-        return _predicting(job, *rest)
+        return _in_time(job, _predicting(job, *rest), *rest)
     found = _predicting(replace(job, left_out=job.left_out | {LINK}), *rest)
     impossible = doubtful(found[0].fitted.by_name) - job.kept
     return _predicting(replace(job, left_out=impossible), *rest) if impossible else found
+
+
+def _in_time(
+    job: Job,
+    found: tuple[Choice, Validation],
+    training: Data,
+    whole: Data,
+    recordings: SplitRecordings,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> tuple[Choice, Validation]:
+    """What was found of the link alone, or the same without a delay if it predicts far better.
+
+    A late encoder acts like damping; together they may fit what no term describes, and drift away
+    in a free run.
+    """
+    fitted = found[0].fitted
+    explained = fitted.excess <= thresholds.sensor_excess
+    if job.joint.kind != "link" or LINK not in fitted.structure.timing.sought or explained:
+        return found
+    timely = replace(job, left_out=job.left_out | {LINK})
+    other = _predicting(timely, training, whole, recordings, progress, thresholds)
+    better = misprediction(other[1]) < misprediction(found[1]) - thresholds.generous_gain
+    return other if better else found
 
 
 def _predicting(

@@ -50,8 +50,9 @@ class Choice:
     climbed : Climb
         How the full model was fitted.
     rivals : tuple of Fitted
-        With terms that chance might explain, and, where the model leaves more than noise, over
-        segments of other lengths: held-out data may prefer one of these.
+        With terms that chance might explain, without frictions that came out negative, and, where
+        the model leaves more than noise, over segments of other lengths: held-out data may prefer
+        one of these.
     """
 
     full: Structure
@@ -125,10 +126,25 @@ def choose_structure(
         structure, fitted = best.structure, best
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
     generous = None if more.absent >= structure.absent else _fit_like(more, fitted)
-    rivals = [] if generous is None else [generous]
+    rivals = [f for f in (generous, _without_negative_friction(fitted, kept)) if f is not None]
     if fitted.excess > thresholds.sensor_excess and climbed.free_length:
         rivals += [other for other in found if other.duration != fitted.duration]
     return Choice(wider.structure, structure, fitted, evidence, tests, climbed, tuple(rivals))
+
+
+def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
+    """A fit without the frictions that came out negative, which drive where they should brake.
+
+    Where the model leaves more than noise, a deviation says little of a friction's sign. None where
+    there is no such friction, or the fit without fails.
+    """
+    base = [name.partition("[")[0] for name in fitted.names]
+    negative = {
+        name
+        for name, value in zip(base, fitted.values.tolist(), strict=True)
+        if name in DISSIPATIVE and value < 0.0 and name not in kept
+    }
+    return _fit_like(fitted.structure.without(negative), fitted) if negative else None
 
 
 def _latest(
