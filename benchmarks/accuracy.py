@@ -33,7 +33,7 @@ from rich.console import Console
 from benchmarks.accuracy_logs import CASES, EXAMPLE, TRUTH, Case
 from benchmarks.accuracy_page import BLOCK, PAGE, RESULTS, lines_of_user_code, render
 from benchmarks.accuracy_tools import TOOLS, Tool
-from benchmarks.page_block import with_block
+from benchmarks.page_block import write_block
 from benchmarks.peers.problem import Answer, Log
 from benchmarks.report import processor
 from benchmarks.timing import timed
@@ -72,8 +72,7 @@ def _keep(results: Mapping[str, Any]) -> None:
     kept = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
     together = merged(kept, results)
     RESULTS.write_text(_text(together), encoding="utf-8")
-    page = with_block(PAGE.read_text(encoding="utf-8"), BLOCK, render(together))
-    PAGE.write_text(page, encoding="utf-8")
+    write_block(PAGE, BLOCK, render(together))
 
 
 def merged(kept: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, merged, render
-from benchmarks.page_block import with_block
+from benchmarks.page_block import write_block
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.block_prediction_error import BlockPredictionError, block_prediction_error
@@ -198,8 +198,7 @@ def main() -> None:
         by_key = {(cell["noise"], cell["estimator"]): cell for cell in cells}
         kept = [by_key[n, e] for e in ESTIMATORS for n in NOISES if (n, e) in by_key]
         RESULTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        page = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(with_block(page, BLOCK, render(kept)), encoding="utf-8")
+        write_block(PAGE, BLOCK, render(kept))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import flexid
-from benchmarks.page_block import with_block
+from benchmarks.page_block import write_block
 
 PAGE = Path("docs/drive.md")
 TESTS = Path("tests/exports")
@@ -157,10 +157,10 @@ def main() -> None:
             found = cost(directory, (flags, DEFINITION[precision]))
             costs.append((name, precision, flags, found))
             print(costs[-1])
-        page = with_block(PAGE.read_text(encoding="utf-8"), "costs", table(costs))
         outcome = fuzzed(Path(folder) / "0", seconds)
         print(outcome)
-    PAGE.write_text(with_block(page, "fuzzed", f"{outcome}.\n"), encoding="utf-8")
+    write_block(PAGE, "costs", table(costs))
+    write_block(PAGE, "fuzzed", f"{outcome}.\n")
 
 
 if __name__ == "__main__":

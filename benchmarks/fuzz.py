@@ -31,7 +31,7 @@ from datetime import date
 from pathlib import Path
 
 from benchmarks.fuzz_targets import ROOT, Target, Targets, made_estimate
-from benchmarks.page_block import with_block
+from benchmarks.page_block import write_block
 from flexid.errors import FlexidError
 
 LONGEST = 5.0  # s of processor that one file may take
@@ -374,10 +374,7 @@ def _write(name: str, seconds: float, rows: list[str]) -> None:
     page = ROOT / "docs" / "reliability.md"
     command = f"python -m benchmarks.fuzz {'--guided ' * (name == 'guided')}--seconds {seconds:g}"
     head = f"`{command} --write` on {date.today():%d %B %Y}, {seconds:g} s for each reader:\n\n"
-    text = with_block(
-        page.read_text(encoding="utf-8"), f"fuzz-{name}", head + "\n".join(rows) + "\n"
-    )
-    page.write_text(text, encoding="utf-8")
+    write_block(page, f"fuzz-{name}", head + "\n".join(rows) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,13 @@
 """The part of a page of the documentation that a benchmark writes, between two marks."""
 
+from pathlib import Path
+
+
+def write_block(page: Path, name: str, block: str) -> None:
+    """Replace what stands between the two marks of a name in a file; raises as `with_block`."""
+    text = with_block(page.read_text(encoding="utf-8"), name, block)
+    page.write_text(text, encoding="utf-8")
+
 
 def with_block(page: str, name: str, block: str) -> str:
     """The page with what stands between the two marks of a name replaced.

@@ -18,10 +18,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks.page_block import with_block
+from benchmarks.page_block import write_block
 from benchmarks.report import markdown
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import make_trial
+from benchmarks.trials.options import add_log_options, logs_of
 from benchmarks.trials.record import identified, known
 from benchmarks.trials.score import CORE, claims, core_names
 from flexid.identification.judgement import THRESHOLDS, Thresholds
@@ -120,15 +121,12 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--seeds", type=int, default=1, help="logs of each family")
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--family", action="append", choices=list(FAMILIES), help="may be repeated")
+    add_log_options(parser, 1, list(FAMILIES))
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, help="file for the records, a line for each log")
     parser.add_argument("--page", type=Path, help="page whose table is made anew")
     options = parser.parse_args()
-    seeds = range(options.first_seed, options.first_seed + options.seeds)
-    tasks = [(name, seed) for seed in seeds for name in options.family or FAMILIES]
+    tasks = logs_of(options, FAMILIES)
     logs = []
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
         for task, found in zip(tasks, pool.map(of_log, tasks), strict=True):
@@ -140,8 +138,7 @@ def main() -> None:
     text = "\n".join(table(logs))
     print(text)
     if options.page:
-        page = options.page.read_text(encoding="utf-8")
-        options.page.write_text(with_block(page, BLOCK, text), encoding="utf-8")
+        write_block(options.page, BLOCK, text)
 
 
 if __name__ == "__main__":

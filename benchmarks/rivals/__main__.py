@@ -20,10 +20,11 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded
 
-from benchmarks.page_block import with_block
+from benchmarks.page_block import write_block
 from benchmarks.report import processor
 from benchmarks.rivals.page import BLOCK, PAGE, RESULTS, render
 from benchmarks.rivals.tools import FAMILIES, TOOLS, record
+from benchmarks.trials.options import add_log_options
 from benchmarks.trials.run import commit
 
 
@@ -34,9 +35,7 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--seeds", type=int, default=2, help="logs of each family")
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--family", action="append", choices=FAMILIES, help="may be repeated")
+    add_log_options(parser, 2, FAMILIES)
     parser.add_argument("--tool", action="append", choices=list(TOOLS), help="may be repeated")
     parser.add_argument("--out", type=Path, default=None, help="file that the results go into")
     parser.add_argument("--page", action="store_true", help="make the tables of the page anew")
@@ -52,8 +51,7 @@ def main() -> None:
         out.write_text(_text(results), encoding="utf-8")
     print(render(results))
     if options.page or options.render:
-        page = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(with_block(page, BLOCK, render(results)), encoding="utf-8")
+        write_block(PAGE, BLOCK, render(results))
 
 
 def _results(options: argparse.Namespace) -> dict[str, Any]:

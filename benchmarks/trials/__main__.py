@@ -12,9 +12,10 @@ import os
 import sys
 from pathlib import Path
 
-from benchmarks.page_block import with_block
+from benchmarks.page_block import write_block
 from benchmarks.trials import run
 from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.options import add_log_options, logs_of
 from benchmarks.trials.page import BLOCK, render, terminal
 
 
@@ -25,9 +26,7 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--seeds", type=int, default=10, help="logs of each family")
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--family", action="append", choices=list(FAMILIES), help="may be repeated")
+    add_log_options(parser, 10, list(FAMILIES))
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument(
         "--with-structure",
@@ -43,16 +42,12 @@ def main() -> None:
         if options.out:
             options.out.write_text(run.text(results), encoding="utf-8")
     else:
-        seeds = range(options.first_seed, options.first_seed + options.seeds)
-        # All families early: what is broken off tells something of each.
-        families = options.family or FAMILIES
-        tasks = [(name, seed, options.with_structure) for seed in seeds for name in families]
+        tasks = [(*log, options.with_structure) for log in logs_of(options, FAMILIES)]
         command = " ".join(["python -m benchmarks.trials", *sys.argv[1:]])
         results = run.run(tasks, options.jobs, command, options.out)
     print(terminal(results))
     if options.page:
-        page = options.page.read_text(encoding="utf-8")
-        options.page.write_text(with_block(page, BLOCK, render(results)), encoding="utf-8")
+        write_block(options.page, BLOCK, render(results))
 
 
 if __name__ == "__main__":

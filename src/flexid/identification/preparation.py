@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
-from typing import Literal
 
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.joint import Kind
+from flexid.identification.settings import Auto
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import with_velocities
 
@@ -54,7 +54,7 @@ class SplitRecordings:
 
 
 def prepare(
-    logs: Sequence[Log], share: float, model: Kind | Literal["auto"] = "auto"
+    logs: Sequence[Log], share: float, model: Kind | Auto = "auto"
 ) -> tuple[SplitRecordings, tuple[str, ...]]:
     """Collect the recordings that are long enough, and a warning for each that is not.
 
@@ -94,7 +94,7 @@ def prepare(
     return SplitRecordings(recorded, starts, groups), tuple(warnings)
 
 
-def _seen_by(model: Kind | Literal["auto"], recording: Recording) -> Recording:
+def _seen_by(model: Kind | Auto, recording: Recording) -> Recording:
     """A recording with the channels of a model alone."""
     if model == "auto":
         return recording
