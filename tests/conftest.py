@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from browser import browser  # noqa: F401 - a fixture
+
 # One thread of linear algebra for each process of tests; NumPy reads it when it is loaded.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
