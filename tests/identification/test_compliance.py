@@ -53,7 +53,6 @@ def test_spring_that_bends_is_seen(bent):
     assert validation.fit_percent["motor_position"] > 99.9
 
 
-@pytest.mark.xfail(reason="the rigid joint's fit does not converge: NaN", strict=True)
 def test_rigid_joint_falls_back(bent):
     """Assert that the rigid joint predicts a flexible one's motor, but worse."""
     assert bent[0].rigid_fit_percent["motor_position"] < 95

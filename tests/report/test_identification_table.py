@@ -1,5 +1,8 @@
 """The printed answer, and the numbers in it."""
 
+from dataclasses import replace
+from math import nan
+
 import pytest
 from made_result import made_result
 
@@ -53,6 +56,24 @@ def test_the_answer_fits_the_page(printed):
 def test_the_evidence_is_printed(printed, line):
     """Assert that residuals by position, horizons and reasons have a line each."""
     assert line in [each.rstrip() for each in printed(made_result()).splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("own", "line"),
+    [
+        (99.0, "The same, joint rigid: motor_position not followed by any fit"),
+        (nan, "The same, joint rigid: motor_position not tested (at rest)"),
+    ],
+)
+def test_a_rival_that_fails_is_no_motor_at_rest(printed, own, line):
+    """Assert that a rigid joint without a fit is distinguished from a motor that rests."""
+    result = made_result()
+    result = replace(
+        result,
+        compliance=replace(result.compliance, rigid_fit_percent={"motor_position": nan}),
+        validation=replace(result.validation, fit_percent={"motor_position": own}),
+    )
+    assert line in printed(result).splitlines()
 
 
 def test_a_channel_at_rest_has_no_horizons(printed):

@@ -19,7 +19,7 @@ from flexid.recording.velocities import position_noise
 WEAK_FIT = 50.0
 """Part of the deflection, in per cent, that the spring has to explain in a free run to be one."""
 
-_DURATION = 0.3  # s, segments of the rival's fit: a wrong model follows no longer ones
+_DURATIONS = (0.3, 2.0)  # s, segments of the rival's fits: which suit a wrong model is not known
 _BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
 
 
@@ -78,20 +78,28 @@ def _compliance(
 
 
 def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, float]:
-    """Free run of the rigid joint with the same terms; NaN where it cannot be fitted."""
+    """Best free run of the rigid joint with the same terms; NaN where it cannot be fitted."""
     joint = rigid()
     terms = rigid_terms(structure.terms)
     absent = joint.optional - {c for term in terms for c in joint.terms[term]}
     timing = Timing(structure.timing.hold, dict(structure.timing.delays), ("input_delay",))
     training = data_of(joint, recordings.fitted, recordings.groups)
     rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
-    try:
-        ladder = lengths(training, _DURATION, _DURATION)
-        found = climb(rival, training, starts(rival, training, ladder[0])[0], ladder)
-    except (ConvergenceError, SettingError):
-        return dict.fromkeys(joint.channels, np.nan)
     whole = data_of(joint, recordings.whole, recordings.groups)
-    return dict(validate(found[-1], whole, recordings.starts).fit_percent)
+    fits = []
+    for duration in _DURATIONS:
+        try:
+            ladder = lengths(training, duration, duration)
+            start = starts(rival, training, ladder[0])[0]
+            # A model that is far off has no best fit to end at: as near as it comes will do.
+            found = climb(rival, training, start, ladder, insist=False)
+        except (ConvergenceError, SettingError):
+            continue
+        fits.append(dict(validate(found[-1], whole, recordings.starts).fit_percent))
+    tested = [fit for fit in fits if not np.isnan(fit["motor_position"])]
+    if not tested:
+        return dict.fromkeys(joint.channels, np.nan)
+    return max(tested, key=lambda fit: fit["motor_position"])
 
 
 def one_encoder() -> Compliance:

@@ -54,13 +54,22 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield Text(f"Free run over held-out data: {format_fits(result.validation.fit_percent)}")
     yield from map(Text, _horizons(result.validation))
     if result.compliance.rigid_fit_percent:
-        yield Text(f"The same, joint rigid: {format_fits(result.compliance.rigid_fit_percent)}")
+        yield Text(f"The same, joint rigid: {_rival(result)}")
     seen = "visible" if result.compliance.visible else "not visible"
     yield Text(f"Compliance: {seen}; {result.compliance.reason}.")
     if result.removed:
         yield Text(f"Without: {', '.join(map(_at_most, result.removed.values()))}.")
     yield Text()
     yield from map(Text, result.summary)
+
+
+def _rival(result: Identification) -> str:
+    """Fit of the rigid joint; a motor at rest tests neither, else it was the rival that failed."""
+    fits, own = result.compliance.rigid_fit_percent, result.validation.fit_percent
+    failed = [c for c, fit in fits.items() if isnan(fit) and not isnan(own.get(c, fit))]
+    if failed:
+        return f"{', '.join(failed)} not followed by any fit"
+    return format_fits(fits)
 
 
 def _model_error(error: ModelError) -> str:
