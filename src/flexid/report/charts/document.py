@@ -1,0 +1,132 @@
+"""A chart as a document for JSON, which the script of a page draws.
+
+Each array stands in it once, under ``arrays``, and marks have its place there: panels over one axis
+share it. Lines of more samples than a screen has pixels keep those that one would see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, fields
+from math import floor, log10
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.arrays import FloatArray
+from flexid.report.charts.decimate import kept_samples
+from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Mark, Panel, Points
+
+_MOST = 1600  # samples of a curve: a page is 1000 pixels wide, and each needs one or two
+_DIGITS = 5  # of an array's range, after the first: a hundredth of a pixel
+
+_KINDS = {Line: "line", Band: "band", Points: "points", Level: "level"}
+
+
+def chart_document(chart: Chart) -> dict[str, Any]:
+    """What a page's script draws a chart from, ready for JSON.
+
+    Parameters
+    ----------
+    chart : Chart
+        What is drawn.
+
+    Returns
+    -------
+    dict
+        The fields of the chart; each mark with its ``kind``, and with a place in ``arrays`` for
+        each of its arrays, in which None is a gap.
+    """
+    arrays = _Arrays()
+    panels = [_panel_document(panel, arrays) for panel in chart.panels]
+    return {
+        "name": chart.name,
+        "title": chart.title,
+        "says": chart.says,
+        "columns": chart.columns,
+        "linked": chart.linked,
+        "panels": panels,
+        "arrays": arrays.lists,
+    }
+
+
+class _Arrays:
+    """Arrays of a document, each once."""
+
+    def __init__(self) -> None:
+        self.lists: list[list[float | None]] = []
+        self._places: dict[bytes, int] = {}
+
+    def place(self, values: FloatArray, axis: Axis) -> int:
+        """Where an array of values along an axis stands; it is added if it is new."""
+        rounded = _rounded(values, axis)
+        place = self._places.setdefault(rounded.tobytes(), len(self.lists))
+        if place == len(self.lists):
+            finite = np.isfinite(rounded).tolist()
+            pairs = zip(rounded.tolist(), finite, strict=True)
+            self.lists.append([value if usable else None for value, usable in pairs])
+        return place
+
+
+def _rounded(values: FloatArray, axis: Axis) -> FloatArray:
+    """Values without digits that nobody could see, and that would double the page's size."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return values
+    if axis.logarithmic:
+        return np.array([float(f"{value:.{_DIGITS + 1}g}") for value in values.tolist()])
+    size = float(np.ptp(finite)) or float(np.abs(finite).max())
+    return np.round(values, _DIGITS - floor(log10(size))) + 0.0 if size else values
+
+
+def _panel_document(panel: Panel, arrays: _Arrays) -> dict[str, Any]:
+    kept = _kept(panel.marks)
+    marks = [_mark_document(mark, panel, kept.get(id(mark)), arrays) for mark in panel.marks]
+    return {
+        "title": panel.title,
+        "x": asdict(panel.x),
+        "y": asdict(panel.y),
+        "height": panel.height,
+        "marks": marks,
+    }
+
+
+def _kept(marks: Iterable[Mark]) -> dict[int, NDArray[np.intp]]:
+    """Which samples of each mark stay: the same ones of all that stand over the same places."""
+    groups: list[list[Line | Band | Points]] = []
+    for mark in marks:
+        if isinstance(mark, Level):
+            continue
+        alike = (group for group in groups if np.array_equal(group[0].x, mark.x, equal_nan=True))
+        group = next(alike, None)
+        if group is None:
+            groups.append([mark])
+        else:
+            group.append(mark)
+    found = {}
+    for group in groups:
+        curves = [curve for mark in group for curve in _curves(mark)]
+        places = kept_samples(curves, _MOST)
+        found |= {id(mark): places for mark in group}
+    return found
+
+
+def _curves(mark: Line | Band | Points) -> Iterator[FloatArray]:
+    if isinstance(mark, Band):
+        yield from (mark.low, mark.high)
+    else:
+        yield mark.y
+
+
+def _mark_document(
+    mark: Mark, panel: Panel, kept: NDArray[np.intp] | None, arrays: _Arrays
+) -> dict[str, Any]:
+    document: dict[str, Any] = {"kind": _KINDS[type(mark)]}
+    for field in fields(mark):
+        value = getattr(mark, field.name)
+        if isinstance(value, np.ndarray):
+            axis = panel.x if field.name == "x" else panel.y
+            value = arrays.place(np.asarray(value, dtype=np.float64)[kept], axis)
+        document[field.name] = value
+    return document
