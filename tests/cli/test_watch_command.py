@@ -45,8 +45,8 @@ def test_a_stream_is_resumed(tmp_path: Path):
     whole = run(str(LOG), "--stop-at-end", "--json", *PAPER).stdout.splitlines()[-1]
     header, *rows = LOG.read_text().splitlines()
     checkpoint = ("--checkpoint", str(tmp_path / "state.json"), "--json", *PAPER)
-    run("-", *checkpoint, text="\n".join([header, *rows[:12345]]))
-    ended = run("-", *checkpoint, text="\n".join([header, *rows[12345:]]))
+    run("-", *checkpoint, text="\n".join([header, *rows[:12345], ""]))
+    ended = run("-", *checkpoint, text="\n".join([header, *rows[12345:], ""]))
     assert json.loads(ended.stdout.splitlines()[-1]) == json.loads(whole)
 
 
@@ -87,7 +87,7 @@ def test_a_checkpoint_that_cannot_be_written_costs_no_report(
     tmp_path: Path, flexid, monkeypatch: pytest.MonkeyPatch
 ):
     """Assert that a disk that is full is warned of meanwhile, and at its end the report comes."""
-    (tmp_path / "log.csv").write_text("\n".join(LOG.read_text().splitlines()[:3001]))
+    (tmp_path / "log.csv").write_text("".join(LOG.read_text().splitlines(keepends=True)[:3001]))
 
     def full(session: Session, path: Path) -> None:
         raise SettingError("checkpoint", f"{path} cannot be written (No space left on device)")

@@ -44,6 +44,37 @@ def test_a_file_that_grows(tmp_path: Path):
     source.close()
 
 
+def test_a_file_that_is_cut_and_has_grown_again(tmp_path: Path):
+    """Assert that a file is read from its beginning that is as long as before, but another."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"".join(LINES))
+    source = open_source(str(path))
+    assert (source.read(), source.begins) == (b"".join(LINES), False)
+    path.write_bytes(b"time,a\n0.1,4\n0.2,5\n0.3,6\n")
+    assert (source.read(), source.begins) == (b"time,a\n0.1,4\n0.2,5\n0.3,6\n", True)
+    assert (source.read(), source.begins) == (b"", False)
+    source.close()
+
+
+def test_a_file_that_is_replaced(tmp_path: Path):
+    """Assert that a log that is renamed is read to its end, and then the one that took its name."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(LINES[0])
+    source = open_source(str(path))
+    assert source.read() == LINES[0]
+    path.rename(tmp_path / "log.1")
+    assert source.read() == b""  # there is none yet
+    with (tmp_path / "log.1").open("ab") as file:
+        file.write(LINES[1])
+    assert (source.read(), source.begins) == (LINES[1], False)
+    path.write_bytes(LINES[0])
+    assert (source.read(), source.begins) == (LINES[0], True)
+    with path.open("ab") as file:
+        file.write(LINES[2])
+    assert (source.read(), source.begins) == (LINES[2], False)
+    source.close()
+
+
 def test_a_file_that_ends(tmp_path: Path):
     """Assert that the end is one where that is wanted."""
     path = tmp_path / "log.csv"

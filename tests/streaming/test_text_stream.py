@@ -58,7 +58,7 @@ def test_a_column_map_means_the_same(tmp_path: Path):
         ' unit = "mrad" }\n'
     )
     (recording,) = read_log(tmp_path / "log.csv", tmp_path / "map.toml").recordings
-    samples = samples_of("\n".join(raw), 3, tmp_path / "map.toml")
+    samples = samples_of("\n".join([*raw, ""]), 3, tmp_path / "map.toml")
     assert recording.input is not None
     assert recording.link_position is not None
     np.testing.assert_allclose(samples[:, 1], recording.link_position, atol=1e-15)
@@ -70,7 +70,7 @@ def test_a_line_that_is_no_row_is_a_sample_without_numbers():
     """Assert that text, a short line and an empty cell are counted as samples, not skipped."""
     rows = [*ROWS]
     rows[250], rows[251], rows[252] = "overrun!", "1,2", "504,,0.1,0.2"
-    samples = samples_of("\n".join([HEADER, *rows, "", "# end"]))
+    samples = samples_of("\n".join([HEADER, *rows, "", "# end", ""]))
     assert len(samples) == len(ROWS)
     assert np.isnan(samples[250:252]).all()
     assert np.isnan(samples[252]).tolist() == [False, False, False, True]
@@ -79,8 +79,14 @@ def test_a_line_that_is_no_row_is_a_sample_without_numbers():
 
 def test_a_header_may_be_given():
     """Assert that a stream that begins in the midst of it can be read."""
-    whole = samples_of("\n".join([HEADER, *ROWS]))
-    np.testing.assert_array_equal(samples_of("\n".join(ROWS), header=HEADER), whole)
+    whole = samples_of("\n".join([HEADER, *ROWS, ""]))
+    np.testing.assert_array_equal(samples_of("\n".join([*ROWS, ""]), header=HEADER), whole)
+
+
+@pytest.mark.parametrize(("end", "count"), [("\n", 300), ("\r\n", 300), ("\r", 300), ("", 299)])
+def test_a_last_line_without_its_end_is_no_sample(end: str, count: int):
+    """Assert that the last line counts if it has ended, be its line feed on the way."""
+    assert len(samples_of("\n".join([HEADER, *ROWS]) + end)) == count
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,13 @@ class StreamChannels:
     from_deflection: bool
     warnings: tuple[str, ...]
 
+    @property
+    def words(self) -> str:
+        """The channels, for a message."""
+        link = "deflection, " if self.from_deflection else "link position, "
+        positions = (link if self.kind == "flexible" else "") + "motor position"
+        return f"{positions} and an input in {self.input_unit}"
+
 
 def chosen_channels(
     source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...]

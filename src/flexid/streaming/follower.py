@@ -16,9 +16,7 @@ from flexid.streaming.options import WatchOptions
 from flexid.streaming.read_before import ReadBefore
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
-from flexid.streaming.text_stream import HEAD_LINES, LineReader, sample_time_of
-
-_FEWEST_WITH_SAMPLE_TIME = 8  # lines that are waited for where only the layout is sought
+from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, LineReader, sample_time_of
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ class Follower:
                 f"udp://127.0.0.1:{source.port} to listen to this machine alone",
             )
         known = self._choices.sample_time is not None
-        fewest = _FEWEST_WITH_SAMPLE_TIME if known else HEAD_LINES
+        fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
         return TextSamples(source, LineReader(source.name, self._header, fewest), self._map)
 
     def turns(self, every: float) -> Generator[bool]:
@@ -182,6 +180,9 @@ class Follower:
                 late = self._duration is not None and time.monotonic() - begun > self._duration
                 samples = incoming.read(last=late)
                 ended = late or samples is None
+                self.warnings = tuple(dict.fromkeys(self.warnings + incoming.warnings))
+                if incoming.begins and self._read_before is not None:
+                    self._read_before.begin_anew()
                 if self.session is None and samples is not None and len(samples):
                     self.session = self._begun(incoming, samples)
                     self._read_before = ReadBefore(self.session) if self._is_file else None

@@ -1,19 +1,26 @@
 """Samples as they come: from lines of text, or from a whole log that is played again."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
 from flexid.recording.formats import SERIES, table_of_file
 from flexid.streaming.channels import StreamChannels, chosen_channels
 from flexid.streaming.sources import TURN, Source
-from flexid.streaming.text_stream import LineReader, StreamColumns, stream_columns
+from flexid.streaming.text_stream import (
+    LINES_FOR_LAYOUT,
+    LineReader,
+    StreamColumns,
+    stream_columns,
+)
 
 WHOLE_LOGS = {*SERIES, ".parquet", ".pq"}
 """Ends of the names of files that do not grow line by line, and are played again."""
@@ -30,6 +37,16 @@ class Incoming(Protocol):
     @property
     def channels(self) -> StreamChannels | None:
         """What the values of a sample are; None until some have come."""
+        ...
+
+    @property
+    def begins(self) -> bool:
+        """Whether what was read last begins another log: a file that was written anew."""
+        ...
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What happened to the source, once each."""
         ...
 
     def read(self, *, last: bool) -> FloatArray | None:
@@ -65,25 +82,65 @@ class TextSamples:
         self._source, self._lines, self._map = source, lines, column_map
         self._columns: StreamColumns | None = None
         self._ended = False
+        self.channels: StreamChannels | None = None
+        """What the header says."""
+        self.warnings: tuple[str, ...] = ()
 
     @property
-    def channels(self) -> StreamChannels | None:
-        """What the header says."""
-        return None if self._columns is None else self._columns.channels
+    def begins(self) -> bool:
+        """Whether the source does."""
+        return self._source.begins
 
     def read(self, *, last: bool) -> FloatArray | None:
         """Samples of the lines that came."""
         if self._ended:
             return None
         data = self._source.read()
+        if self.begins:
+            self._begin_anew()
         self._ended = data is None or last
         cells = self._lines.cells(data or b"", ended=self._ended)
+        if data is None:
+            self._warn_of_rest()
         if cells is None:
             return np.empty((0, 0))
         if self._columns is None:
             assert self._lines.layout is not None
             self._columns = stream_columns(self.name, self._lines.layout, self._map)
+            self._check_same(self._columns.channels)
+            self.channels = self._columns.channels
         return self._columns.samples(cells)
+
+    def _begin_anew(self) -> None:
+        """Expect a header again, or more rows of numbers."""
+        self._warn(f"{self.name}: it was written anew, and is read from its beginning")
+        self._warn_of_rest()
+        old = self._lines
+        fewest = min(old.fewest, LINES_FOR_LAYOUT) if old.layout else old.fewest
+        before = old.layout or old.before
+        self._lines = LineReader(self.name, old.header, fewest, before)
+        self._columns = None
+
+    def _warn_of_rest(self) -> None:
+        if self._lines.rest.strip():
+            self._warn(
+                f"{self.name}: its last line has no end, so it may be half a sample, and is left "
+                f"out: end each line"
+            )
+
+    def _warn(self, sentence: str) -> None:
+        self.warnings = tuple(dict.fromkeys((*self.warnings, sentence)))
+
+    def _check_same(self, now: StreamChannels) -> None:
+        """Raise where another text of the same source holds something else."""
+        was = self.channels
+        if was is not None and replace(was, warnings=()) != replace(now, warnings=()):
+            raise RecordingError(
+                self.name,
+                "",
+                f"it was written anew with {now.words} where there was {was.words}: watch it as "
+                f"another stream",
+            )
 
     def close(self) -> None:
         """Close the source."""
@@ -108,8 +165,11 @@ class Replay:
         If it cannot be read.
     """
 
+    begins = False
+
     def __init__(self, path: Path, column_map: MapSource | None, *, at_once: bool) -> None:
         self.name = shown(path)
+        self.warnings: tuple[str, ...] = ()
         table = table_of_file(path, column_map)
         channels, warnings = read_channels(table, column_map)
         warnings = tuple(dict.fromkeys(table.warnings + warnings))

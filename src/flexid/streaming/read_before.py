@@ -46,11 +46,17 @@ class ReadBefore:
             self._compared = True
             count = min(len(samples), len(known))
             if not np.array_equal(samples[:count], known[:count], equal_nan=True):
-                self._session.n_read = self._left = 0  # another file
-                self._session.first_read = known[:0]
+                self.begin_anew()
         left_out = min(self._left, len(samples))
         self._left -= left_out
         return samples[left_out:]
+
+    def begin_anew(self) -> None:
+        """Expect another file, of which nothing was read."""
+        self._session.n_read = self._left = 0
+        self._session.first_read = self._session.first_read[:0]
+        self._held = self._session.first_read
+        self._compared = True
 
     def note(self, samples: FloatArray) -> None:
         """Count samples that the session was fed."""

@@ -8,6 +8,7 @@ import io
 import os
 import select
 import socket
+import stat
 import sys
 import threading
 import time
@@ -29,6 +30,7 @@ MOST = 1 << 20
 _BUFFER = 4 << 20  # bytes that the system keeps of datagrams, if it lets us have so many
 _MOST_WAITING = 1 << 26  # bytes of datagrams; beyond it the oldest are lost: their clock shows it
 _ONE_MORE = 64  # bytes that a datagram takes beside its own, be it empty
+_COMPARED = 256  # bytes, by which a file is known that is read on
 _BAUD = 115200
 _LOOPBACK = "127.0.0.1"
 
@@ -39,6 +41,11 @@ class Source(Protocol):
     @property
     def name(self) -> str:
         """How messages name it."""
+        ...
+
+    @property
+    def begins(self) -> bool:
+        """Whether what was read last begins another text: a file that was written anew."""
         ...
 
     def read(self) -> bytes | None:
@@ -85,7 +92,11 @@ def open_source(text: str, *, stop_at_end: bool = False) -> Source:
 
 
 class GrowingFile:
-    """A text file that a recorder is still writing.
+    """A text file that a recorder is still writing, and may cut, write anew or replace.
+
+    Before it is read on, its last bytes are compared with those that were read: a file that was cut
+    and has grown beyond that place again is found so too. One that was replaced, as rotated logs
+    are, is read to its end first.
 
     Parameters
     ----------
@@ -97,8 +108,11 @@ class GrowingFile:
 
     def __init__(self, path: Path, *, stop_at_end: bool) -> None:
         self.name = shown(path)
+        self.begins = False
         check_file(path, "a log as text", lambda reason: RecordingError(self.name, "", reason))
+        self._path = path
         self._stop_at_end = stop_at_end
+        self._last = b""  # of what was read
         try:
             self._file = path.open("rb", buffering=0)
         except OSError as error:
@@ -108,15 +122,46 @@ class GrowingFile:
 
     def read(self) -> bytes | None:
         """What was written since."""
-        found = self._file.read(MOST)
+        self.begins = False
+        found = self._read_on()
+        if not found and not self._stop_at_end and self._is_replaced():
+            found = self._read_on()
         if found:
+            self._last = (self._last + found)[-_COMPARED:]
             return found
         if self._stop_at_end:
             return None
-        if os.fstat(self._file.fileno()).st_size < self._file.tell():
-            self._file.seek(0)  # the recorder began anew
         time.sleep(TURN)
         return b""
+
+    def _read_on(self) -> bytes:
+        place = self._file.tell()
+        self._file.seek(place - len(self._last))
+        found = self._file.read(len(self._last) + MOST)
+        if found.startswith(self._last):
+            self._file.seek(place + len(found) - len(self._last))
+            return found[len(self._last) :]
+        self._begin()
+        return self._file.read(MOST)
+
+    def _begin(self) -> None:
+        self._file.seek(0)
+        self._last = b""
+        self.begins = True
+
+    def _is_replaced(self) -> bool:
+        """Whether another file stands there now; then it is opened."""
+        try:
+            there, ours = self._path.stat(), os.fstat(self._file.fileno())
+            if os.path.samestat(there, ours) or not stat.S_ISREG(there.st_mode):
+                return False
+            new = self._path.open("rb", buffering=0)
+        except OSError:  # it is not there yet
+            return False
+        self._file.close()
+        self._file = new
+        self._begin()
+        return True
 
     def close(self) -> None:
         """Close it."""
@@ -127,6 +172,7 @@ class StandardInput:
     """What another program writes into this one."""
 
     name = "standard input"
+    begins = False
 
     def __init__(self) -> None:
         try:
@@ -155,6 +201,8 @@ class Datagrams:
     text : str
         ``udp://127.0.0.1:9000``; without an address, that of this machine alone.
     """
+
+    begins = False
 
     def __init__(self, text: str) -> None:
         self.name = text
@@ -234,6 +282,8 @@ class SerialPort:
     RecordingError
         If the port cannot be opened.
     """
+
+    begins = False
 
     def __init__(self, text: str) -> None:
         self.name = text

@@ -5,7 +5,7 @@ on them, and on the sample time. A line that is no row of numbers becomes a samp
 which is counted.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from flexid.streaming.channels import StreamChannels, chosen_channels
 
 HEAD_LINES = 200
 """Lines at the beginning from which layout and sample time are taken."""
+
+LINES_FOR_LAYOUT = 8
+"""Lines from which the layout alone is taken, where the sample time is known."""
 
 FEWEST_LINES = 4
 """The fewest of them: a header and three samples, where the stream has ended."""
@@ -101,11 +104,14 @@ class LineReader:
         Names of the columns, where the stream does not begin with them.
     fewest : int, optional
         Lines that are waited for before the layout is decided.
+    before : Layout, optional
+        Of the text that this one follows, as it may without a header of its own.
     """
 
     source: str
     header: str | None = None
     fewest: int = HEAD_LINES
+    before: Layout | None = None
     layout: Layout | None = None
     _rest: bytes = b""
     _head: list[bytes] = field(default_factory=list)
@@ -122,7 +128,8 @@ class LineReader:
         data : bytes
             What came since.
         ended : bool, optional
-            Whether nothing follows.
+            Whether nothing follows. A line without its end may be half a sample, and is left out:
+            see `rest`.
 
         Raises
         ------
@@ -130,7 +137,7 @@ class LineReader:
             If the first lines are no table, or a line does not end.
         """
         *lines, self._rest = (self._rest + data).split(b"\n")
-        if ended and self._rest:
+        if ended and self._rest.endswith(b"\r"):
             lines.append(self._rest)
             self._rest = b""
         if len(self._rest) > LONGEST_LINE:
@@ -148,10 +155,22 @@ class LineReader:
                     self.source, "", "it ended before a header and three samples had come"
                 )
             text = b"\n".join(self._head) + b"\n"
-            self.layout = layout_of(self.source, text)
+            self.layout = self._layout(text)
             lines = text[self.layout.start :].split(b"\n")
             self._head = []
         return _numbers(lines, self.layout)
+
+    @property
+    def rest(self) -> bytes:
+        """The line that has not ended yet."""
+        return self._rest
+
+    def _layout(self, text: bytes) -> Layout:
+        if self.before is not None:
+            rows = _numbers(text.split(b"\n")[:1], self.before)
+            if np.isfinite(rows).all():  # no header, and not even a name among the cells
+                return replace(self.before, start=0)
+        return layout_of(self.source, text)
 
 
 def _numbers(lines: list[bytes], layout: Layout) -> FloatArray:

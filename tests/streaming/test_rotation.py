@@ -1,0 +1,152 @@
+"""Text files that are cut, written anew or replaced while they are watched."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from moving_joint import H, same, stream, watched
+
+from flexid.errors import RecordingError
+from flexid.streaming.checkpoint import read_session, save_session
+from flexid.streaming.follower import Choices, Follower
+from flexid.streaming.session import Session
+
+HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
+OTHER = "motor_torque [N m],time [ms],motor_position [deg],link_position [rad]"
+CHOICES = Choices(("gravity", "motor_viscous"), "linear", 20.0, np.inf, 0.1, H)
+SAMPLES = stream(6.0)
+CUT = 1500
+
+
+def text(samples: np.ndarray, header: str | None = HEADER) -> str:
+    """A log of samples; numbers come back as they were."""
+    rows = [",".join(map(repr, row)) for row in samples.tolist()]
+    return "\n".join([*([header] if header else []), *rows, ""])
+
+
+def others(samples: np.ndarray) -> np.ndarray:
+    """The same samples in the columns of `OTHER`."""
+    time, link, motor, torque = samples.T
+    return np.column_stack((torque, 1e3 * time, np.degrees(motor), link))
+
+
+def followed(path: Path, then: Sequence[object], checkpoint: Path | None = None) -> Follower:
+    """A follower whose file has something done to it whenever nothing more has come."""
+    follower = Follower(str(path), CHOICES, checkpoint=checkpoint)
+    left = list(then)
+    fed = -1
+    for _ in follower.turns(1.0):
+        now = follower.session.fed if follower.session is not None else 0
+        if now == fed:
+            if not left:
+                break
+            left.pop(0)()  # type: ignore[operator]
+            fed = -1
+        else:
+            fed = now
+    return follower
+
+
+def session_of(follower: Follower) -> Session:
+    """What a follower learnt."""
+    assert follower.session is not None
+    return follower.session
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """The first part of a log."""
+    path = tmp_path / "log.csv"
+    path.write_text(text(SAMPLES[:CUT]))
+    return path
+
+
+def renamed(log: Path, content: str):
+    """Rotate a log as a recorder does: by its name."""
+
+    def act() -> None:
+        log.rename(log.with_suffix(".1"))
+        log.write_text(content)
+
+    return act
+
+
+def cut(log: Path, content: str):
+    """Rotate a log that stays: copy it elsewhere and cut it."""
+    return lambda: log.write_text(content)
+
+
+@pytest.mark.parametrize("rotate", [renamed, cut])
+@pytest.mark.parametrize("header", [HEADER, None])
+def test_a_rotated_log_is_one_stream(log: Path, rotate, header: str | None):
+    """Assert that no sample is lost nor comes twice, whether the next file has a header or not."""
+    follower = followed(log, [rotate(log, text(SAMPLES[CUT:], header))])
+    assert same(session_of(follower), watched(SAMPLES))
+    (warning,) = follower.warnings
+    assert "written anew" in warning
+
+
+def test_its_columns_may_stand_otherwise(log: Path):
+    """Assert that the next file is read by its own header."""
+    follower = followed(log, [renamed(log, text(others(SAMPLES[CUT:]), OTHER))])
+    session, straight = session_of(follower), watched(SAMPLES)
+    assert session.counts == straight.counts
+    found, right = (s.learner.values(s.now.states) for s in (session, straight))
+    np.testing.assert_allclose(found, right, rtol=1e-9)
+
+
+def test_other_channels_are_refused(log: Path):
+    """Assert that a current is not learnt from as a torque."""
+    with pytest.raises(RecordingError, match=r"input in A where there was .* input in N m"):
+        followed(
+            log, [renamed(log, text(SAMPLES[CUT:], HEADER.replace("torque [N m]", "current [A]")))]
+        )
+
+
+def test_half_a_line_is_no_sample(log: Path):
+    """Assert that what a rotation leaves of a line is not joined to the next file, and said."""
+    whole = text(SAMPLES[:CUT])
+    log.write_text(whole[:-9])
+    follower = followed(log, [renamed(log, text(SAMPLES[CUT:]))])
+    session = session_of(follower)
+    assert same(session, watched(np.delete(SAMPLES, CUT - 1, axis=0)))
+    assert session.counts.missing == 1
+    assert "half a sample" in follower.warnings[-1]
+
+
+def test_half_a_line_at_the_end(log: Path):
+    """Assert the same of a file that ends so, and that it is learnt from when it is whole."""
+    whole = log.read_text()
+    log.write_text(whole[:-9])
+    follower = Follower(str(log), CHOICES, stop_at_end=True)
+    list(follower.turns(1.0))
+    assert same(session_of(follower), watched(SAMPLES[: CUT - 1]))
+    assert "half a sample" in follower.warnings[-1]
+    state = log.with_name("state.json")
+    save_session(session_of(follower), state)
+    log.write_text(whole)
+    follower = Follower(str(log), CHOICES, stop_at_end=True, checkpoint=state)
+    list(follower.turns(1.0))
+    assert same(session_of(follower), watched(SAMPLES[:CUT]))
+    assert follower.warnings == ()
+
+
+def test_a_checkpoint_knows_the_file_that_was_read_last(log: Path, tmp_path: Path):
+    """Assert that after a rotation nothing of the new file is learnt from twice."""
+    middle = CUT + 700
+    first = followed(log, [renamed(log, text(SAMPLES[CUT:middle]))])
+    save_session(session_of(first), tmp_path / "state.json")
+    assert read_session(tmp_path / "state.json").n_read == middle - CUT
+    log.write_text(text(SAMPLES[CUT:]))
+    second = followed(log, [], checkpoint=tmp_path / "state.json")
+    assert same(session_of(second), watched(SAMPLES))
+
+
+def test_a_clock_that_begins_anew_with_the_file(log: Path):
+    """Assert that a new recording is learnt from beside the one before."""
+    again = stream(3.0, seed=2)
+    follower = followed(log, [renamed(log, text(again))])
+    counts = session_of(follower).counts
+    assert counts.restarts == 1
+    assert counts.taken > CUT + len(again) - 30
