@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from noisy_joint import joint_samples, worst_error
 
-from flexid.estimators.filter_rate import candidate_rates, choose_filter_rate
+from flexid.errors import SettingError
+from flexid.estimators.filter_rate import (
+    FASTEST,
+    candidate_rates,
+    check_filter_rate,
+    choose_filter_rate,
+)
+from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 
@@ -41,3 +48,33 @@ def test_a_tiny_record_has_a_candidate():
     samples = joint_samples()
     short = replace(samples, positions=samples.positions[:10], inputs=samples.inputs[:10])
     assert len(candidate_rates([short])) == 1
+
+
+def test_the_fastest_filter_is_about_the_fastest_that_noise_allows():
+    """Assert that noise makes a bias of a thousandth there, ten times that four times beyond."""
+    samples = joint_samples()
+    noise = 1e-4 * np.random.default_rng(3).standard_normal(samples.positions.shape)
+    rows = np.column_stack((samples.positions + noise, samples.inputs))
+
+    def error(product: float) -> float:
+        h = samples.sample_time
+        estimator = recursive_least_squares(JOINT, h, product / h)
+        return worst_error(estimator.coefficients(estimator.replay(estimator.init({}), rows).state))
+
+    assert error(FASTEST) < 0.3
+    assert error(4.0 * FASTEST) > 10.0 * error(FASTEST)
+
+
+@pytest.mark.parametrize("rate", [0.0099, 501.0, -1.0, float("nan")])
+def test_filters_that_do_not_suit(rate):
+    """Assert that the sentence says which do, and that these do."""
+    with pytest.raises(SettingError, match=r"give 0\.01 to 500 1/s"):
+        check_filter_rate(rate, 1e-3)
+    check_filter_rate(0.0101, 1e-3)
+    check_filter_rate(499.0, 1e-3)
+
+
+def test_filters_beside_it_count():
+    """Assert that neither the slowest nor the fastest of several may be beyond the limits."""
+    with pytest.raises(SettingError, match=r"give 0\.04 to 125 1/s"):
+        check_filter_rate(126.0, 1e-3, slowest=0.25, fastest=4.0)

@@ -9,12 +9,12 @@ from flexid.errors import SettingError
 
 REFUSED = {
     "no sample time": ({}, "sample-time: is missing"),
-    "not a number": ({"sample_time": float("nan")}, "nan s is none of a drive"),
-    "too short": ({"sample_time": 1e-9}, "seconds between 1e-06 and 1"),
-    "too long": ({"sample_time": 2.0}, "seconds between 1e-06 and 1"),
-    "filter too slow": ({"sample_time": 1e-3, "filter_rate": 1e-3}, "between 0.1 and 1000"),
-    "filter too fast": ({"sample_time": 1e-3, "filter_rate": 1e4}, "between 0.1 and 1000"),
-    "filter backwards": ({"sample_time": 1e-3, "filter_rate": -20.0}, "between 0.1 and 1000"),
+    "not a number": ({"sample_time": float("nan")}, "nan s is no drive"),
+    "too short": ({"sample_time": 1e-9}, "give 1e-06 to 0.5 s"),
+    "too long": ({"sample_time": 2.0}, "give 1e-06 to 0.5 s"),
+    "filter too slow": ({"sample_time": 1e-3, "filter_rate": 0.009}, "give 0.01 to 500 1/s"),
+    "filter too fast": ({"sample_time": 1e-3, "filter_rate": 501.0}, "give 0.01 to 500 1/s"),
+    "filter backwards": ({"sample_time": 1e-3, "filter_rate": -20.0}, "give 0.01 to 500 1/s"),
     "gain without velocities": (
         {"sample_time": 1e-3, "gain": {"link": 1.0, "motor": 1.0}},
         "add --velocities",

@@ -14,22 +14,60 @@ from itertools import pairwise
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.errors import SettingError
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
+FASTEST = 0.5
+"""Largest product of filter rate and sample time. Equations of positions hold at the samples, and
+so for any filter; but a faster one lets the encoders' noise through to regressors, too. Its bias is
+within the intervals up to here, and at twice as much within every second one.
+"""
+
+SLOWEST = 1e-5
+"""Smallest product. In single precision a filter rounds what passes it by 2e-4 here, and by a
+hundredth at a tenth of it."""
+
 _STEP = np.sqrt(2.0)  # between one candidate and the next
 _SLOWEST = 100.0  # over the record's duration: ten blocks of ten time constants each
-_FASTEST = 0.5  # over the sample time
 _TOLERANCE = 0.03  # excess of the mean log residual that counts as "about as well"
+
+
+def check_filter_rate(
+    filter_rate: float, sample_time: float, *, slowest: float = 1.0, fastest: float = 1.0
+) -> None:
+    """Raise unless a filter suits the samples.
+
+    Parameters
+    ----------
+    filter_rate : float
+        In 1/s.
+    sample_time : float
+        In s.
+    slowest, fastest : float, optional
+        Multiples of the rate at which filters run beside.
+
+    Raises
+    ------
+    SettingError
+        If it is too slow or too fast, with the rates that are not.
+    """
+    least, most = SLOWEST / (slowest * sample_time), FASTEST / (fastest * sample_time)
+    if not least <= filter_rate <= most:
+        raise SettingError(
+            "filter rate",
+            f"{filter_rate:g} 1/s does not suit samples every {sample_time:g} s: give {least:.3g} "
+            f"to {most:.3g} 1/s",
+        )
 
 
 def candidate_rates(recordings: Sequence[Samples]) -> FloatArray:
     """Rates in 1/s that the length and the sample time of a record allow, ascending."""
     duration = sum(len(recording) * recording.sample_time for recording in recordings)
-    fastest = _FASTEST / min(recording.sample_time for recording in recordings)
+    fastest = FASTEST / min(recording.sample_time for recording in recordings)
     slowest = min(_SLOWEST / duration, fastest)
     count = 1 + int(np.log(fastest / slowest) / np.log(_STEP))
     return slowest * _STEP ** np.arange(count)

@@ -6,7 +6,9 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
+from flexid.estimators.filter_rate import check_filter_rate
 from flexid.models.parametric_system import ParametricSystem
+from flexid.recording.sampling import check_sample_time
 
 if TYPE_CHECKING:
     from flexid.estimators.parametric_observer import ParametricObserver
@@ -15,9 +17,6 @@ if TYPE_CHECKING:
 
 MEMORY_TIME = 60.0
 """s; a drive runs for years, and sums in float do not grow for ever."""
-
-_SHORTEST, _LONGEST = 1e-6, 1.0  # s
-_SLOWEST, _FASTEST = 1e-4, 1.0  # of the filter's rate times the sample time
 
 
 @dataclass(frozen=True)
@@ -62,18 +61,9 @@ class EstimatorSettings:
             raise SettingError(
                 "gain", "a constant gain takes measured velocities: add --velocities, or leave it"
             )
-        h, rate = self.sample_time, self.filter_rate
-        if not _SHORTEST <= h <= _LONGEST:
-            raise SettingError(
-                "sample-time",
-                f"{h:g} s is none of a drive: give seconds between {_SHORTEST:g} and {_LONGEST:g}",
-            )
-        if not (self.velocities or _SLOWEST <= rate * h <= _FASTEST):
-            raise SettingError(
-                "filter-rate",
-                f"{rate:g} 1/s does not suit samples every {h:g} s: give one between "
-                f"{_SLOWEST / h:g} and {_FASTEST / h:g}",
-            )
+        check_sample_time(self.sample_time)
+        if not self.velocities:
+            check_filter_rate(self.filter_rate, self.sample_time)
 
     def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
         """The same estimator in Python.

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from math import isfinite, isnan, pi
+from math import isfinite, isnan
 from typing import Literal
 
 from flexid.errors import SettingError
+from flexid.estimators.filter_rate import check_filter_rate
 from flexid.estimators.segments import FEWEST_SAMPLES
 from flexid.identification.intervals import POSITIVE
 from flexid.identification.joint import Joint, Kind
@@ -158,12 +159,8 @@ def check_against(settings: Settings, sample_time: float, shortest: float) -> No
             f"{FEWEST_SAMPLES * sample_time:.3g} s or more",
         )
     rate = settings.filter_rate
-    if rate != "auto" and rate > pi / sample_time:
-        raise SettingError(
-            "filter-rate",
-            f"{rate:g} 1/s is beyond what samples every {sample_time:.3g} s hold: give "
-            f"{pi / sample_time:.3g} 1/s or less",
-        )
+    if rate != "auto":
+        check_filter_rate(rate, sample_time)
     for name in ("input_delay", "link_delay"):
         delay = getattr(settings, name)
         if delay != "auto" and abs(delay) > _LARGEST_DELAY * shortest:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexid.errors import RecordingError
+from flexid.errors import RecordingError, SettingError
 
 if TYPE_CHECKING:
     from flexid.arrays import FloatArray
@@ -159,6 +159,16 @@ def _check_count(file: str, count: int) -> None:
             "",
             f"there are {count} samples where {FEWEST_SAMPLES} are the fewest that are read, and "
             f"{FEWEST_TO_IDENTIFY} the fewest that can be identified: record for longer",
+        )
+
+
+def check_sample_time(sample_time: float) -> None:
+    """Raise a `SettingError` unless a drive may be sampled so, in s."""
+    if not SHORTEST_SAMPLE_TIME <= sample_time <= LONGEST_SAMPLE_TIME:
+        raise SettingError(
+            "sample time",
+            f"{sample_time:g} s is no drive's: give {SHORTEST_SAMPLE_TIME:g} to "
+            f"{LONGEST_SAMPLE_TIME:g} s",
         )
 
 

@@ -13,10 +13,7 @@ from flexid.estimators.online import History
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.identification.estimate import Estimate
 from flexid.recording.recording import Hold
-from flexid.streaming.options import WatchOptions
-
-RATES = (1.0, 0.25, 4.0)
-"""Multiples of the filter rate that run side by side; the first is asked."""
+from flexid.streaming.options import RATES, WatchOptions
 
 WORTH = 2.0
 """Standard deviations that the largest difference counts as. On 66 random logs of the blind trials'

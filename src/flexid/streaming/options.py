@@ -6,20 +6,18 @@ from math import inf, isfinite
 from typing import Any, Literal
 
 from flexid.errors import SettingError
+from flexid.estimators.filter_rate import check_filter_rate
 from flexid.models.flexible_joint import TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
-from flexid.recording.sampling import LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
+from flexid.recording.sampling import check_sample_time
 
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 """Terms of the model where none are named."""
 
-FASTEST = 0.125
-"""Fastest filter, over the sampling rate: one four times as fast runs beside it."""
-
-SLOWEST = 1e-3
-"""Slowest filter, in 1/s: it takes an hour to forget its beginning."""
+RATES = (1.0, 0.25, 4.0)
+"""Multiples of the filter rate that run side by side; the first is asked."""
 
 _INPUT_UNITS = ("N m", "A", "V")
 
@@ -68,24 +66,15 @@ class WatchOptions:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
-        if not SHORTEST_SAMPLE_TIME <= self.sample_time <= LONGEST_SAMPLE_TIME:
-            raise SettingError(
-                "sample time",
-                f"{self.sample_time} s is no drive's: give {SHORTEST_SAMPLE_TIME:g} to "
-                f"{LONGEST_SAMPLE_TIME:g} s",
-            )
+        check_sample_time(self.sample_time)
         check_terms(self.terms, TERMS)
         if self.kind not in ("flexible", "rigid"):
             raise SettingError("kind", f"{self.kind!r} is none: give 'flexible' or 'rigid'")
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"{self.hold!r} is none: give 'auto', 'linear' or 'zero'")
-        fastest = FASTEST / self.sample_time
-        if not SLOWEST <= self.filter_rate <= fastest:
-            raise SettingError(
-                "filter rate",
-                f"{self.filter_rate} is none for samples every {1e3 * self.sample_time:g} ms: give "
-                f"{SLOWEST:g} to {fastest:.3g} 1/s, or sample faster",
-            )
+        check_filter_rate(
+            self.filter_rate, self.sample_time, slowest=min(RATES), fastest=max(RATES)
+        )
         if not self.memory > 20.0 / self.filter_rate:
             raise SettingError(
                 "memory",
