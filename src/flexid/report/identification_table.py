@@ -35,32 +35,59 @@ def print_identification(result: Identification, *, explain: bool = False) -> No
 
 def identification_parts(result: Identification) -> Iterator[Part]:
     """Tables and sentences of the answer."""
-    yield _estimates("Physical parameters", result.parameters.values())
-    yield _estimates("Coefficients", result.coefficients.values())
-    for name, c in result.coefficients.items():
-        if c.verdict != "determined":
-            yield Text(f"  {name}: {c.reason}", style=_COLOURS[c.verdict])
+    yield parameters_table(result)
+    yield coefficients_table(result)
+    yield from verdict_reasons(result)
     yield Text()
-    for row, excitation in result.excitation.items():
-        pair = " and ".join(excitation.correlated)
-        detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
-        yield Text(
-            f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
-        )
-    if result.residual_excess:
-        excess = ", ".join(f"{name} {x:.3g}" for name, x in result.residual_excess.items())
-        yield Text(f"Residual over the sensors' noise: {excess}")
-    yield Text(_model_error(result.model_error))
-    yield Text(f"Free run over held-out data: {format_fits(result.validation.fit_percent)}")
-    yield from map(Text, _horizons(result.validation))
-    if result.compliance.rigid_fit_percent:
-        yield Text(f"The same, joint rigid: {_rival(result)}")
-    seen = "visible" if result.compliance.visible else "not visible"
-    yield Text(f"Compliance: {seen}; {result.compliance.reason}.")
+    yield from map(Text, excitation_lines(result))
+    yield from map(Text, residual_lines(result))
+    yield from map(Text, prediction_lines(result))
+    yield Text(f"Compliance: {compliance_line(result)}")
     if result.removed:
         yield Text(f"Without: {', '.join(map(_at_most, result.removed.values()))}.")
     yield Text()
     yield from map(Text, result.summary)
+
+
+def parameters_table(result: Identification) -> Table:
+    """Physical parameters with their intervals and verdicts."""
+    return _estimates("Physical parameters", result.parameters.values())
+
+
+def coefficients_table(result: Identification) -> Table:
+    """Lumped coefficients likewise."""
+    return _estimates("Coefficients", result.coefficients.values())
+
+
+def verdict_reasons(result: Identification) -> Iterator[Text]:
+    """Why coefficients are not determined, a line each."""
+    for name, c in result.coefficients.items():
+        if c.verdict != "determined":
+            yield Text(f"  {name}: {c.reason}", style=_COLOURS[c.verdict])
+
+
+def excitation_lines(result: Identification) -> Iterator[str]:
+    """How well the motion excites each row, and which two of its coefficients it confuses most."""
+    for row, excitation in result.excitation.items():
+        pair = " and ".join(excitation.correlated)
+        detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
+        yield f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
+
+
+def residual_lines(result: Identification) -> Iterator[str]:
+    """What the model leaves over, and what that says of it."""
+    if result.residual_excess:
+        excess = ", ".join(f"{name} {x:.3g}" for name, x in result.residual_excess.items())
+        yield f"Residual over the sensors' noise: {excess}"
+    yield _model_error(result.model_error)
+
+
+def prediction_lines(result: Identification) -> Iterator[str]:
+    """How well held-out data are predicted, freely and over shorter spans."""
+    yield f"Free run over held-out data: {format_fits(result.validation.fit_percent)}"
+    yield from _horizons(result.validation)
+    if result.compliance.rigid_fit_percent:
+        yield f"The same, joint rigid: {_rival(result)}"
 
 
 def _rival(result: Identification) -> str:
@@ -70,6 +97,12 @@ def _rival(result: Identification) -> str:
     if failed:
         return f"{', '.join(failed)} not followed by any fit"
     return format_fits(fits)
+
+
+def compliance_line(result: Identification) -> str:
+    """Whether the joint's compliance shows, and by what."""
+    seen = "visible" if result.compliance.visible else "not visible"
+    return f"{seen}; {result.compliance.reason}."
 
 
 def _model_error(error: ModelError) -> str:

@@ -121,6 +121,11 @@ class Table:
     columns: Sequence[Column]
     _rows: list[tuple[Cell, ...] | None] = field(default_factory=list)
 
+    @property
+    def rows(self) -> Sequence[tuple[Cell, ...] | None]:
+        """The rows; None is a line between two."""
+        return self._rows
+
     def add(self, *cells: Cell | str) -> None:
         """Add a row; cells that are missing at its end are empty."""
         row = [cell if isinstance(cell, Cell) else Cell((cell,)) for cell in cells]

@@ -1,0 +1,84 @@
+"""A page as one HTML file, in which everything from outside is text and nothing is fetched."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import flexid
+from flexid.report.charts.description import Chart
+from flexid.report.charts.document import chart_document
+from flexid.report.page.assets import content_hash, page_script, page_style
+from flexid.report.page.layout import Command, Facts, Folded, Page, Points, Warned
+from flexid.report.style import GREEN, ORANGE, RED
+from flexid.report.terminal import Table
+
+_TONES = {
+    **dict.fromkeys(("green", GREEN), "good"),
+    **dict.fromkeys(("yellow", ORANGE), "fair"),
+    **dict.fromkeys(("red", RED), "bad"),
+}
+_TESTS = {
+    "table_part": Table,
+    "chart": Chart,
+    "folded": Folded,
+    "command": Command,
+    "points": Points,
+    "facts": Facts,
+    "warning": Warned,
+}
+
+
+def page_html(page: Page) -> str:
+    """The HTML of a page, with script, style and data inside.
+
+    Parameters
+    ----------
+    page : Page
+        What it says.
+
+    Returns
+    -------
+    str
+        A whole document. Its Content-Security-Policy allows no request, and no script or style but
+        those that stand in it.
+    """
+    from markupsafe import Markup
+
+    script, style = page_script(), page_style()
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            page=page,
+            version=flexid.__version__,
+            script=Markup(script),
+            style=Markup(style),
+            script_hash=Markup(content_hash(script)),
+            style_hash=Markup(content_hash(style)),
+        )
+    )
+
+
+@cache
+def _environment() -> Any:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from jinja2.utils import htmlsafe_json_dumps
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.tests.update(
+        {name: lambda item, kind=kind: isinstance(item, kind) for name, kind in _TESTS.items()}
+    )
+    environment.filters["typeset"] = lambda text: text.replace("^2", "²").replace("^3", "³")
+    environment.filters["tone"] = lambda style: _TONES.get(str(style), "")
+    environment.filters["chart_json"] = lambda chart: htmlsafe_json_dumps(
+        chart_document(chart), allow_nan=False, separators=(",", ":")
+    )
+    return environment
