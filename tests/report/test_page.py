@@ -79,6 +79,7 @@ def test_hostile_words_are_text(opened):
     """Assert that markup from a log is shown as it is, and does nothing."""
     page, watched = opened(made_page(HOSTILE))
     page.locator(".chart-data summary").first.click()
+    page.wait_for_selector(".chart-table")
     assert page.locator("h1").inner_text() == HOSTILE
     assert HOSTILE in page.locator(".chart-legend").first.inner_text()
     assert HOSTILE in page.locator(".chart-table").first.inner_text()
@@ -153,6 +154,7 @@ def test_a_table_behind_every_figure(opened):
     tables = page.locator(".chart-data")
     assert tables.count() == page.locator("[data-chart]").count() == 5
     tables.first.locator("summary").click()
+    page.wait_for_selector(".chart-table")
     first = tables.first.locator("table").first
     headings = first.locator("th").all_inner_texts()
     assert headings == ["time (s)", "95 % band, lower end", "95 % band, upper end", "stiffness"]
