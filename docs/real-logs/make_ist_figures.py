@@ -23,7 +23,8 @@ from flexid.identification.settings import Settings
 from flexid.identification.starting import least_squares_start, starts
 from flexid.identification.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
-from flexid.report.identification_figures import fit_figure
+from flexid.report.charts.figure import draw
+from flexid.report.identification_charts import fit_chart
 from flexid.report.identification_table import format_fits, print_identification
 from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
 
@@ -123,7 +124,7 @@ def main() -> None:
         parts[name] = ways(result, log, window)
     print_ways(parts)
     with mpl.rc_context(STYLE):
-        save(fit_figure(result), ASSETS, "ist-free-run")
+        save(draw(fit_chart(result)), ASSETS, "ist-free-run")
         figure = new_figure(7.2, 3.2)
         axes = figure.subplots(1, len(SHOWN))
         for ax, name in zip(axes, SHOWN, strict=True):

@@ -89,8 +89,8 @@ def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
     outcome = flexid("identify", good_log, "--out", tmp_path)
     assert outcome.status == 0, outcome.stderr
     names = {path.name for path in tmp_path.iterdir()}
-    figures = {"fit.png", "estimates.png", "excitation.png", "regions.png", "bode.png"}
-    assert names == {"estimate.json"} | figures
+    figures = {"fit", "residuals", "estimates", "excitation", "bode", "regions"}
+    assert names == {"estimate.json"} | {f"{name}.png" for name in figures}
     document = json.loads((tmp_path / "estimate.json").read_text())
     assert set(TRUE) <= set(document["coefficients"])
     keys = {"value", "std", "interval", "verdict", "unit", "reason"}

@@ -12,7 +12,8 @@ from flexid.identification.intervals import quantile
 from flexid.identification.linear_joint import linear_joint
 from flexid.identification.response_band import response_band
 from flexid.identification.spectral_estimate import spectral_estimates
-from flexid.report.bode_figure import bode_figure
+from flexid.report.bode_chart import bode_chart
+from flexid.report.charts.figure import draw
 from flexid.simulation.free_run import free_run
 
 STEP = 1e-3
@@ -186,7 +187,7 @@ def test_what_is_not_determined_leaves_no_band(estimate):
     assert found.unknown == ("theta2", "theta_damping")  # which follows from it
     assert np.isinf(found.responses[0].upper).all()
     assert found.characteristic[0].interval == (0.0, np.inf)
-    titles = [ax.get_title(loc="left") for ax in bode_figure(found).axes]
+    titles = [panel.title for panel in bode_chart(found).panels]
     assert any("theta2, theta_damping not determined" in title for title in titles)
     assert coefficients["theta2"].verdict == "determined"
 
@@ -203,7 +204,7 @@ def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
     assert {i for i, r in enumerate(found.responses) if not r.values.any()} == still
     assert all(np.isinf(found.responses[i].upper).all() for i in still)
     assert (name in found.unknown) == np.isnan(value)
-    assert bode_figure(found)._repr_png_()  # type: ignore[attr-defined] - in a notebook
+    assert draw(bode_chart(found))._repr_png_()  # type: ignore[attr-defined] - in a notebook
 
 
 def test_the_spectral_estimate_is_the_model(estimate, log):
@@ -291,8 +292,10 @@ def test_link_and_rigid_joint_have_one_as_well(log):
     beta, damping = (rigid.coefficients[name].value for name in ("beta1", "gamma_viscous"))
     assert found.responses[0].values[0] == pytest.approx(beta / (4j * np.pi + damping))
     assert found.characteristic == ()
-    assert bode_figure(rigid.frequency_response()).axes
-    assert bode_figure(link.frequency_response()).axes
+    for one, columns in ((rigid, 1), (link, 1)):
+        chart = bode_chart(one.frequency_response(log if one is rigid else None))
+        assert chart.columns == columns
+        assert draw(chart).axes
 
 
 def test_the_figure_shows_what_is_described(estimate):
@@ -303,4 +306,4 @@ def test_the_figure_shows_what_is_described(estimate):
     labels = [text.get_text() for text in legend.get_texts()]
     for word in ("model", "95 % band", "spectral", "antiresonance", "resonance"):
         assert any(word in label for label in labels)
-    assert len(bode_figure(frequency_response(estimate.result)).axes) == 4
+    assert len(bode_chart(frequency_response(estimate.result)).panels) == 4

@@ -218,7 +218,7 @@ def test_figures_are_saved_as_the_command_does(estimate, tmp_path):
     """Assert that the files have the command's names."""
     estimate.plot.save(tmp_path / "out")
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"fit.png", "estimates.png", "excitation.png", "regions.png", "bode.png"}
+    assert names == {f"{name}.png" for name in FIGURES}
 
 
 def test_it_predicts_a_log(loaded, log):

@@ -61,12 +61,15 @@ def test_every_field_of_chart_and_panel_is_in_the_document():
     assert panel == {
         "title": "link",
         "height": 1.0,
+        "span": 1,
+        "colour": "ink",
         "x": {
             "label": "time",
             "unit": "s",
             "logarithmic": False,
             "limits": [0.0, 2.0],
             "categories": [],
+            "step": None,
         },
         "y": {
             "label": "angle",
@@ -74,6 +77,7 @@ def test_every_field_of_chart_and_panel_is_in_the_document():
             "logarithmic": False,
             "limits": None,
             "categories": ["a", "b"],
+            "step": None,
         },
     }
 

@@ -1,15 +1,13 @@
-"""Joint confidence regions, by coverage and by what the figure shows."""
+"""Joint confidence regions, by coverage and by what their chart shows."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from flexid.report.confidence_region import (
-    confidence_region,
-    confidence_region_figure,
-    most_correlated,
-)
+from flexid.report.charts.description import Line, Points
+from flexid.report.confidence_region import confidence_region, most_correlated
+from flexid.report.regions_chart import confidence_regions_chart
 
 UNITS = {"a": "1/s^2", "b": "1/s", "c": "rad/s^2"}
 
@@ -87,33 +85,54 @@ def test_the_most_correlated_pair():
     assert most_correlated(fit(), ("c",)) is None
 
 
-def test_the_figure_names_values_units_and_fits():
-    """Assert that axes carry names with units, titles the correlation, the legend every fit."""
+def test_the_chart_names_values_units_and_fits():
+    """Assert that axes carry names with units, titles the correlation, and marks the fits."""
     fits = {"prediction error": fit(), "least squares": fit(0.5)}
-    figure = confidence_region_figure(fits, {"link": ("a", "b"), "motor": ("b", "c")}, UNITS)
-    link, motor = figure.axes
-    assert (link.get_xlabel(), link.get_ylabel()) == ("a (1/s^2)", "b (1/s)")
-    assert link.get_title(loc="left") == "link:\ncorrelation +0.90"
-    assert motor.get_title(loc="left") == "motor:\ncorrelation -0.30"
-    (legend,) = figure.legends
-    texts = [text.get_text() for text in legend.get_texts()]
-    assert texts == ["prediction error: joint 95 %", "each by itself", "least squares: joint 95 %"]
+    chart = confidence_regions_chart(fits, [("a", "b"), ("b", "c")], UNITS)
+    link, motor = chart.panels
+    assert [(axis.label, axis.unit) for axis in (link.x, link.y)] == [("a", "1/s^2"), ("b", "1/s")]
+    assert link.title == "a and b:\ncorrelation +0.90"
+    assert motor.title == "b and c:\ncorrelation -0.30"
+    labels = [mark.label for mark in link.marks if mark.label]
+    assert labels == [
+        *("prediction error: joint 95 %", "each by itself"),
+        *("least squares: joint 95 %", "each by itself"),
+    ]
+    assert "a and b by +0.90, b and c by -0.30" in chart.says
+
+
+def test_the_chart_holds_region_intervals_and_centre():
+    """Assert that what is drawn is the region as it was computed."""
+    chart = confidence_regions_chart({"fit": fit()}, [("a", "b")], UNITS, level=0.8)
+    region = confidence_region(fit(), ("a", "b"), 0.8)
+    assert region is not None
+    ellipse, around, centre = chart.panels[0].marks
+    assert isinstance(ellipse, Line)
+    assert ellipse.filled
+    assert isinstance(around, Line)
+    assert isinstance(centre, Points)
+    assert np.array_equal([ellipse.x, ellipse.y], region.boundary)
+    assert (around.x.min(), around.x.max()) == region.intervals[0]
+    assert (around.y.min(), around.y.max()) == region.intervals[1]
+    assert [*centre.x, *centre.y] == [*region.centre]
+    assert ellipse.label == "fit: joint 80 %"
 
 
 def test_a_much_wider_fit_leaves_the_first_visible():
     """Assert that a region a thousand times wider does not shrink the first to a point."""
-    wide = fit()
-    wide = Fit(wide.values, 1e6 * wide.covariance)
-    figure = confidence_region_figure({"narrow": fit(), "wide": wide}, {"link": ("a", "b")}, UNITS)
-    low, high = figure.axes[0].get_xlim()
+    wide = Fit(fit().values, 1e6 * fit().covariance)
+    chart = confidence_regions_chart({"narrow": fit(), "wide": wide}, [("a", "b")], UNITS)
+    limits = chart.panels[0].x.limits
     region = confidence_region(fit(), ("a", "b"))
     assert region is not None
-    assert np.ptp(region.boundary[0]) > 0.2 * (high - low)
+    assert limits is not None
+    assert np.ptp(region.boundary[0]) > 0.2 * (limits[1] - limits[0])
 
 
-def test_what_is_free_is_said_in_the_figure():
-    """Assert that an empty picture says why it is empty."""
+def test_what_is_free_is_said_in_the_chart():
+    """Assert that an empty panel says why it is empty."""
     found = fit()
     found.covariance[0, 0] = np.inf
-    figure = confidence_region_figure({"least squares": found}, {"link": ("a", "b")}, UNITS)
-    assert figure.axes[0].get_title(loc="left") == "link: the log leaves one of the two free"
+    (panel,) = confidence_regions_chart({"least squares": found}, [("a", "b")], UNITS).panels
+    assert panel.title == "a and b:\nthe log leaves one of the two free"
+    assert panel.marks == ()

@@ -71,12 +71,13 @@ def identify(
             print_identification(result, explain=explain)
 
         def write(directory: Path) -> None:
+            from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
-            from flexid.report.identification_figures import save_identification_figures
+            from flexid.report.identification_charts import identification_charts
 
             with errors.status("drawing"):
                 (directory / "estimate.json").write_text(to_json(document), encoding="utf-8")
-                save_identification_figures(result, directory)
+                save_charts(identification_charts(result), directory)
 
         print_warnings(result.warnings, errors)
         hand_over(document, show, write, as_json=as_json, directory=directory)

@@ -43,11 +43,12 @@ def validate(
         document = validation_document(result)
 
         def write(directory: Path) -> None:
+            from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
-            from flexid.report.validation_figures import save_validation_figure
+            from flexid.report.validation_chart import validation_chart
 
             (directory / "validation.json").write_text(to_json(document), encoding="utf-8")
-            save_validation_figure(result, directory)
+            save_charts([validation_chart(result)], directory)
 
         print_warnings(result.warnings, errors)
         hand_over(

@@ -33,11 +33,11 @@ class EstimatePlots:
         SettingError
             If the estimate was loaded: a file holds no time series.
         """
-        from flexid.report.identification_figures import fit_figure
-        from flexid.report.style import styled
+        from flexid.report.charts.figure import draw
+        from flexid.report.identification_charts import fit_chart
 
         self._need_series(bool(self._result.validation.runs))
-        return styled(fit_figure)(self._result)
+        return draw(fit_chart(self._result))
 
     def residuals(self) -> "Figure":
         """What is between measured and predicted held-out data, and how it correlates in time.
@@ -47,10 +47,11 @@ class EstimatePlots:
         SettingError
             If the estimate was loaded: a file holds no time series.
         """
-        from flexid.report.residual_figures import residual_figure
+        from flexid.report.charts.figure import draw
+        from flexid.report.residual_chart import residual_chart
 
         self._need_series(bool(self._result.validation.runs))
-        return residual_figure(self._result.validation)
+        return draw(residual_chart(self._result.validation))
 
     def regions(self, *, level: float = CONFIDENCE) -> "Figure":
         """Joint confidence regions of the coefficients of each row that correlate most.
@@ -66,12 +67,13 @@ class EstimatePlots:
             If no two coefficients were estimated.
         """
         from flexid.identification.intervals import checked_level
-        from flexid.report.identification_figures import regions_figure
+        from flexid.report.charts.figure import draw
+        from flexid.report.regions_chart import regions_chart
 
-        figure = regions_figure(self._result, checked_level(level))
-        if figure is None:
+        chart = regions_chart(self._result, checked_level(level))
+        if chart is None:
             raise SettingError("regions", "there are no two coefficients that were estimated")
-        return figure
+        return draw(chart)
 
     def estimates(self) -> "Figure":
         """The paper's observer over time, beside the estimates and their intervals.
@@ -81,18 +83,18 @@ class EstimatePlots:
         SettingError
             If the estimate was loaded: a file holds no time series.
         """
-        from flexid.report.identification_figures import estimates_figure
-        from flexid.report.style import styled
+        from flexid.report.charts.figure import draw
+        from flexid.report.estimates_chart import estimates_chart
 
         self._need_series(len(self._result.observer.time) > 0)
-        return styled(estimates_figure)(self._result)
+        return draw(estimates_chart(self._result))
 
     def excitation(self) -> "Figure":
         """How well the motion tells the coefficients of each row apart."""
-        from flexid.report.identification_figures import excitation_figure
-        from flexid.report.style import styled
+        from flexid.report.charts.figure import draw
+        from flexid.report.identification_charts import excitation_chart
 
-        return styled(excitation_figure)(self._result)
+        return draw(excitation_chart(self._result))
 
     def bode(
         self,
@@ -127,10 +129,12 @@ class EstimatePlots:
         """
         from flexid.identification.frequency_response import frequency_response
         from flexid.library.logs import all_recordings
-        from flexid.report.bode_figure import bode_figure
+        from flexid.report.bode_chart import bode_chart
+        from flexid.report.charts.figure import draw
 
         given = self._result.recordings if logs is None else all_recordings("bode", logs, columns)
-        return bode_figure(frequency_response(self._result, given, position=position, level=level))
+        response = frequency_response(self._result, given, position=position, level=level)
+        return draw(bode_chart(response))
 
     def save(self, directory: "str | PathLike[str]") -> None:
         """Write the figures that ``flexid identify --out`` writes.
@@ -146,12 +150,13 @@ class EstimatePlots:
             If it cannot be written, or the estimate was loaded.
         """
         from flexid.library.checks import as_path
+        from flexid.report.charts.figure import save_charts
         from flexid.report.documents import output_directory
-        from flexid.report.identification_figures import save_identification_figures
+        from flexid.report.identification_charts import identification_charts
 
         self._need_series(bool(self._result.validation.runs))
         with output_directory(as_path("save", "directory", directory)) as files:
-            save_identification_figures(self._result, files)
+            save_charts(identification_charts(self._result), files)
 
     def _need_series(self, there: bool) -> None:
         if not there:

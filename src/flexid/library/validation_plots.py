@@ -22,13 +22,14 @@ class ValidationPlots:
 
     def fit(self) -> "Figure":
         """Free run over each log, channel by channel, with the residual below."""
-        from flexid.report.style import styled
-        from flexid.report.validation_figures import validation_figure
+        from flexid.report.charts.figure import draw
+        from flexid.report.validation_chart import validation_chart
 
-        return styled(validation_figure)(self._result)
+        return draw(validation_chart(self._result))
 
     def residuals(self) -> "Figure":
         """What is between measured and predicted motion, and how it correlates in time."""
-        from flexid.report.residual_figures import residual_figure
+        from flexid.report.charts.figure import draw
+        from flexid.report.residual_chart import residual_chart
 
-        return residual_figure(self._result)
+        return draw(residual_chart(self._result))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+
+from flexid.report.charts.description import VERDICT_COLOURS, Colour
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
@@ -25,7 +27,17 @@ INK, BLUE, ORANGE, GREEN, RED, GREY = (
     "#8a939c",
 )
 
-STATUS_COLOURS = {"determined": GREEN, "weak": ORANGE, "undetermined": RED}
+COLOURS: Mapping[Colour, str] = {
+    "ink": INK,
+    "blue": BLUE,
+    "orange": ORANGE,
+    "green": GREEN,
+    "red": RED,
+    "grey": GREY,
+}
+"""The shade of each colour of a chart."""
+
+STATUS_COLOURS = {verdict: COLOURS[colour] for verdict, colour in VERDICT_COLOURS.items()}
 """Colour of each verdict in a figure or a table."""
 
 STYLE: dict[RcKeyType, Any] = {

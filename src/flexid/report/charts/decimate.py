@@ -1,11 +1,50 @@
 """Fewer samples that look the same: a line through a million has no more pixels than others."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.report.charts.description import Band, Level, Line, Mark, Points
+
+
+def thinned(marks: Iterable[Mark], most: int) -> tuple[Mark, ...]:
+    """Marks of a panel with about so many samples each, and no more than they have.
+
+    Marks that stand over the same places keep the same ones of them.
+    """
+    marks = tuple(marks)
+    groups: list[list[Line | Band | Points]] = []
+    for mark in marks:
+        if isinstance(mark, Level):
+            continue
+        alike = (group for group in groups if np.array_equal(group[0].x, mark.x, equal_nan=True))
+        group = next(alike, None)
+        if group is None:
+            groups.append([mark])
+        else:
+            group.append(mark)
+    found: dict[int, Mark] = {}
+    for group in groups:
+        kept = kept_samples([curve for mark in group for curve in _curves(mark)], most)
+        found |= {id(mark): _chosen(mark, kept) for mark in group}
+    return tuple(found.get(id(mark), mark) for mark in marks)
+
+
+def _curves(mark: Line | Band | Points) -> Iterator[FloatArray]:
+    if isinstance(mark, Band):
+        yield from (mark.low, mark.high)
+    else:
+        yield mark.y
+
+
+def _chosen(mark: Line | Band | Points, kept: NDArray[np.intp]) -> Mark:
+    if len(kept) == len(mark.x):
+        return mark
+    arrays = (f.name for f in fields(mark) if isinstance(getattr(mark, f.name), np.ndarray))
+    return replace(mark, **{name: getattr(mark, name)[kept] for name in arrays})
 
 
 def kept_samples(curves: Sequence[FloatArray], most: int) -> NDArray[np.intp]:

@@ -6,15 +6,24 @@ what the page's script reads), so that a figure in a file, in a report and in th
 same data.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from flexid.arrays import FloatArray
+from flexid.identification.result import Verdict
 
 Colour = Literal["ink", "blue", "orange", "green", "red", "grey"]
 """What a colour is called; each way of drawing has its own shade of it."""
 
 Dash = Literal["solid", "dashed", "dotted"]
+
+VERDICT_COLOURS: Mapping[Verdict, Colour] = {
+    "determined": "green",
+    "weak": "orange",
+    "undetermined": "red",
+}
+"""Colour of each verdict, which its word stands beside."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +42,8 @@ class Axis:
         Its ends; those of the data if not given.
     categories : tuple of str
         Names at 0, 1, 2, ..., from the top or from the left, in place of numbers.
+    step : float, optional
+        Between two values that are labelled, where one is natural, as 90 for degrees.
     """
 
     label: str
@@ -40,6 +51,7 @@ class Axis:
     logarithmic: bool = False
     limits: tuple[float, float] | None = None
     categories: tuple[str, ...] = ()
+    step: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +174,11 @@ class Panel:
     marks : tuple
         What is drawn, from the back to the front.
     height : float
-        Over that of the others.
+        Over that of the others; a row of panels is as high as the highest.
+    span : int
+        Columns of the chart that it takes.
+    colour : Colour
+        Of its title: that of a verdict, which the title names as well.
     """
 
     title: str
@@ -170,6 +186,8 @@ class Panel:
     y: Axis
     marks: tuple[Mark, ...]
     height: float = 1.0
+    span: int = 1
+    colour: Colour = "ink"
 
 
 @dataclass(frozen=True)

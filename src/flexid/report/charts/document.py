@@ -6,20 +6,18 @@ share it. Lines of more samples than a screen has pixels keep those that one wou
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import asdict, fields
 from math import floor, log10
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.report.charts.decimate import kept_samples
+from flexid.report.charts.decimate import thinned
 from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Mark, Panel, Points
 
 _MOST = 1600  # samples of a curve: a page is 1000 pixels wide, and each needs one or two
-_DIGITS = 5  # of an array's range, after the first: a hundredth of a pixel
+_DIGITS = 5  # of what is shown of an array, after the first: a hundredth of a pixel
 
 _KINDS = {Line: "line", Band: "band", Points: "points", Level: "level"}
 
@@ -77,56 +75,30 @@ def _rounded(values: FloatArray, axis: Axis) -> FloatArray:
     if axis.logarithmic:
         return np.array([float(f"{value:.{_DIGITS + 1}g}") for value in values.tolist()])
     size = float(np.ptp(finite)) or float(np.abs(finite).max())
+    if axis.limits is not None:  # what leaves the frame does not coarsen what is in it
+        size = min(size, axis.limits[1] - axis.limits[0])
     return np.round(values, _DIGITS - floor(log10(size))) + 0.0 if size else values
 
 
 def _panel_document(panel: Panel, arrays: _Arrays) -> dict[str, Any]:
-    kept = _kept(panel.marks)
-    marks = [_mark_document(mark, panel, kept.get(id(mark)), arrays) for mark in panel.marks]
+    marks = [_mark_document(mark, panel, arrays) for mark in thinned(panel.marks, _MOST)]
     return {
         "title": panel.title,
         "x": asdict(panel.x),
         "y": asdict(panel.y),
         "height": panel.height,
+        "span": panel.span,
+        "colour": panel.colour,
         "marks": marks,
     }
 
 
-def _kept(marks: Iterable[Mark]) -> dict[int, NDArray[np.intp]]:
-    """Which samples of each mark stay: the same ones of all that stand over the same places."""
-    groups: list[list[Line | Band | Points]] = []
-    for mark in marks:
-        if isinstance(mark, Level):
-            continue
-        alike = (group for group in groups if np.array_equal(group[0].x, mark.x, equal_nan=True))
-        group = next(alike, None)
-        if group is None:
-            groups.append([mark])
-        else:
-            group.append(mark)
-    found = {}
-    for group in groups:
-        curves = [curve for mark in group for curve in _curves(mark)]
-        places = kept_samples(curves, _MOST)
-        found |= {id(mark): places for mark in group}
-    return found
-
-
-def _curves(mark: Line | Band | Points) -> Iterator[FloatArray]:
-    if isinstance(mark, Band):
-        yield from (mark.low, mark.high)
-    else:
-        yield mark.y
-
-
-def _mark_document(
-    mark: Mark, panel: Panel, kept: NDArray[np.intp] | None, arrays: _Arrays
-) -> dict[str, Any]:
+def _mark_document(mark: Mark, panel: Panel, arrays: _Arrays) -> dict[str, Any]:
     document: dict[str, Any] = {"kind": _KINDS[type(mark)]}
     for field in fields(mark):
         value = getattr(mark, field.name)
         if isinstance(value, np.ndarray):
             axis = panel.x if field.name == "x" else panel.y
-            value = arrays.place(np.asarray(value, dtype=np.float64)[kept], axis)
+            value = arrays.place(np.asarray(value, dtype=np.float64), axis)
         document[field.name] = value
     return document

@@ -1,0 +1,225 @@
+"""A chart drawn with Matplotlib, for a file or a notebook."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from textwrap import fill
+from typing import Literal
+
+import matplotlib as mpl
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis as Ruler
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, MultipleLocator, NullFormatter, ScalarFormatter
+
+from flexid.report.charts.decimate import thinned
+from flexid.report.charts.description import (
+    Axis,
+    Band,
+    Chart,
+    Dash,
+    Level,
+    Line,
+    Mark,
+    Panel,
+    Points,
+)
+from flexid.report.style import COLOURS, STYLE, new_figure, save
+
+WIDTH = 7.2  # inches, of every figure: that of a printed page
+_ROW = 1.75  # inches, of a row of panels of height 1
+_EDGE = 0.3  # inches, that all panels together leave for labels
+_LINE = 0.2  # inches, of a line of the title or of the legend
+_MOST = 6000  # samples of a curve: the figure has some 1300 pixels
+_TITLE = 82  # characters in a line of the title
+_LEGEND = 105  # characters in a line of the legend
+_HANDLE = 9  # characters that the handle of an entry takes
+_MARGIN = 0.06  # of what is shown, beside points
+_DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
+
+
+def draw(chart: Chart) -> Figure:
+    """Draw a chart: its title above, a legend of all panels below.
+
+    Panels of one column share their x axis if the chart is linked, and panels beside each other
+    share a y axis that is the same; what they share is labelled once.
+
+    Parameters
+    ----------
+    chart : Chart
+        What is drawn.
+
+    Returns
+    -------
+    Figure
+        A Matplotlib figure that pyplot knows nothing of, and that a notebook shows.
+    """
+    with mpl.rc_context(STYLE):
+        figure = _new_figure(chart)
+        _fill_grid(figure, chart)
+        figure.align_ylabels()
+        _draw_legend(figure, chart)
+    return figure
+
+
+def save_charts(
+    charts: Iterable[Chart], directory: Path, formats: Sequence[str] = ("png",)
+) -> None:
+    """Write each chart as ``directory/name.format`` for each format."""
+    for chart in charts:
+        save(draw(chart), directory, chart.name, formats)
+
+
+def _rows(chart: Chart) -> list[list[tuple[int, Panel]]]:
+    """Panels row by row, each with the column in which it begins."""
+    rows: list[list[tuple[int, Panel]]] = []
+    free = 0
+    for panel in chart.panels:
+        if panel.span > free:
+            rows.append([])
+            free = chart.columns
+        rows[-1].append((chart.columns - free, panel))
+        free -= panel.span
+    return rows
+
+
+def _heights(chart: Chart) -> list[float]:
+    return [max(panel.height for _, panel in row) for row in _rows(chart)]
+
+
+def _new_figure(chart: Chart) -> Figure:
+    """A figure with a title, as high as its panels and its text need."""
+    title = fill(chart.title, _TITLE)
+    lines = len(title.splitlines()) + -(-len(_labels(chart)) // _legend_columns(chart))
+    figure = new_figure(WIDTH, _ROW * sum(_heights(chart)) + _LINE * lines + _EDGE)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10, parse_math=False)
+    return figure
+
+
+def _fill_grid(figure: Figure, chart: Chart) -> None:
+    """Draw the panels where they belong, with axes that they share."""
+    rows = _rows(chart)
+    grid = figure.add_gridspec(len(rows), chart.columns, height_ratios=_heights(chart))
+    above: dict[tuple[int, int], Axes] = {}
+    for i, row in enumerate(rows):
+        left: tuple[Axis, Axes] | None = None
+        for column, panel in row:
+            share = above.get((column, panel.span)) if chart.linked else None
+            same = left[1] if left is not None and left[0] == panel.y else None
+            place = grid[i, column : column + panel.span]
+            ax = figure.add_subplot(place, sharex=share, sharey=same)
+            _fill(ax, panel, chart.columns // panel.span)
+            if share is not None:
+                _unlabel(share.xaxis)
+            if same is not None:
+                _unlabel(ax.yaxis)
+            above[column, panel.span] = ax
+            left = (panel.y, ax)
+    if chart.linked:
+        for ax in above.values():  # where the last row is not full, its neighbour has the label
+            if ax not in figure.axes[-len(rows[-1]) :]:
+                ax.xaxis.set_label_text("")
+
+
+def _fill(ax: Axes, panel: Panel, beside: int) -> None:
+    """Draw a panel that has so many of its width in a row."""
+    ax.margins(0.0 if _runs_along(panel) else _MARGIN, _MARGIN)
+    for mark in thinned(panel.marks, _MOST):
+        _draw(ax, mark)
+    _set_axis(ax, "x", panel.x, 5 if beside > 1 else 9)
+    _set_axis(ax, "y", panel.y, 5)
+    for mark in panel.marks:
+        if isinstance(mark, Points) and mark.stems:  # now that the panel has a bottom
+            ax.vlines(mark.x, ax.get_ylim()[0], mark.y, color=COLOURS[mark.colour])
+    size = 10 if beside == 1 else 8
+    ax.set_title(panel.title, color=COLOURS[panel.colour], fontsize=size, parse_math=False)
+
+
+def _runs_along(panel: Panel) -> bool:
+    """Whether the panel shows what runs along its x axis, rather than single points."""
+    return any(isinstance(mark, Line | Band) for mark in panel.marks) and not panel.y.categories
+
+
+def _draw(ax: Axes, mark: Mark) -> None:
+    colour, label = COLOURS[mark.colour], mark.label or "_"
+    if isinstance(mark, Line):
+        if mark.filled:
+            ax.fill(mark.x, mark.y, color=colour, alpha=0.18, linewidth=0)
+        style = {"linestyle": _DASHES[mark.dash], "linewidth": mark.width}
+        ax.plot(mark.x, mark.y, color=colour, label=label, **style)
+    elif isinstance(mark, Band):
+        shade = {"color": colour, "alpha": 0.25, "linewidth": 0}
+        ax.fill_between(mark.x, mark.low, mark.high, label=label, **shade)
+    elif isinstance(mark, Points):
+        style = {"color": colour, "alpha": 0.25 if mark.faint else 1.0, "markeredgewidth": 0}
+        ax.plot(mark.x, mark.y, "o", markersize=mark.size, label=label, **style)
+    else:
+        _draw_level(ax, mark, label)
+
+
+def _draw_level(ax: Axes, mark: Level, label: str) -> None:
+    line = ax.axhline if mark.along == "y" else ax.axvline
+    style = {"linestyle": _DASHES[mark.dash], "linewidth": 1.0}
+    line(mark.value, color=COLOURS[mark.colour], label=label, **style)
+
+
+def _set_axis(ax: Axes, which: Literal["x", "y"], axis: Axis, labels: int) -> None:
+    """Label, scale, limits and at most so many numbers of an axis."""
+    ruler = ax.xaxis if which == "x" else ax.yaxis
+    ruler.set_label_text(_label(axis), parse_math=False)
+    limits = axis.limits
+    if axis.categories:
+        count = len(axis.categories)
+        ruler.set_ticks(range(count), axis.categories, parse_math=False)
+        limits = (count - 0.5, -0.5) if which == "y" else (-0.5, count - 0.5)
+    elif axis.logarithmic:
+        ax.set(**{f"{which}scale": "log"})
+        if limits is None or limits[1] >= 10.0 * limits[0]:
+            ruler.set_minor_formatter(NullFormatter())
+    else:
+        several = MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
+        ruler.set_major_locator(several if axis.step is None else MultipleLocator(axis.step))
+        ruler.set_major_formatter(ScalarFormatter(useOffset=False))
+    if limits is not None:
+        ax.set(**{f"{which}lim": limits})
+
+
+def _label(axis: Axis) -> str:
+    return f"{axis.label} ({axis.unit})" if axis.unit else axis.label
+
+
+def _unlabel(ruler: Ruler) -> None:
+    """Leave the numbers and the label of an axis to the panel that shares it."""
+    ruler.set_tick_params(labelbottom=False, labelleft=False)
+    ruler.set_label_text("")
+
+
+def _legend_columns(chart: Chart) -> int:
+    """As many columns of entries as the figure is wide enough for."""
+    lengths = [len(label) + _HANDLE for label in _labels(chart)]
+    for columns in range(len(lengths), 1, -1):
+        rows = -(-len(lengths) // columns)
+        widths = (max(lengths[i : i + rows]) for i in range(0, len(lengths), rows))
+        if sum(widths) <= _LEGEND:
+            return columns
+    return 1
+
+
+def _labels(chart: Chart) -> list[str]:
+    """What the legend names, each once."""
+    marks = (mark for panel in chart.panels for mark in panel.marks)
+    return list(dict.fromkeys(mark.label for mark in marks if mark.label))
+
+
+def _draw_legend(figure: Figure, chart: Chart) -> None:
+    entries: dict[str, Artist] = {}
+    for ax in figure.axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    if not entries:
+        return
+    columns = _legend_columns(chart)
+    place = "outside lower left"
+    legend = figure.legend(list(entries.values()), list(entries), loc=place, ncols=columns)
+    for text in legend.get_texts():
+        text.set_parse_math(False)

@@ -1,0 +1,128 @@
+"""Measured motion, a model's free run, and what is between them: one look for every command."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite, isnan
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.identification.result import FreeRun, Validation
+from flexid.report.charts.description import Axis, Chart, Level, Line, Panel
+from flexid.report.charts.limits import with_margin
+from flexid.report.identification_table import format_fit
+
+_MARGIN = 0.15  # of the measured range, above and below it
+_BELOW = 0.5  # height of a panel of residuals over that of the motion above it
+
+
+def free_run_chart(
+    name: str, title: str, validation: Validation, noise: Mapping[str, float], time_label: str
+) -> Chart:
+    """Free runs channel by channel, with the residual below each; what is cut off is said.
+
+    Parameters
+    ----------
+    name, title : str
+        Of the chart.
+    validation : Validation
+        With the free runs, one for each stretch of data.
+    noise : mapping of str to float
+        Standard deviation of a channel's noise in rad, where it is known.
+    time_label : str
+        Of the axis of time.
+    """
+    time = Axis(time_label, "s")
+    panels = []
+    for place, (channel, fit) in enumerate(validation.fit_percent.items()):
+        label = channel.replace("_", " ")
+        panels += _panels(label, fit, validation.runs, place, time, noise.get(channel))
+    return Chart(name, title, _says(validation, noise), tuple(panels))
+
+
+def _panels(
+    label: str, fit: float, runs: Sequence[FreeRun], place: int, time: Axis, noise: float | None
+) -> tuple[Panel, Panel]:
+    """A channel's motion, and the residual below."""
+    measured = np.concatenate([run.measured[:, place] for run in runs])
+    simulated = np.concatenate([run.simulated[:, place] for run in runs])
+    span = float(np.ptp(measured))
+    title = f"{label}: fit {format_fit(fit)}"
+    frame = below = None
+    if span > 0.0:
+        largest = _largest(simulated - measured)
+        frame = with_margin(float(measured.min()), float(measured.max()), _MARGIN)
+        if not isfinite(largest):
+            title += "; it diverges"
+        elif ((simulated < frame[0]) | (simulated > frame[1])).any():
+            title += f"; beyond the frame, by up to {largest:.2g} rad"
+        below = (-span, span) if largest > span else None
+    motion, residuals = [], []
+    for run in runs:
+        seen, predicted = run.measured[:, place], _finite(run.simulated[:, place])
+        motion.append(Line("measured", run.time, seen, "grey", 2.4))
+        motion.append(Line("free run of the model", run.time, predicted, "blue", 1.0))
+        residuals.append(Line("residual", run.time, seen - predicted, "red", 0.7))
+    levels = [] if noise is None else [-2.0 * noise, 2.0 * noise]
+    twice = [Level("twice the encoders' noise", edge, "y", "ink", "dashed") for edge in levels]
+    return (
+        Panel(title, time, Axis("position", "rad", limits=frame), tuple(motion)),
+        Panel(
+            f"{label}: residual",
+            time,
+            Axis("residual", "rad", limits=below),
+            (*residuals, *twice),
+            _BELOW,
+        ),
+    )
+
+
+def _says(validation: Validation, noise: Mapping[str, float]) -> str:
+    """How far the model follows what it has not seen."""
+    labels = {channel: channel.replace("_", " ") for channel in validation.fit_percent}
+    lost = [labels[name] for name, error in _errors(validation) if not isfinite(_largest(error))]
+    if lost:
+        return (
+            f"The free run diverges from the measured {_all(lost)}: trust the model for short "
+            "predictions at most."
+        )
+    fits = {labels[name]: fit for name, fit in validation.fit_percent.items() if not isnan(fit)}
+    if not fits:
+        return "Nothing moves in these data: they do not test the model."
+    followed = _all([f"the {label} to {_percent(fit)}" for label, fit in fits.items()])
+    over = {
+        labels[name]: float(np.sqrt(np.mean(error**2))) / noise[name]
+        for name, error in _errors(validation)
+        if noise.get(name, 0.0) > 0.0
+    }
+    left = _all([f"{_times(ratio)} times its noise in the {name}" for name, ratio in over.items()])
+    said = f"; what it leaves is {left}" if left else ""
+    return f"On data that it has not seen the model follows {followed}{said}."
+
+
+def _errors(validation: Validation) -> Iterator[tuple[str, FloatArray]]:
+    """What the runs leave of each channel."""
+    for place, channel in enumerate(validation.fit_percent):
+        found = [run.measured[:, place] - run.simulated[:, place] for run in validation.runs]
+        yield channel, np.concatenate(found)
+
+
+def _largest(error: FloatArray) -> float:
+    return float(np.abs(np.where(np.isfinite(error), error, np.inf)).max(initial=0.0))
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _percent(fit: float) -> str:
+    """A fit with the digits in which good ones differ."""
+    return f"{fit:.2f} %" if 99.0 <= fit < 99.995 else f"{fit:.1f} %"
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.1f}" if ratio < 10.0 else f"{ratio:.3g}"
+
+
+def _all(words: Sequence[str]) -> str:
+    *first, last = words or [""]
+    return f"{', '.join(first)} and {last}" if first else last

@@ -1,0 +1,135 @@
+"""A chart that is drawn with Matplotlib has what the chart has."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Panel, Points
+from flexid.report.charts.figure import draw, save_charts
+from flexid.report.charts.limits import whole_decades
+from flexid.report.style import COLOURS
+
+X = np.array([1.0, 10.0, 100.0])
+Y = np.array([2.0, np.nan, 4.0])
+
+
+def chart(*panels: Panel, columns: int = 1, linked: bool = True, title: str = "A title") -> Chart:
+    """Return a chart of panels."""
+    return Chart("name", title, "What to see.", panels, columns, linked)
+
+
+def panel(*marks, x=None, y=None, **layout) -> Panel:
+    """Return a panel over time."""
+    return Panel("a title", x or Axis("time", "s"), y or Axis("angle", "rad"), marks, **layout)
+
+
+def test_every_mark_is_drawn_as_it_is():
+    """Assert that values, colours, strokes and labels are those of the marks."""
+    line = Line("line", X, Y, "red", 2.5, "dotted")
+    band, level = Band("band", X, -X, X, "green"), Level("level", 3.0, "x", "orange", "dashed")
+    (ax,) = draw(chart(panel(band, line, Points("points", X, X, "grey", 7.0), level))).axes
+    drawn, points, across = ax.lines
+    assert np.array_equal(drawn.get_xydata(), np.column_stack([X, Y]), equal_nan=True)
+    assert (to_hex(drawn.get_color()), drawn.get_linewidth()) == (COLOURS["red"], 2.5)
+    assert drawn.get_linestyle() == ":"
+    assert (points.get_linestyle(), points.get_markersize()) == ("None", 7.0)
+    assert np.asarray(across.get_xdata()).tolist() == [3.0, 3.0]
+    (shade,) = ax.collections
+    assert np.array_equal(shade.get_datalim(ax.transData).intervaly, [-100.0, 100.0])
+    assert to_hex(np.asarray(shade.get_facecolor())[0]) == COLOURS["green"]
+
+
+def test_axes_have_labels_units_scale_and_limits():
+    """Assert that an axis is as it is described, with numbers at its steps."""
+    x = Axis("frequency", "Hz", logarithmic=True, limits=(0.1, 1000.0))
+    y = Axis("phase", "°", limits=(-180.0, 90.0), step=90.0)
+    (ax,) = draw(chart(panel(Line("", X, Y), x=x, y=y))).axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("frequency (Hz)", "phase (°)")
+    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "linear")
+    assert ax.get_xlim() == (0.1, 1000.0)
+    assert np.diff(ax.get_yticks()).tolist() == [90.0] * (len(ax.get_yticks()) - 1)
+
+
+def test_categories_run_from_the_top():
+    """Assert that names stand at 0, 1, ..., the first above the others."""
+    y = Axis("", categories=("first", "second"))
+    (ax,) = draw(chart(panel(Points("", np.array([1.0, 2.0]), np.array([0.0, 1.0])), y=y))).axes
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["first", "second"]
+    assert ax.get_ylim() == (1.5, -0.5)
+
+
+def test_the_legend_names_each_label_once():
+    """Assert that labels of several panels stand once, and marks without one not at all."""
+    one = panel(Line("model", X, Y), Line("", X, Y))
+    figure = draw(chart(one, panel(Line("model", X, Y), Level("limit", 1.0))))
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["model", "limit"]
+    assert draw(chart(panel(Line("", X, Y)))).legends == []
+
+
+def test_what_panels_share_is_labelled_once():
+    """Assert that linked columns share x, equal neighbours share y, and only ends have labels."""
+    panels = [panel(Line("", X, k * X)) for k in range(1, 5)]
+    axes = draw(chart(*panels, columns=2)).axes
+    assert [ax.get_xlabel() for ax in axes] == ["", "", "time (s)", "time (s)"]
+    assert [ax.get_ylabel() for ax in axes] == ["angle (rad)", "", "angle (rad)", ""]
+    assert axes[0].get_shared_x_axes().joined(axes[0], axes[2])
+    assert axes[0].get_ylim() == axes[1].get_ylim()
+    apart = draw(chart(*panels, columns=2, linked=False)).axes
+    assert [ax.get_xlabel() for ax in apart] == ["time (s)"] * 4
+
+
+def test_panels_are_as_wide_and_high_as_they_ask():
+    """Assert that a panel over both columns stands alone in its row, and heights are kept."""
+    line = Line("", X, Y)
+    wide = panel(line, span=2, height=2.0)
+    figure = draw(chart(wide, panel(line), panel(line), columns=2))
+    figure.draw_without_rendering()
+    top, left, right = (ax.get_position() for ax in figure.axes)
+    assert top.x0 == pytest.approx(left.x0)
+    assert top.x1 == pytest.approx(right.x1)
+    assert left.y1 < top.y0
+    assert 1.5 < top.height / left.height < 2.5
+
+
+def test_stems_stand_on_the_bottom():
+    """Assert that each point has a line from the bottom of the panel, on a logarithm too."""
+    y = Axis("size", "–", logarithmic=True, limits=(1e-3, 1e3))
+    (ax,) = draw(chart(panel(Points("", X, X, stems=True), y=y))).axes
+    (stems,) = ax.collections
+    ends = [np.asarray(path.vertices)[:, 1].tolist() for path in stems.get_paths()]
+    assert ends == [[1e-3, x] for x in X]
+
+
+def test_a_long_line_keeps_its_spikes():
+    """Assert that a million samples are thinned, and the one that is different stays."""
+    time, still = np.arange(1e6), np.zeros(1_000_000)
+    still[123_456] = 1.0
+    (ax,) = draw(chart(panel(Line("", time, still)))).axes
+    drawn = np.asarray(ax.lines[0].get_xydata())
+    assert len(drawn) < 10_000
+    assert drawn[drawn[:, 1] == 1.0].tolist() == [[123_456.0, 1.0]]
+
+
+def test_text_is_no_formula():
+    """Assert that dollars and backslashes of a name are drawn as they are."""
+    name = r"gain $\frac of $x, " + 12 * "and longer "
+    x, y = Axis(r"$\frac$", "s"), Axis("", categories=(r"$\x",))
+    figure = draw(chart(panel(Line(r"$\y$", X, Y), x=x, y=y), title=name))
+    figure.draw_without_rendering()
+    lines = figure.get_suptitle().splitlines()
+    assert lines[0].startswith(r"gain $\frac of $x, and")
+    assert max(map(len, lines)) <= 82
+
+
+def test_files_have_the_names_of_the_charts(tmp_path):
+    """Assert that a chart is written under its name in each format."""
+    save_charts([chart(panel(Line("", X, Y)))], tmp_path, ("png", "pdf"))
+    assert {path.name for path in tmp_path.iterdir()} == {"name.png", "name.pdf"}
+
+
+def test_whole_decades_hold_the_values():
+    """Assert that there is a decade at least, and that ends are powers of ten."""
+    assert whole_decades(np.array([3.0, 4.0])) == (1.0, 10.0)
+    assert whole_decades(np.array([10.0, 10.0])) == (10.0, 100.0)
+    assert whole_decades(np.array([0.02, 1e3])) == (0.01, 1e3)
