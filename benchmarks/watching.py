@@ -20,7 +20,8 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import HEADER, Trial, make_trial
 from benchmarks.trials.score import CORE
 from flexid.arrays import FloatArray
-from flexid.streaming.health import Health
+from flexid.streaming.commissioned import departures
+from flexid.streaming.health import LIMITS, Health
 from flexid.streaming.options import USUAL_TERMS, WatchOptions
 from flexid.streaming.session import Session
 from flexid.streaming.text_stream import LineReader, stream_columns
@@ -52,7 +53,7 @@ def coverage(seeds: int, *, with_terms: bool) -> None:
             session = watched(trial, trial.terms if with_terms else USUAL_TERMS)
             healths.append(session.health.health.words)
             changes += session.n_changes
-            for name, claim in session.parameters(session.coefficients).items():
+            for name, claim in session.parameters.items():
                 truth = trial.truth.get(name)
                 if name in CORE and truth:
                     low, high = claim.interval
@@ -69,6 +70,50 @@ def coverage(seeds: int, *, with_terms: bool) -> None:
         )
     for group, (good, count) in totals.items():
         print(f"{group}: {good} of {count}, {100.0 * good / count:.1f} %")
+
+
+_SHIFTS = (0.0, 0.1, 0.2, 0.5)
+
+
+def found_to_depart(session: Session, trial: Trial, name: str, less: float, half: bool) -> bool:
+    """Whether a parameter departs from an estimate of which it is less by some part."""
+    truth = trial.truth.get(name)
+    if not truth:
+        return False
+    was = truth / (1.0 - less)
+    share = 0.5 if half else 1.0
+    return bool(
+        departures(
+            {name: (was, 0.01 * abs(was))},
+            session.parameters,
+            widths=share * LIMITS.departure,
+            least=share * LIMITS.least_departure,
+        )
+    )
+
+
+def departed(seeds: int) -> None:
+    """Print how many drives are said to differ from an estimate, by how much they do.
+
+    The estimate is the truth with an interval of 1 % to either side; what differs is the stiffness
+    alone, or with 0 % nothing, and then any parameter that is found to is wrong. In brackets with
+    both limits half as large.
+    """
+    counts: defaultdict[tuple[float, bool], int] = defaultdict(int)
+    drives = 0
+    for family in FAMILIES:
+        for seed in range(_FIRST_SEED, _FIRST_SEED + seeds):
+            trial = make_trial(family, seed)
+            session = watched(trial, USUAL_TERMS)
+            drives += 1
+            for less in _SHIFTS:
+                for half in (False, True):
+                    names = ("joint_stiffness",) if less else CORE
+                    counts[less, half] += any(
+                        found_to_depart(session, trial, name, less, half) for name in names
+                    )
+    for less in _SHIFTS:
+        print(f"{less:.0%} less: {counts[less, False]} ({counts[less, True]}) of {drives} drives")
 
 
 def rates() -> Iterator[tuple[str, float]]:
@@ -140,8 +185,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--with-terms", action="store_true", help="give the terms that act")
+    parser.add_argument("--departures", action="store_true", help="measure departures alone")
     parser.add_argument("--rates", action="store_true", help="measure the rates alone")
     wanted = parser.parse_args()
+    if wanted.departures:
+        departed(wanted.seeds)
+        return
     for name, microseconds in rates():
         print(f"{name}: {microseconds:.1f} us a sample, {1e3 / microseconds:.0f} kHz", flush=True)
     datagrams(10)

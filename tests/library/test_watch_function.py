@@ -87,6 +87,8 @@ def test_one_encoder(samples):
         ({"sample_time": "fast"}, "sample_time is a str"),
         ({"sample_time": 1e-3, "terms": 3}, "terms"),
         ({"source": 3}, "source is an int: give a path"),
+        ({"sample_time": 1e-3, "known": 3}, "known is an int"),
+        ({"sample_time": 1e-3, "estimate": 3}, "estimate is an int"),
         ({"sample_time": 1e-3, "filter": 3}, "did you mean filter_rate"),
     ],
 )

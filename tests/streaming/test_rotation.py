@@ -9,7 +9,8 @@ from moving_joint import H, same, stream, watched
 
 from flexid.errors import RecordingError
 from flexid.streaming.checkpoint import read_session, save_session
-from flexid.streaming.follower import Choices, Follower
+from flexid.streaming.choices import Choices
+from flexid.streaming.follower import Follower
 from flexid.streaming.session import Session
 
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"

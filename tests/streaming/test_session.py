@@ -95,7 +95,7 @@ def test_any_samples_leave_a_state_that_is_finite_or_flagged(samples: np.ndarray
     assert np.isfinite(values).all() or session.health.health is Health.SENSOR_FAULT
     assert session.health.reason
     assert session.counts.fed == len(samples)
-    for found in session.parameters(session.coefficients).values():
+    for found in session.parameters.values():
         assert found.verdict == "undetermined" or np.isfinite(found.interval).all()
     assert set(session.excitation) == {"link", "motor"}
 

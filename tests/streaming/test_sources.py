@@ -11,7 +11,8 @@ import pytest
 
 from flexid.errors import RecordingError, SettingError
 from flexid.streaming import sources
-from flexid.streaming.follower import Choices, Follower
+from flexid.streaming.choices import Choices
+from flexid.streaming.follower import Follower
 from flexid.streaming.sources import Datagrams, Source, open_source
 
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]

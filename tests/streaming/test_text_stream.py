@@ -92,7 +92,7 @@ def test_a_last_line_without_its_end_is_no_sample(end: str, count: int):
 @pytest.mark.parametrize(
     ("header", "words"),
     [
-        ("time,link_position,motor_position,x", "no torque, current or voltage"),
+        ("time,x,motor_position,y", "no motor_torque"),
         ("time,foo,bar,motor_torque", "there is no"),
         ("time,link_position [parsec],motor_position,motor_torque", "parsec"),
     ],

@@ -62,7 +62,7 @@ Strict = Annotated[
     typer.Option("--strict", help="Exit with status 1 where something is weak, too."),
 ]
 
-_Known = Annotated[
+Known = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
@@ -78,7 +78,7 @@ _Bounds = Annotated[
         "motor_viscous_friction=0:). May be repeated.",
     ),
 ]
-_Model = Annotated[
+Model = Annotated[
     str,
     typer.Option(
         metavar="WORD",
@@ -131,9 +131,9 @@ _ValidationShare = Annotated[
 
 
 def _settings(
-    known: _Known = None,
+    known: Known = None,
     bounds: _Bounds = None,
-    model: _Model = "auto",
+    model: Model = "auto",
     terms: _Terms = "auto",
     hold: _Hold = "auto",
     input_delay: _InputDelay = "auto",

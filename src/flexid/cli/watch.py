@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexid.cli.exit_status import ExitStatus
-from flexid.cli.options import AsJson, Columns
+from flexid.cli.options import AsJson, Columns, Known, Model
 from flexid.cli.output import print_warnings
 from flexid.errors import SettingError
 
@@ -26,6 +26,7 @@ EXAMPLES = (
     "watch examples/flexible_joint.csv --stop-at-end",
     "watch run.csv --checkpoint run.checkpoint",
     "watch udp://127.0.0.1:9000 --json",
+    "watch run.csv --estimate results/estimate.json --memory 60",
     "watch 'serial:///dev/ttyUSB0?baud=921600' --columns drive.toml",
 )
 
@@ -56,25 +57,40 @@ def watch(
         float | None,
         typer.Option(metavar="SECONDS", help="Without it, that of the first time stamps."),
     ] = None,
+    estimate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="The estimate.json of flexid identify to hold the drive against: its model, terms "
+            "and filter are taken, and where the drive departs from its values, that is said.",
+        ),
+    ] = None,
+    known: Known = None,
+    model: Model = "auto",
     terms: Annotated[
         str,
         typer.Option(
             metavar="NAMES",
-            help="Terms of the model beside the joint spring, between commas; usual: "
-            "gravity,motor_viscous,joint_damping,motor_coulomb.",
+            help="Terms of the model beside the joint spring, between commas; usual: those of the "
+            "estimate, or gravity,motor_viscous,joint_damping,motor_coulomb.",
         ),
     ] = "usual",
     hold: Annotated[
         str,
         typer.Option(
             metavar="WORD",
-            help="How the input behaves between samples: zero (held) or linear; auto widens the "
-            "intervals by what it matters.",
+            help="How the input behaves between samples: zero (held) or linear; auto: as in the "
+            "estimate, or the intervals are wider by what it matters.",
         ),
     ] = "auto",
     filter_rate: Annotated[
-        float, typer.Option(metavar="1/S", help="Rate of the filter of least squares.")
-    ] = 20.0,
+        float | None,
+        typer.Option(
+            metavar="1/S",
+            show_default="that of the estimate, or 20",
+            help="Rate of the filter of least squares.",
+        ),
+    ] = None,
     memory: Annotated[
         float,
         typer.Option(
@@ -84,11 +100,13 @@ def watch(
         ),
     ] = inf,
     coulomb_velocity: Annotated[
-        float,
+        float | None,
         typer.Option(
-            metavar="RAD/S", help="Velocity over which Coulomb friction changes its sign."
+            metavar="RAD/S",
+            show_default="that of the estimate, or 0.1",
+            help="Velocity over which Coulomb friction changes its sign.",
         ),
-    ] = 0.1,
+    ] = None,
     checkpoint: Annotated[
         Path | None,
         typer.Option(
@@ -116,19 +134,34 @@ def watch(
 
     Samples are lines of numbers below a header, as in a log. What is wrong with them is left out,
     counted and said: outliers, gaps, late and repeated samples, encoders that stick, inputs at
-    their limit. In a terminal the view is renewed; with --json each report is one line.
+    their limit. Without an input the link alone is watched, driven by the motor's measured motion.
+    With --estimate the drive is held against what it was: the health is inconsistent where it
+    departs from that, and says in what and by how much. In a terminal the view is renewed; with
+    --json each report is one line.
 
     Exit status: 0 where the estimates had converged in the end, 1 where they had not, 2 for bad
     input, 3 for Ctrl-C; the last report and the checkpoint are there all the same.
     """
     from rich.console import Console
 
-    from flexid.cli.assignments import parse_names
-    from flexid.streaming.follower import Choices, Follower, checked_every
-    from flexid.streaming.options import USUAL_TERMS
+    from flexid.cli.assignments import parse_known, parse_names
+    from flexid.streaming.choices import Choices
+    from flexid.streaming.commissioned import read_commissioned
+    from flexid.streaming.follower import Follower, checked_every
 
-    chosen = USUAL_TERMS if terms == "usual" else tuple(parse_names(terms))
-    choices = Choices(chosen, hold, filter_rate, memory, coulomb_velocity, sample_time)
+    values, deviations = parse_known(known or [])
+    choices = Choices(
+        None if terms == "usual" else parse_names(terms),
+        hold,
+        filter_rate,
+        memory,
+        coulomb_velocity,
+        sample_time,
+        model,
+        values,
+        deviations,
+        None if estimate is None else read_commissioned(estimate),
+    )
     errors = Console(stderr=True)
     follower = Follower(
         source,

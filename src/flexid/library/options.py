@@ -63,7 +63,7 @@ def joint_settings(
     """
     from flexid.identification.settings import Settings
 
-    values, deviations = _known(function, known)
+    values, deviations = as_known(function, known)
     if not isinstance(hold, str):
         raise ArgumentError(function, "hold", f"is {kind_of(hold)}: give a name such as 'zero'")
     if not isinstance(model, str):
@@ -127,8 +127,8 @@ def as_terms(function: str, terms: Any) -> Any:
     return tuple(dict.fromkeys(names))
 
 
-def _known(function: str, known: Any) -> tuple[dict[str, float], dict[str, float]]:
-    """Values, and the standard deviations of those that have one."""
+def as_known(function: str, known: Any) -> tuple[dict[str, float], dict[str, float]]:
+    """Values by name, and the standard deviations of those that have one."""
     example = "{'motor_inertia': 0.3} or {'motor_inertia': (0.3, 0.01)}"
     values: dict[str, float] = {}
     deviations: dict[str, float] = {}

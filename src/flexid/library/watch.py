@@ -10,11 +10,11 @@ import numpy as np
 
 from flexid.errors import ArgumentError
 from flexid.library.answer import Answer
-from flexid.library.checks import as_path, kind_of
+from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.logs import as_columns
-from flexid.library.options import as_number, as_terms
-from flexid.recording.channel import INPUTS, SI_UNITS
+from flexid.library.options import as_number
+from flexid.library.watch_arguments import as_choices, as_samples, fed_options
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
@@ -25,10 +25,13 @@ if TYPE_CHECKING:
     from flexid.analysis.excitation import Excitation
     from flexid.arrays import FloatArray
     from flexid.identification.result import CoefficientEstimate, ParameterEstimate
+    from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
-    from flexid.library.options import Terms
+    from flexid.library.options import Known, Terms
     from flexid.report.terminal import Part
-    from flexid.streaming.follower import Choices, Follower
+    from flexid.streaming.choices import Choices
+    from flexid.streaming.commissioned import Departure
+    from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
     from flexid.streaming.session import Change, Session
 
@@ -112,7 +115,8 @@ class Watch(Answer):
         link_position, deflection : float or array, shape (n,), optional
             One of them, in rad; without either the joint is taken as rigid.
         motor_torque, motor_current, motor_voltage : float or array, shape (n,)
-            One of them, in N m, A or V.
+            One of them, in N m, A or V; without any the link alone is watched, driven by the
+            motor's measured motion.
         time : float or array, shape (n,), optional
             In s; without it every sample follows the one before after a sample time.
 
@@ -131,7 +135,7 @@ class Watch(Answer):
             "motor_voltage": motor_voltage,
         }
         arrays = {
-            name: _array(name, values) for name, values in given.items() if values is not None
+            name: as_samples(name, values) for name, values in given.items() if values is not None
         }
         lengths = {name: len(values) for name, values in arrays.items()}
         if len({*lengths.values()}) > 1:
@@ -162,22 +166,7 @@ class Watch(Answer):
 
         if self._follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
-        inputs = [name for name in INPUTS if name in names]
-        links = [name for name in ("link_position", "deflection") if name in names]
-        if len(inputs) != 1 or len(links) > 1:
-            raise ArgumentError(
-                "feed",
-                "channels",
-                f"are {', '.join(names)}: give one of {', '.join(INPUTS)}, and of link_position and"
-                f" deflection one at most",
-            )
-        assert self._choices.sample_time is not None
-        options = self._choices.options(
-            "flexible" if links else "rigid",
-            SI_UNITS[inputs[0]][0],
-            self._choices.sample_time,
-            from_deflection=links == ["deflection"],
-        )
+        options = fed_options(self._choices, names)
         self._session = opened_session(options, self._checkpoint)
         self._channels = names
         if self._session.fed and np.isfinite(self._session.time):
@@ -221,7 +210,7 @@ class Watch(Answer):
     @property
     def parameters(self) -> "Mapping[str, ParameterEstimate]":
         """Physical parameters by name, with intervals and verdicts."""
-        return self.session.parameters(self.session.coefficients)
+        return self.session.parameters
 
     @property
     def excitation(self) -> "Mapping[str, Excitation]":
@@ -239,9 +228,16 @@ class Watch(Answer):
         return self.session.changes
 
     @property
+    def departures(self) -> "tuple[Departure, ...]":
+        """What differs from the estimate that the drive is held against, the clearest first."""
+        return self.session.departures
+
+    @property
     def warnings(self) -> tuple[str, ...]:
-        """What was assumed of the source's columns."""
-        return () if self._follower is None else self._follower.warnings
+        """What was assumed of the source's columns, and what a stream does not account for."""
+        if self._follower is not None:
+            return self._follower.warnings
+        return self._choices.warnings(self.session.options.sample_time)
 
     def save_checkpoint(self, path: "str | PathLike[str]") -> None:
         """Write all that is known into a file, from which `flexid.watch` goes on bit for bit.
@@ -275,25 +271,6 @@ class Watch(Answer):
         return f"<Watch: {health.health.words}, {health.reason}>"
 
 
-def _array(name: str, values: Any) -> "FloatArray":
-    try:
-        found = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise ArgumentError("feed", name, f"is {kind_of(values)}: give numbers") from None
-    if found.ndim != 1:
-        raise ArgumentError("feed", name, f"has {found.ndim} dimensions: give one number a sample")
-    return found
-
-
-def _terms(terms: Any) -> tuple[str, ...]:
-    from flexid.streaming.options import USUAL_TERMS
-
-    if isinstance(terms, str) and terms == "usual":
-        return USUAL_TERMS
-    names = as_terms("watch", terms)
-    return (names,) if isinstance(names, str) else names
-
-
 @entrance
 def watch(
     source: str | PathLike[str] | None = None,
@@ -301,11 +278,14 @@ def watch(
     columns: "Columns | None" = None,
     header: str | None = None,
     sample_time: float | None = None,
+    estimate: "JointEstimate | str | PathLike[str] | Mapping[str, Any] | None" = None,
+    known: "Known | None" = None,
+    model: Literal["auto", "flexible", "link", "rigid"] = "auto",
     terms: "Terms" = "usual",
     hold: Literal["auto", "linear", "zero"] = "auto",
-    filter_rate: float = 20.0,
+    filter_rate: float | None = None,
     memory: float = inf,
-    coulomb_velocity: float = 0.1,
+    coulomb_velocity: float | None = None,
     checkpoint: str | PathLike[str] | None = None,
     every: float = 1.0,
     stop_at_end: bool = False,
@@ -326,17 +306,27 @@ def watch(
         Names of the columns, where the source does not begin with them.
     sample_time : float, optional
         In s; without it, that of the source's first time stamps.
+    estimate : JointEstimate, path or mapping, optional
+        What the drive is held against: what `flexid.identify` returned, or an ``estimate.json``.
+        Its model, terms and filter are taken; where the drive departs from its values, the health
+        is inconsistent, and `Watch.departures` says in what and by how much.
+    known : mapping of str to float or pair of float, optional
+        Physical parameters or coefficients that are known, as `flexid.identify` takes them.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint; that of the estimate, or what the channels show, if not given.
     terms : iterable of str, optional
-        Terms of the model beside the joint spring, see `flexid.TERMS`; the usual ones are gravity,
-        viscous and Coulomb friction of the motor, and damping of the spring.
+        Terms of the model beside the joint spring, see `flexid.TERMS`; those of the estimate, or
+        the usual ones: gravity, viscous and Coulomb friction of the motor, damping of the spring.
     hold : {"auto", "linear", "zero"}, optional
-        The input between samples; ``"auto"`` widens the intervals by what it matters.
+        The input between samples; ``"auto"`` takes that of the estimate, or widens the intervals
+        by what it matters.
     filter_rate : float, optional
-        Rate of the filter of least squares in 1/s.
+        Rate of the filter of least squares in 1/s; that of the estimate, or 20, if not given.
     memory : float, optional
         Seconds after which a sample counts 1/e as much.
     coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes its sign.
+        Velocity in rad/s over which Coulomb friction changes its sign; that of the estimate, or
+        0.1, if not given.
     checkpoint : path, optional
         A file of `Watch.save_checkpoint` to go on from, if it is there.
     every : float, optional
@@ -367,27 +357,20 @@ def watch(
     >>> watch.feed(link_position=0.1, motor_position=0.11, motor_torque=2.0)  # doctest: +SKIP
     >>> watch.health.reason  # doctest: +SKIP
     """
-    from flexid.streaming.follower import Choices, Follower, checked_every
+    from flexid.streaming.follower import Follower, checked_every
 
-    numbers = {
-        name: as_number("watch", name, value)
-        for name, value in (
-            ("filter_rate", filter_rate),
-            ("memory", memory),
-            ("coulomb_velocity", coulomb_velocity),
-            ("every", every),
-        )
-    }
     if source is None and sample_time is None:
         raise ArgumentError("watch", "sample_time", "is missing: give it in s, or a source")
-    given_time = None if sample_time is None else as_number("watch", "sample_time", sample_time)
-    chosen = Choices(
-        _terms(terms),
-        hold,
-        numbers["filter_rate"],
-        numbers["memory"],
-        numbers["coulomb_velocity"],
-        given_time,
+    chosen = as_choices(
+        terms=terms,
+        hold=hold,
+        model=model,
+        known=known,
+        estimate=estimate,
+        memory=memory,
+        filter_rate=filter_rate,
+        coulomb_velocity=coulomb_velocity,
+        sample_time=sample_time,
     )
     file = None if checkpoint is None else as_path("watch", "checkpoint", checkpoint)
     follower = None
@@ -401,4 +384,4 @@ def watch(
             stop_at_end=stop_at_end,
             duration=None if duration is None else as_number("watch", "duration", duration),
         )
-    return Watch(chosen, follower, file, checked_every(numbers["every"]))
+    return Watch(chosen, follower, file, checked_every(as_number("watch", "every", every)))

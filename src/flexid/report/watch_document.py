@@ -16,16 +16,19 @@ def watch_document(session: Session) -> dict[str, Any]:
         At the moment that is described.
     """
     judgement = session.health
-    coefficients = session.coefficients
     return {
         "time": session.time,
         "health": judgement.health.words,
         "reason": judgement.reason,
-        "parameters": _values(session.parameters(coefficients)),
-        "coefficients": _values(coefficients),
+        "parameters": _values(session.parameters),
+        "coefficients": _values(session.coefficients),
         "excitation": {name: found.condition_number for name, found in session.excitation.items()},
         "samples": asdict(session.counts),
         "changes": [asdict(change) for change in session.changes],
+        "departures": [
+            {"name": d.name, "unit": d.unit, "was": d.was, "now": d.now, "change": d.change}
+            for d in session.departures
+        ],
         "options": session.options.document,
     }
 

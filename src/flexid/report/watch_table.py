@@ -51,7 +51,7 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
         (judgement.health.words, f"bold {COLOURS[judgement.health]}"), f": {judgement.reason}."
     )
     yield Text()
-    coefficients = session.coefficients
+    reference, gone = session.options.reference, {d.name: d for d in session.departures}
     columns = [
         Column("parameter"),
         Column("value", right=True),
@@ -59,10 +59,12 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
         Column("unit"),
         Column("verdict"),
     ]
+    if reference:
+        columns += [Column("estimate", right=True), Column("change", right=True)]
     if sparks is not None:
         columns.append(Column("lately", spare=1))
     table = Table("Physical parameters", columns)
-    for name, found in session.parameters(coefficients).items():
+    for name, found in session.parameters.items():
         value, interval = value_cells(found.value, *found.interval)
         cells = [
             name,
@@ -71,6 +73,12 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
             found.unit,
             Cell((found.verdict,), _VERDICTS[found.verdict]),
         ]
+        if name in reference:
+            was = reference[name][0]
+            change = f"{found.value / was - 1.0:+.1%}"
+            cells += [f"{was:.5g}", Cell((change,), "red" if name in gone else "")]
+        elif reference:
+            cells += ["", ""]
         if sparks is not None:
             cells.append(sparks.line(name, found.value))
         table.add(*cells)
@@ -80,6 +88,10 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
     )
     yield Text(f"Excitation: condition number of the rows {conditions}")
     yield Text(samples_sentence(session.counts))
+    for departure in session.departures:
+        yield Text(f"Departure: {departure.sentence}.", style="red")
+    for sentence in session.findings.contradicted:
+        yield Text(f"Contradiction: {sentence}.", style="red")
     for change in session.changes[-3:]:
         yield Text(f"Change: {change.sentence}.", style="red")
 

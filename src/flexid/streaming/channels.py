@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 from flexid.errors import RecordingError
+from flexid.identification.joint import Kind
 from flexid.recording.channel import INPUTS, Channel
 
 
@@ -14,17 +14,17 @@ class StreamChannels:
 
     Parameters
     ----------
-    kind : {"flexible", "rigid"}
-        Whether there are two encoders or one.
+    kind : {"flexible", "link", "rigid"}
+        Whether there are two encoders and an input, no input, or one encoder.
     input_unit : str
-        Of the input.
+        Of the input; empty where there is none.
     from_deflection : bool
         Whether the first position is the joint's deflection.
     warnings : tuple of str
         What was assumed.
     """
 
-    kind: Literal["flexible", "rigid"]
+    kind: Kind
     input_unit: str
     from_deflection: bool
     warnings: tuple[str, ...]
@@ -33,12 +33,12 @@ class StreamChannels:
     def words(self) -> str:
         """The channels, for a message."""
         link = "deflection, " if self.from_deflection else "link position, "
-        positions = (link if self.kind == "flexible" else "") + "motor position"
-        return f"{positions} and an input in {self.input_unit}"
+        positions = (link if self.kind != "rigid" else "") + "motor position"
+        return positions + (f" and an input in {self.input_unit}" if self.input_unit else "")
 
 
 def chosen_channels(
-    source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...]
+    source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...], model: str = "auto"
 ) -> tuple[list[Channel], StreamChannels]:
     """The channels of a sample, in its order: time, positions, input.
 
@@ -50,22 +50,33 @@ def chosen_channels(
         As of a log, by name.
     warnings : tuple of str
         What was assumed of them.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint; by default what the channels show.
 
     Raises
     ------
     RecordingError
-        If there is no input.
+        If a channel is missing that the model needs.
     """
     drive = next((name for name in INPUTS if name in channels), None)
-    if drive is None:
+    link = next((name for name in ("deflection", "link_position") if name in channels), None)
+    kind = model
+    if model == "auto":
+        kind = "rigid" if link is None else "link" if drive is None else "flexible"
+    if kind != "link" and drive is None:
         raise RecordingError(
             source,
             "input",
             "no torque, current or voltage is among the columns, and nothing can be learnt of the "
             "motor without it: send it too",
         )
-    link = next((name for name in ("deflection", "link_position") if name in channels), None)
-    positions = ["motor_position"] if link is None else [link, "motor_position"]
-    chosen = [channels[name] for name in ("time", *positions, drive)]
-    kind = "rigid" if link is None else "flexible"
-    return chosen, StreamChannels(kind, channels[drive].unit, link == "deflection", warnings)
+    if kind != "rigid" and link is None:
+        raise RecordingError(
+            source, "link position", "is not among the columns: send it too, or --model rigid"
+        )
+    names = ["time", "motor_position"] if kind == "rigid" else ["time", link, "motor_position"]
+    names += [drive] * (kind != "link")
+    chosen = [channels[name] for name in names if name is not None]
+    unit = channels[drive].unit if drive is not None and kind != "link" else ""
+    from_deflection = kind != "rigid" and link == "deflection"
+    return chosen, StreamChannels(kind, unit, from_deflection, warnings)  # type: ignore[arg-type]

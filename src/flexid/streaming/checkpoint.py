@@ -125,11 +125,11 @@ def _content(session: Session) -> dict[str, Any]:
 
 def _session(content: Mapping[str, Any]) -> Session:
     session = Session(WatchOptions.of(content["options"]))
-    n_rows = session.n_positions
+    n_rows = len(session.learner.system.rows)
     sizes = session.learner.sizes()
     session.fed = _count(content["fed"])
     session.n_read = _count(content["n_read"])
-    session.first_read = _rows(content["first_read"], n_rows + 2)
+    session.first_read = _rows(content["first_read"], session.options.width)
     session.guard_state = _array(content["guard"], len(session.guard_state))
     session.now = _memory(content["now"], sizes)
     session.newer = _memory(content["newer"], sizes)

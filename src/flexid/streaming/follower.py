@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,48 +11,13 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.recording.column_map import MapSource
 from flexid.streaming.checkpoint import read_session
+from flexid.streaming.choices import Choices
 from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.read_before import ReadBefore
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
 from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, LineReader, sample_time_of
-
-
-@dataclass(frozen=True)
-class Choices:
-    """What a user chooses; the rest follows from the stream.
-
-    Parameters
-    ----------
-    terms, hold, filter_rate, memory, coulomb_velocity
-        As of `WatchOptions`.
-    sample_time : float or None
-        In s; None takes it from the first time stamps.
-    """
-
-    terms: tuple[str, ...]
-    hold: str
-    filter_rate: float
-    memory: float
-    coulomb_velocity: float
-    sample_time: float | None = None
-
-    def options(
-        self, kind: str, input_unit: str, sample_time: float, *, from_deflection: bool
-    ) -> WatchOptions:
-        """Options of a session."""
-        return WatchOptions(
-            sample_time,
-            self.terms,
-            kind,  # type: ignore[arg-type] - WatchOptions checks it
-            self.hold,  # type: ignore[arg-type] - WatchOptions checks it
-            self.filter_rate,
-            self.memory,
-            self.coulomb_velocity,
-            input_unit,
-            from_deflection,
-        )
 
 
 def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
@@ -141,7 +106,12 @@ class Follower:
         if is_whole_log(self._source):
             if self._header is not None:
                 raise SettingError("header", "is for lines of text: leave it out for such a log")
-            return Replay(Path(self._source), self._map, at_once=self._stop_at_end)
+            return Replay(
+                Path(self._source),
+                self._map,
+                at_once=self._stop_at_end,
+                model=self._choices.wanted_model,
+            )
         source = open_source(self._source, stop_at_end=self._stop_at_end)
         if isinstance(source, Datagrams) and source.is_open_to_others:
             self.warnings += (
@@ -150,7 +120,8 @@ class Follower:
             )
         known = self._choices.sample_time is not None
         fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
-        return TextSamples(source, LineReader(source.name, self._header, fewest), self._map)
+        lines = LineReader(source.name, self._header, fewest)
+        return TextSamples(source, lines, self._map, self._choices.wanted_model)
 
     def turns(self, every: float) -> Generator[bool]:
         """Take in what comes, until the source ends.
@@ -197,7 +168,7 @@ class Follower:
     ) -> Iterator[bool]:
         """Feed the session with what it has not read before; stop wherever a report is due."""
         if samples is None:
-            samples = np.empty((0, session.n_positions + 2))
+            samples = np.empty((0, session.options.width))
         if self._read_before is not None:
             samples = self._read_before.new(samples, last=ended)
         between = max(1, round(min(every / session.options.sample_time, 1e15)))
@@ -222,4 +193,5 @@ class Follower:
             choices.sample_time or sample_time_of(incoming.name, head),
             from_deflection=channels.from_deflection,
         )
+        self.warnings += choices.warnings(options.sample_time)
         return opened_session(options, self._checkpoint)

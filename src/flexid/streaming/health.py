@@ -78,6 +78,19 @@ class Limits:
         "difference between filters over the value, from which on they contradict each other",
     )
 
+    departure: float = _limit(
+        2.0,
+        "1",
+        "difference from an estimate made before, over both half intervals together, from which on "
+        "it is no chance: four standard deviations",
+    )
+    least_departure: float = _limit(
+        0.1,
+        "1",
+        "and over the value: what models leave out makes 5 % here and there, with another "
+        "estimator or another motion",
+    )
+
     def table(self) -> list[tuple[str, float, str, str]]:
         """Name, value, unit and reason of every limit."""
         return [
@@ -133,6 +146,8 @@ class Evidence(NamedTuple):
     """Of spring and inertias."""
     changed: str
     """What contradicted the estimates before they began anew; empty if nothing did."""
+    contradicted: str = ""
+    """What is known, or was estimated before, and is otherwise now; empty if nothing is."""
 
 
 class Judgement(NamedTuple):
@@ -201,15 +216,18 @@ def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
             f"slow and fast motion disagree on {apart.name} by {_relative_disagreement(apart):.0%}:"
             f" the model leaves something out, or a channel is late or has the wrong sign",
         )
+    if patient and evidence.contradicted:
+        return Judgement(Health.INCONSISTENT, evidence.contradicted)
     if not narrow:
         return Judgement(
             Health.CONVERGING,
             f"{widest.name} is known within {_percent(_relative_width(widest))} so far",
         )
+    within = f"within {_percent(_relative_width(widest))}"
+    if len(evidence.widths) == 1:
+        return Judgement(Health.CONVERGED, f"{widest.name} is known {within}")
     return Judgement(
-        Health.CONVERGED,
-        f"spring and inertias are known, {widest.name} the least, within "
-        f"{_percent(_relative_width(widest))}",
+        Health.CONVERGED, f"spring and inertias are known, {widest.name} the least, {within}"
     )
 
 

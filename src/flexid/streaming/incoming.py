@@ -75,11 +75,20 @@ class TextSamples:
         What makes cells of them.
     column_map : path, mapping or None
         A column map.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint, see `chosen_channels`.
     """
 
-    def __init__(self, source: Source, lines: LineReader, column_map: MapSource | None) -> None:
+    def __init__(
+        self,
+        source: Source,
+        lines: LineReader,
+        column_map: MapSource | None,
+        model: str = "auto",
+    ) -> None:
         self.name = source.name
         self._source, self._lines, self._map = source, lines, column_map
+        self._model = model
         self._columns: StreamColumns | None = None
         self._ended = False
         self.channels: StreamChannels | None = None
@@ -106,7 +115,7 @@ class TextSamples:
             return np.empty((0, 0))
         if self._columns is None:
             assert self._lines.layout is not None
-            self._columns = stream_columns(self.name, self._lines.layout, self._map)
+            self._columns = stream_columns(self.name, self._lines.layout, self._map, self._model)
             self._check_same(self._columns.channels)
             self.channels = self._columns.channels
         return self._columns.samples(cells)
@@ -158,6 +167,8 @@ class Replay:
         A column map.
     at_once : bool
         Whether its samples come as fast as they are taken.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint, see `chosen_channels`.
 
     Raises
     ------
@@ -167,13 +178,15 @@ class Replay:
 
     begins = False
 
-    def __init__(self, path: Path, column_map: MapSource | None, *, at_once: bool) -> None:
+    def __init__(
+        self, path: Path, column_map: MapSource | None, *, at_once: bool, model: str = "auto"
+    ) -> None:
         self.name = shown(path)
         self.warnings: tuple[str, ...] = ()
         table = table_of_file(path, column_map)
         channels, warnings = read_channels(table, column_map)
         warnings = tuple(dict.fromkeys(table.warnings + warnings))
-        chosen, self.channels = chosen_channels(self.name, channels, warnings)
+        chosen, self.channels = chosen_channels(self.name, channels, warnings, model)
         self._samples: FloatArray = np.column_stack([channel.values for channel in chosen])
         # The latest time so far: a sample that is late, or another clock, holds nobody up.
         self._due = np.maximum.accumulate(self._samples[:, 0])

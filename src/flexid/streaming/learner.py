@@ -33,10 +33,12 @@ class Learner:
     """
 
     def __init__(self, options: WatchOptions) -> None:
+        self.options = options
         self.system = options.system
+        self._is_driven = options.kind == "link"
         hold: Hold = "zero" if options.hold == "zero" else "linear"
         runs: list[tuple[float, Hold]] = [(rate, hold) for rate in RATES]
-        if options.hold == "auto":
+        if options.hold == "auto" and not self._is_driven:
             runs.append((1.0, "zero"))
         self._estimators = [
             recursive_least_squares(
@@ -54,19 +56,24 @@ class Learner:
         """States before the first sample, from some values on."""
         names = self.system.coefficients
         start = {} if values is None else dict(zip(names, values.tolist(), strict=True))
-        return tuple(estimator.init(start) for estimator in self._estimators)
+        states = tuple(estimator.init(start) for estimator in self._estimators)
+        return (*states, np.full(4, np.nan)) if self._is_driven else states
 
     def sizes(self) -> tuple[int, ...]:
         """Numbers in each state."""
         return tuple(len(state) for state in self.first_states())
 
     def learn(self, states: States, rows: FloatArray) -> tuple[States, History]:
-        """Take in rows; the history is that of the first estimator."""
+        """Take in rows of positions and inputs; the history is that of the first estimator."""
+        last: States = ()
+        if self._is_driven:
+            rows, end = _driven(rows, states[-1], self.options.sample_time)
+            last = (end,)
         histories = [
             estimator.replay(state, rows)
-            for estimator, state in zip(self._estimators, states, strict=True)
+            for estimator, state in zip(self._estimators, states, strict=False)
         ]
-        return tuple(history.state for history in histories), histories[0]
+        return (*(history.state for history in histories), *last), histories[0]
 
     def values(self, states: States) -> FloatArray:
         """Coefficients, shape (n_coefficients,)."""
@@ -75,7 +82,7 @@ class Learner:
     def disagreement(self, states: States) -> FloatArray:
         """Largest difference of another filter's coefficients, shape (n_coefficients,)."""
         values = self.values(states)
-        others = zip(self._estimators[1:], states[1:], strict=True)
+        others = zip(self._estimators[1:], states[1:], strict=False)
         return np.max([np.abs(e.coefficients(s) - values) for e, s in others], axis=0)
 
     def estimate(self, states: States) -> Estimate:
@@ -89,3 +96,15 @@ class Learner:
             self.system.coefficients, self.values(states), covariance, tuple(freedom.tolist())
         )
         return found.widened(np.diag((WORTH * self.disagreement(states)) ** 2))
+
+
+def _driven(rows: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+    """Rows of the link with the motor's motion as its input, a sample late; and the last two.
+
+    The motor's velocity is half the difference over two samples, as the filter takes that of a
+    row of the model; where samples are missing beside it, there is none.
+    """
+    known = np.vstack((before.reshape(2, 2), rows))
+    link, motor = known.T
+    velocity = (motor[2:] - motor[:-2]) / (2.0 * h)
+    return np.column_stack((link[1:-1], motor[1:-1], velocity)), known[-2:].ravel()

@@ -1,15 +1,20 @@
 """What an estimation beside a drive is given: the model, the clock, the filter, the memory."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 from math import inf, isfinite
 from typing import Any, Literal
 
 from flexid.errors import SettingError
 from flexid.estimators.filter_rate import check_filter_rate
-from flexid.models.flexible_joint import TERMS, flexible_joint
+from flexid.identification.joint import Kind, joint_of
+from flexid.identification.settings import Settings
+from flexid.identification.stated import Stated, stated
+from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
+from flexid.models.row_alone import row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.sampling import check_sample_time
 
@@ -18,6 +23,12 @@ USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 
 RATES = (1.0, 0.25, 4.0)
 """Multiples of the filter rate that run side by side; the first is asked."""
+
+KINDS = ("flexible", "link", "rigid")
+"""Models of the joint."""
+
+USABLE_TERMS = {n: t for n, t in (TERMS | SHAPE_TERMS).items() if t.memory is None}
+"""Terms that may be named: least squares has no memory."""
 
 _INPUT_UNITS = ("N m", "A", "V")
 
@@ -32,8 +43,9 @@ class WatchOptions:
         In s.
     terms : tuple of str, optional
         Terms of the flexible joint beside its spring.
-    kind : {"flexible", "rigid"}, optional
-        Whether link and motor have an encoder each, or the drive has one.
+    kind : {"flexible", "link", "rigid"}, optional
+        Whether link and motor have an encoder each, and there is an input; or the link is driven by
+        the motor's measured motion; or the drive has one encoder.
     hold : {"auto", "linear", "zero"}, optional
         The input between samples: on straight lines, or held. With ``"auto"`` it is taken as on
         lines, and the intervals cover what a held one would give.
@@ -43,10 +55,18 @@ class WatchOptions:
         Seconds after which a sample weighs 1/e as much; infinite: nothing fades.
     coulomb_velocity : float, optional
         Velocity in rad/s over which Coulomb friction changes its sign.
-    input_unit : {"N m", "A", "V"}, optional
-        Of what drives the motor.
+    input_unit : {"N m", "A", "V", ""}, optional
+        Of what drives the motor; empty for the link alone.
     from_deflection : bool, optional
         Whether the link's position comes as the joint's deflection.
+    shapes : mapping of str to float, optional
+        Widths of the shapes of unusual terms.
+    known : mapping of str to float, optional
+        Physical parameters or coefficients, as in `Settings`.
+    known_deviations : mapping of str to float, optional
+        Standard deviations of what is known; what has none is known exactly.
+    reference : mapping of str to tuple of float, optional
+        Physical parameters by an estimate made before, and half of their intervals.
 
     Raises
     ------
@@ -56,20 +76,24 @@ class WatchOptions:
 
     sample_time: float
     terms: tuple[str, ...] = USUAL_TERMS
-    kind: Literal["flexible", "rigid"] = "flexible"
+    kind: Kind = "flexible"
     hold: Literal["auto", "linear", "zero"] = "auto"
     filter_rate: float = 20.0
     memory: float = inf
     coulomb_velocity: float = COULOMB_VELOCITY
     input_unit: str = "N m"
     from_deflection: bool = False
+    shapes: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    known_deviations: Mapping[str, float] = field(default_factory=dict)
+    reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
         check_sample_time(self.sample_time)
-        check_terms(self.terms, TERMS)
-        if self.kind not in ("flexible", "rigid"):
-            raise SettingError("kind", f"{self.kind!r} is none: give 'flexible' or 'rigid'")
+        check_terms(self.terms, USABLE_TERMS)
+        if self.kind not in KINDS:
+            raise SettingError("model", f"{self.kind!r} is none: give {', '.join(KINDS)}")
         if self.hold not in ("auto", "linear", "zero"):
             raise SettingError("hold", f"{self.hold!r} is none: give 'auto', 'linear' or 'zero'")
         check_filter_rate(
@@ -81,23 +105,76 @@ class WatchOptions:
                 f"{self.memory} s is shorter than the filter's own: give more than "
                 f"{20.0 / self.filter_rate:.3g} s",
             )
-        if self.input_unit not in _INPUT_UNITS:
+        if self.kind == "link":
+            object.__setattr__(self, "input_unit", "")
+            if self.hold != "auto":
+                raise SettingError("hold", "is of an input, and the link alone has none: leave it")
+        elif self.input_unit not in _INPUT_UNITS:
             raise SettingError(
                 "input unit", f"{self.input_unit!r} is none: give {', '.join(_INPUT_UNITS)}"
             )
+        pairs = {name: (float(was), float(half)) for name, (was, half) in self.reference.items()}
+        object.__setattr__(self, "reference", pairs)
+        _ = self.stated  # raises
+
+    @cached_property
+    def stated(self) -> Stated:
+        """What the user states of the drive.
+
+        Raises
+        ------
+        SettingError
+            If it is of something that this model has not, or contradicts itself.
+        """
+        terms = rigid_terms(self.terms) if self.kind == "rigid" else self.terms
+        settings = Settings(
+            terms=terms, known={**self.known}, known_deviations={**self.known_deviations}
+        )
+        return stated(settings, joint_of(self.kind), self.input_unit)
+
+    @property
+    def given(self) -> Mapping[str, float]:
+        """Coefficients that are known exactly."""
+        return self.stated.given
+
+    @property
+    def n_encoders(self) -> int:
+        """Positions in a sample."""
+        return 1 if self.kind == "rigid" else 2
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs in a sample."""
+        return 0 if self.kind == "link" else 1
+
+    @property
+    def width(self) -> int:
+        """Numbers in a sample: the time, positions, and the input."""
+        return 1 + self.n_encoders + self.n_inputs
 
     @property
     def system(self) -> ParametricSystem:
-        """The model."""
+        """The model; what is known exactly is in its known parts."""
+        return self._system(self.given)
+
+    @property
+    def whole_system(self) -> ParametricSystem:
+        """The model with every coefficient unknown."""
+        return self._system({})
+
+    def _system(self, known: Mapping[str, float]) -> ParametricSystem:
         if self.kind == "rigid":
-            terms = rigid_terms(self.terms)
-            return rigid_joint(terms, coulomb_velocity=self.coulomb_velocity)
-        return flexible_joint(self.terms, coulomb_velocity=self.coulomb_velocity)
+            return rigid_joint(rigid_terms(self.terms), known, self.coulomb_velocity)
+        whole = flexible_joint(self.terms, known, self.coulomb_velocity)
+        used = {name: width for name, width in self.shapes.items() if name in whole.constants}
+        whole = whole.with_constants(used)
+        return row_alone(whole, "link") if self.kind == "link" else whole
 
     @property
     def document(self) -> dict[str, Any]:
         """The options, ready for JSON; an endless memory is None."""
-        return {**asdict(self), "memory": self.memory if isfinite(self.memory) else None}
+        endless = self.memory if isfinite(self.memory) else None
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"memory": endless}
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> "WatchOptions":
@@ -114,5 +191,5 @@ class WatchOptions:
         memory = document["memory"]
         try:
             return cls(**{**document, "memory": inf if memory is None else memory})
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, AttributeError):
             raise SettingError("checkpoint", "its options are of wrong types") from None

@@ -4,7 +4,6 @@ Nothing depends on how a stream is cut into blocks: whatever is done now and the
 number of samples that came, and every sum runs from sample to sample.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,13 +12,11 @@ from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.online import Status
-from flexid.estimators.unknowns import Unknowns
-from flexid.identification.estimates import coefficient_estimates, parameter_estimates
-from flexid.identification.intervals import POSITIVE, quantile
-from flexid.identification.joint import joint_of
 from flexid.identification.result import CoefficientEstimate, ParameterEstimate
+from flexid.streaming.commissioned import Departure
+from flexid.streaming.findings import Findings, findings
 from flexid.streaming.guard import Counts, Guard
-from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, Width, contradicts, judge
+from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge
 from flexid.streaming.learner import Learner, States
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.recent import RecentWindow
@@ -87,9 +84,11 @@ class Session:
     def __init__(self, options: WatchOptions) -> None:
         self.options = options
         self.learner = Learner(options)
-        self.n_positions = len(self.learner.system.rows)
         self.guard = Guard(
-            options.sample_time, self.n_positions, 1, from_deflection=options.from_deflection
+            options.sample_time,
+            options.n_encoders,
+            options.n_inputs,
+            from_deflection=options.from_deflection,
         )
         self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
         states = self.learner.first_states()
@@ -105,17 +104,18 @@ class Session:
         self.n_changes = 0
         self.n_read = 0
         """Samples of the file that is followed, from its beginning, that came."""
-        self.first_read = np.empty((0, self.n_positions + 2))
+        self.first_read = np.empty((0, options.width))
         """The first of them, by which the file is known again."""
+        self._found: tuple[Memory, Findings] | None = None
 
     def feed(self, samples: FloatArray) -> None:
         """Take in samples.
 
         Parameters
         ----------
-        samples : array, shape (n, 1 + n_positions + 1)
-            Time in s, positions in rad and the input, of each sample in the order in which they
-            came. With a time of NaN a sample is lost.
+        samples : array, shape (n, options.width)
+            Time in s, positions in rad and the input, if there is one, of each sample in the order
+            in which they came. With a time of NaN a sample is lost.
 
         Raises
         ------
@@ -123,7 +123,7 @@ class Session:
             If the shape is another one.
         """
         samples = np.ascontiguousarray(samples, dtype=np.float64)
-        width = self.n_positions + 2
+        width = self.options.width
         if samples.ndim != 2 or samples.shape[1] != width:
             raise SettingError(
                 "samples", f"have the shape {samples.shape}: give {width} numbers for each"
@@ -210,12 +210,13 @@ class Session:
     def evidence(self) -> Evidence:
         """What the health is judged by."""
         states, options = self.now.states, self.options
-        widths = self._widths(states)
         equations = self.learner.main.equations(states[0])
         direction: tuple[str, ...] = ()
         if not self.now.determined and equations:
             worst = max(self.excitation.values(), key=lambda found: found.condition_number)
             direction = worst.confounded
+        found = self.findings
+        sentences = [departure.sentence for departure in found.departures]
         return Evidence(
             self.recent.bad_share,
             self.recent.bad_cause,
@@ -223,61 +224,33 @@ class Session:
             equations * options.sample_time * options.filter_rate,
             self.now.determined,
             direction,
-            widths,
+            found.widths,
             self.changes[-1].sentence if self.changes else "",
+            next(iter((*sentences, *found.contradicted)), ""),
         )
 
-    def _widths(self, states: States) -> list[Width]:
-        found = self.learner.estimate(states)
-        disagreement = self.learner.disagreement(states)
-        return [
-            Width(
-                name,
-                float(found.values[place]),
-                quantile(found.degrees_of_freedom[place]) * float(found.deviations[place])
-                if found.degrees_of_freedom[place] > 0.0
-                else np.inf,
-                float(disagreement[place]),
-            )
-            for place, name in enumerate(found.names)
-            if name in POSITIVE
-        ]
+    @property
+    def findings(self) -> Findings:
+        """Values and intervals, and what contradicts them."""
+        if self._found is None or self._found[0] is not self.now:
+            found = findings(self.learner, self.now.states, self.options.stated)
+            self._found = (self.now, found)
+        return self._found[1]
 
     @property
     def coefficients(self) -> dict[str, CoefficientEstimate]:
         """Coefficients of the model, with intervals and verdicts."""
-        joint = joint_of(self.options.kind)
-        estimate = self.learner.estimate(self.now.states)
-        unit = self.options.input_unit
-        with np.errstate(all="ignore"):  # of numbers that no drive has
-            sizes = self._sizes()
-            return coefficient_estimates(estimate, joint, self._unknowns, sizes, {}, unit)
-
-    def _sizes(self) -> dict[str, float]:
-        """Root mean square of each regressor over that of its row's left-hand side."""
-        main, state = self.learner.main, self.now.states[0]
-        power, _ = main.powers(state)
-        return {
-            name: float(np.sqrt(np.divide(max(square, 0.0), power[j])))
-            for j, (row, gram) in enumerate(
-                zip(self.learner.system.rows, main.information(state), strict=True)
-            )
-            for name, square in zip(row.coefficients, np.diag(gram), strict=True)
-        }
-
-    def parameters(
-        self, coefficients: Mapping[str, CoefficientEstimate]
-    ) -> dict[str, ParameterEstimate]:
-        """Physical parameters that the coefficients determine."""
-        joint = joint_of(self.options.kind)
-        estimate = self.learner.estimate(self.now.states)
-        unit = self.options.input_unit
-        with np.errstate(all="ignore"):
-            return parameter_estimates(joint, estimate, self._unknowns, coefficients, unit)
+        return self.findings.coefficients
 
     @property
-    def _unknowns(self) -> Unknowns:
-        return Unknowns(self.learner.system)
+    def parameters(self) -> dict[str, ParameterEstimate]:
+        """Physical parameters that the coefficients determine."""
+        return self.findings.parameters
+
+    @property
+    def departures(self) -> tuple[Departure, ...]:
+        """What differs from the estimate that the stream is held against."""
+        return self.findings.departures
 
     @property
     def excitation(self) -> dict[str, Excitation]:

@@ -56,7 +56,9 @@ class StreamColumns:
         return samples
 
 
-def stream_columns(source: str, layout: Layout, column_map: MapSource | None) -> StreamColumns:
+def stream_columns(
+    source: str, layout: Layout, column_map: MapSource | None, model: str = "auto"
+) -> StreamColumns:
     """Decide what the columns of a stream are, exactly as for a log.
 
     Parameters
@@ -67,6 +69,8 @@ def stream_columns(source: str, layout: Layout, column_map: MapSource | None) ->
         Names and their place.
     column_map : path, mapping or None
         A column map.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint, see `chosen_channels`.
 
     Raises
     ------
@@ -79,7 +83,7 @@ def stream_columns(source: str, layout: Layout, column_map: MapSource | None) ->
     frame = pl.DataFrame({name: ["0"] for name in names})
     table = Table(source, f"line {layout.header_line}", layout.first_line, "line", frame, "")
     channels, warnings = read_channels(table, column_map)
-    chosen, meant = chosen_channels(source, channels, warnings)
+    chosen, meant = chosen_channels(source, channels, warnings, model)
     return StreamColumns(
         np.array([_weights(channel, names) for channel in chosen]),
         np.array([channel.origin.offset for channel in chosen]),

@@ -1,0 +1,128 @@
+"""What a user chooses of a stream's estimation, and what follows from the stream."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Literal
+
+from flexid.errors import SettingError
+from flexid.estimators.filter_rate import FASTEST, SLOWEST
+from flexid.models.terms import COULOMB_VELOCITY
+from flexid.streaming.commissioned import Commissioned
+from flexid.streaming.options import KINDS, RATES, USUAL_TERMS, WatchOptions
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a user chooses; the rest follows from the stream, or from an estimate made before.
+
+    Parameters
+    ----------
+    terms : tuple of str or None, optional
+        See `WatchOptions`; None takes those of the estimate, or the usual ones.
+    hold : {"auto", "linear", "zero"}, optional
+        With ``"auto"`` that of the estimate, if there is one.
+    filter_rate : float or None, optional
+        In 1/s; None takes that of the estimate, or 20, as far as the sample time allows.
+    memory : float, optional
+        In s.
+    coulomb_velocity : float or None, optional
+        In rad/s; None takes that of the estimate, or 0.1.
+    sample_time : float or None, optional
+        In s; None takes it from the first time stamps.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint; with ``"auto"`` that of the estimate, or what the channels show.
+    known, known_deviations : mapping of str to float, optional
+        See `WatchOptions`.
+    estimate : Commissioned or None, optional
+        What the stream is held against.
+
+    Raises
+    ------
+    SettingError
+        If there is no such model.
+    """
+
+    terms: tuple[str, ...] | None = None
+    hold: str = "auto"
+    filter_rate: float | None = None
+    memory: float = inf
+    coulomb_velocity: float | None = None
+    sample_time: float | None = None
+    model: str = "auto"
+    known: Mapping[str, float] = field(default_factory=dict)
+    known_deviations: Mapping[str, float] = field(default_factory=dict)
+    estimate: Commissioned | None = None
+
+    def __post_init__(self) -> None:
+        if self.model not in ("auto", *KINDS):
+            raise SettingError("model", f"{self.model!r} is none: give auto, {', '.join(KINDS)}")
+
+    @property
+    def wanted_model(self) -> str:
+        """The model that is asked for."""
+        if self.model == "auto" and self.estimate is not None:
+            return self.estimate.kind
+        return self.model
+
+    def options(
+        self,
+        kind: Literal["flexible", "link", "rigid"],
+        input_unit: str,
+        sample_time: float,
+        *,
+        from_deflection: bool,
+    ) -> WatchOptions:
+        """Options of a session.
+
+        Parameters
+        ----------
+        kind : {"flexible", "link", "rigid"}
+            What the stream's channels show.
+        input_unit : str
+            Of the input; empty where there is none.
+        sample_time : float
+            In s.
+        from_deflection : bool
+            Whether the link's position comes as the joint's deflection.
+
+        Raises
+        ------
+        SettingError
+            If something does not go together.
+        """
+        made = self.estimate or Commissioned(kind, USUAL_TERMS, hold="auto")
+        if made.kind != kind:
+            raise SettingError(
+                "estimate", f"is of the {made.kind} joint, and these channels show the {kind} one"
+            )
+        if self.estimate is not None and made.input_unit != input_unit:
+            raise SettingError(
+                "estimate",
+                f"is of an input in {made.input_unit}, and that of the stream is in {input_unit}: "
+                f"compare like with like",
+            )
+        rate = self.filter_rate
+        if rate is None:
+            slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
+            rate = min(max(made.filter_rate, slowest / sample_time), fastest / sample_time)
+        hold = made.hold if self.hold == "auto" and kind != "link" else self.hold
+        return WatchOptions(
+            sample_time,
+            made.terms if self.terms is None else self.terms,
+            kind,
+            hold,  # type: ignore[arg-type] - WatchOptions checks it
+            rate,
+            self.memory,
+            self.coulomb_velocity or made.coulomb_velocity or COULOMB_VELOCITY,
+            input_unit,
+            from_deflection,
+            made.shapes,
+            {**made.given, **self.known},
+            self.known_deviations,
+            made.reference,
+        )
+
+    def warnings(self, sample_time: float) -> tuple[str, ...]:
+        """What a stream of such samples does not account for."""
+        return () if self.estimate is None else self.estimate.warnings(sample_time)

@@ -1,0 +1,219 @@
+"""An estimate made before, as what a stream is held against.
+
+Its model is that of the stream: terms, what was given, hold and filter. Its values are not: what
+is learnt is learnt from the stream alone, because a drive that has changed since would be drawn to
+what it was. Whether it has is a comparison of the two.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite, isinf
+from typing import TYPE_CHECKING, Literal
+
+from flexid.errors import SettingError
+from flexid.models.flexible_joint import SHAPE_TERMS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexid.identification.result import Identification, ParameterEstimate
+
+FILTER_RATE = 20.0
+"""Rate of the filter in 1/s, where the samples come often enough for it."""
+
+LATE = 0.1
+"""Part of a sample time by which a channel may be late before it is worth a word."""
+
+_OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset": "motor_offset"}
+
+
+@dataclass(frozen=True)
+class Commissioned:
+    """What a stream takes from an estimate, and what it is compared with.
+
+    Parameters
+    ----------
+    kind : {"flexible", "link", "rigid"}
+        Which joint.
+    terms : tuple of str
+        Of the joint.
+    hold : {"auto", "linear", "zero"}
+        The input between samples.
+    filter_rate : float, optional
+        In 1/s.
+    given : mapping of str to float
+        Coefficients that were not estimated.
+    shapes : mapping of str to float
+        Widths of shapes, constants of the model.
+    coulomb_velocity : float or None
+        In rad/s; None where friction was dry.
+    reference : mapping of str to tuple of float
+        Value of each physical parameter that is determined, and half of its 95 % interval.
+    input_unit : str
+        Of the input; empty where there is none.
+    late : mapping of str to float
+        Channels that were found late, and by how many seconds.
+    """
+
+    kind: Literal["flexible", "link", "rigid"]
+    terms: tuple[str, ...]
+    hold: Literal["auto", "linear", "zero"]
+    filter_rate: float = FILTER_RATE
+    given: Mapping[str, float] = field(default_factory=dict)
+    shapes: Mapping[str, float] = field(default_factory=dict)
+    coulomb_velocity: float | None = None
+    reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    input_unit: str = ""
+    late: Mapping[str, float] = field(default_factory=dict)
+
+    def warnings(self, sample_time: float) -> tuple[str, ...]:
+        """What a stream of such samples does not account for."""
+        return tuple(
+            f"the estimate found the {name} late by {1e3 * delay:.3g} ms, and a stream is taken as "
+            f"it comes: send it in time, or inertias, friction and damping seem to have changed"
+            for name, delay in self.late.items()
+            if abs(delay) > LATE * sample_time
+        )
+
+
+def read_commissioned(estimate: "Path | str | Mapping[str, object]") -> Commissioned:
+    """What a stream takes from a stored estimate.
+
+    Parameters
+    ----------
+    estimate : path or mapping
+        An ``estimate.json`` of ``flexid identify``, or its content.
+
+    Raises
+    ------
+    SettingError
+        If it cannot be read or used.
+    """
+    from flexid.identification.estimate_file import read_estimate, stored_identification
+
+    return commissioned(stored_identification(read_estimate(estimate)))
+
+
+def commissioned(result: "Identification") -> Commissioned:
+    """What a stream takes from an identification.
+
+    Parameters
+    ----------
+    result : Identification
+        What was found, and stored.
+
+    Raises
+    ------
+    SettingError
+        If a term of it has a memory, which least squares has not, or nothing is determined.
+    """
+    from flexid.identification.rebuilt import given_coefficients
+
+    choices = result.choices
+    remembering = [t for t in choices.terms if (s := SHAPE_TERMS.get(t)) and s.memory]
+    if remembering:
+        left = ",".join(t for t in choices.terms if t not in remembering)
+        raise SettingError(
+            "estimate",
+            f"has {remembering[0]}, which remembers the path of the spring, and least squares "
+            f"remembers nothing: identify with --terms {left or 'none'}, and take that estimate",
+        )
+    reference = {
+        name: (found.value, 0.5 * (found.interval[1] - found.interval[0]))
+        for name, found in result.parameters.items()
+        if found.verdict == "determined" and _is_known(found)
+    }
+    if not reference:
+        raise SettingError("estimate", "determines nothing that a stream could be compared with")
+    unit = result.coefficients["beta1"].unit if "beta1" in result.coefficients else ""
+    alignment = choices.alignment
+    late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
+    given = given_coefficients(result)
+    return Commissioned(
+        result.model,
+        tuple(_OF_THE_MOTOR.get(t, t) if result.model == "rigid" else t for t in choices.terms),
+        "zero" if choices.hold == "zero" else "linear",
+        choices.filter_rate if isfinite(choices.filter_rate) else FILTER_RATE,
+        {name: c.value for name, c in result.coefficients.items() if name in given},
+        {**choices.shapes},
+        choices.coulomb_velocity,
+        reference,
+        unit.removeprefix("rad/s^2/").strip("()"),
+        late,
+    )
+
+
+def _is_known(found: "ParameterEstimate") -> bool:
+    return "[" not in found.name and not isinf(found.std) and found.value != 0.0
+
+
+@dataclass(frozen=True)
+class Departure:
+    """A physical parameter that differs from what it was.
+
+    Parameters
+    ----------
+    name, unit : str
+        Of the parameter.
+    was, now : float
+        In the estimate, and by the stream.
+    excess : float
+        Their difference, over the least that counts as one.
+    """
+
+    name: str
+    unit: str
+    was: float
+    now: float
+    excess: float
+
+    @property
+    def change(self) -> float:
+        """Relative."""
+        return self.now / self.was - 1.0
+
+    @property
+    def sentence(self) -> str:
+        """By how much, for a report."""
+        amount = f"{abs(self.change):.2g}" if abs(self.change) > 9.995 else ""
+        share = f"{amount} times" if amount else f"{abs(self.change):.0%}"
+        way = "higher" if abs(self.now) > abs(self.was) else "lower"
+        way = way if self.now * self.was > 0.0 else "off, of the other sign,"
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{self.name} is {share} {way} than in the estimate, {self.now:.4g}{unit} where it was "
+            f"{self.was:.4g}"
+        )
+
+
+def departures(
+    reference: Mapping[str, tuple[float, float]],
+    parameters: Mapping[str, "ParameterEstimate"],
+    *,
+    widths: float,
+    least: float,
+) -> tuple[Departure, ...]:
+    """Parameters that differ from an estimate, the clearest first.
+
+    Parameters
+    ----------
+    reference : mapping of str to tuple of float
+        Values, and half their intervals.
+    parameters : mapping of str to ParameterEstimate
+        By the stream.
+    widths : float
+        Half intervals, of both together, up to which a difference is chance.
+    least : float
+        Relative difference up to which it is none.
+    """
+    found = []
+    for name, (was, half_was) in reference.items():
+        now = parameters.get(name)
+        if now is None or not isfinite(now.std):
+            continue
+        half = 0.5 * (now.interval[1] - now.interval[0])
+        allowed = max(widths * (half**2 + half_was**2) ** 0.5, least * abs(was))
+        excess = abs(now.value - was) / allowed if allowed > 0.0 else 0.0
+        if excess > 1.0:
+            found.append(Departure(name, now.unit, was, now.value, excess))
+    return tuple(sorted(found, key=lambda departure: -departure.excess))

@@ -1,0 +1,234 @@
+"""A stream that is held against an estimate made before, and against what is known."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from moving_joint import OPTIONS, H, stream, watched
+
+import flexid
+from flexid.errors import SettingError
+from flexid.identification.alignment import Delay
+from flexid.identification.result import ParameterEstimate
+from flexid.streaming.checkpoint import read_session, save_session
+from flexid.streaming.choices import Choices
+from flexid.streaming.commissioned import Commissioned, commissioned, departures
+from flexid.streaming.follower import opened_session
+from flexid.streaming.health import Health
+from flexid.streaming.options import WatchOptions
+
+LOG = "examples/flexible_joint.csv"
+TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
+
+
+def against(**other: float) -> WatchOptions:
+    """Options of a stream that is held against the truth, but for some values."""
+    reference = {name: (value, 1e-3 * value) for name, value in (TRUTH | other).items()}
+    return replace(OPTIONS, reference=reference)
+
+
+def test_a_drive_as_it_was_has_not_departed():
+    """Assert that the true values, and values 5 % beside them, leave the health as it is."""
+    for options in (against(), against(joint_stiffness=105.0, link_inertia=0.95)):
+        session = watched(stream(), options)
+        assert session.departures == ()
+        assert session.health.health is Health.CONVERGED
+
+
+def test_a_drive_that_has_departed_is_said_to():
+    """Assert that the health says which parameter differs most, and by how much."""
+    session = watched(stream(), against(joint_stiffness=125.0, motor_inertia=0.26))
+    assert [d.name for d in session.departures] == ["joint_stiffness", "motor_inertia"]
+    assert session.departures[0].change == pytest.approx(-0.2, abs=0.005)
+    health, reason = session.health
+    assert health is Health.INCONSISTENT
+    assert "joint_stiffness is 20% lower than in the estimate, " in reason
+    assert "where it was 125" in reason
+
+
+def test_too_early_nothing_is_said():
+    """Assert that a departure needs as long as anything that is said of the motion."""
+    session = watched(stream()[:300], against(joint_stiffness=1000.0))
+    assert session.health.health is Health.CONVERGING
+
+
+def estimated(value: float, half: float) -> dict[str, ParameterEstimate]:
+    """A parameter with its interval."""
+    ends = (value - half, value + half)
+    return {"a": ParameterEstimate("a", "N m", value, half / 2.0, ends, "determined")}
+
+
+@pytest.mark.parametrize(
+    ("now", "half", "count"),
+    [(109.0, 0.1, 0), (111.0, 0.1, 1), (120.0, 11.0, 0), (120.0, 9.0, 1), (89.0, 0.1, 1)],
+)
+def test_what_counts_as_a_departure(now: float, half: float, count: int):
+    """Assert that it takes a tenth of the value, and twice the half intervals."""
+    reference = {"a": (100.0, 1.0), "b": (1.0, 0.1)}
+    assert len(departures(reference, estimated(now, half), widths=2.0, least=0.1)) == count
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "words"),
+    [
+        (10.0, 8.0, "a is 20% lower than in the estimate, 8 N m where it was 10"),
+        (-10.0, -12.0, "a is 20% higher than"),
+        (-10.0, 12.0, "a is 220% off, of the other sign, than"),
+        (1.0, 31.0, "a is 30 times higher than"),
+    ],
+)
+def test_sentences(was: float, now: float, words: str):
+    """Assert that amount and direction are said."""
+    (found,) = departures({"a": (was, 0.0)}, estimated(now, 0.0), widths=2.0, least=0.1)
+    assert words in found.sentence
+
+
+@pytest.fixture(scope="module")
+def result():
+    """An identification of the example."""
+    return flexid.identify(LOG, terms=("gravity", "motor_viscous"), hold="zero").result
+
+
+def test_a_stream_takes_model_and_filter_of_the_estimate(result):
+    """Assert that all but the values is taken, and what is asked for prevails."""
+    made = commissioned(result)
+    options = Choices(estimate=made).options("flexible", "N m", H, from_deflection=False)
+    assert (options.terms, options.hold) == (("gravity", "motor_viscous"), "zero")
+    assert options.filter_rate == result.choices.filter_rate
+    assert options.reference.keys() >= TRUTH.keys()
+    asked = Choices(("gravity",), "linear", 10.0, estimate=made)
+    options = asked.options("flexible", "N m", H, from_deflection=False)
+    assert (options.terms, options.hold, options.filter_rate) == (("gravity",), "linear", 10.0)
+
+
+def test_a_filter_that_the_samples_are_too_few_for_is_slowed():
+    """Assert that without a rate of its own a slow stream gets one that it allows."""
+    options = Choices().options("flexible", "N m", 0.02, from_deflection=False)
+    assert options.filter_rate == pytest.approx(0.125 / 0.02)
+
+
+def test_the_log_that_was_identified_agrees_with_its_estimate(result):
+    """Assert that both estimators say the same of one log."""
+    options = Choices(estimate=commissioned(result)).options(
+        "flexible", "N m", 1e-3, from_deflection=False
+    )
+    (samples,) = flexid.samples(LOG)
+    rows = np.column_stack((samples.time, samples.positions, samples.inputs))
+    session = watched(rows, options)
+    assert session.departures == ()
+    assert session.health.health is Health.CONVERGED
+
+
+def test_what_was_given_is_given(result):
+    """Assert that a coefficient that was not estimated is none of the stream's, either."""
+    beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)
+    made = commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
+    options = Choices(estimate=made).options("flexible", "N m", H, from_deflection=False)
+    assert options.given == {"beta1": 3.0}
+    assert "beta1" not in options.system.coefficients
+
+
+def test_what_cannot_be_held_against(result):
+    """Assert that another joint, another input, a memory and a guess are refused."""
+    made = commissioned(result)
+    with pytest.raises(SettingError, match="channels show the rigid one"):
+        Choices(estimate=made).options("rigid", "N m", H, from_deflection=False)
+    with pytest.raises(SettingError, match="an input in N m, and that of the stream is in A"):
+        Choices(estimate=made).options("flexible", "A", H, from_deflection=False)
+    with_memory = replace(result.choices, terms=("gravity", "spring_hysteresis"))
+    with pytest.raises(SettingError, match=r"remembers the path .* --terms gravity, and"):
+        commissioned(replace(result, choices=with_memory))
+    open_ones = {n: replace(p, verdict="undetermined") for n, p in result.parameters.items()}
+    with pytest.raises(SettingError, match="determines nothing"):
+        commissioned(replace(result, parameters=open_ones))
+
+
+def test_a_late_channel_is_warned_of(result):
+    """Assert that a delay is said from a tenth of a sample on: a stream is taken as it comes."""
+    late = Delay(0.002, 1e-4, (0.0018, 0.0022), "found")
+    alignment = replace(result.choices.alignment, input_delay=late)
+    made = commissioned(replace(result, choices=replace(result.choices, alignment=alignment)))
+    (warning,) = made.warnings(0.019)
+    assert "the input late by 2 ms" in warning
+    assert made.warnings(0.021) == ()
+
+
+def test_a_checkpoint_keeps_what_it_is_held_against(tmp_path: Path):
+    """Assert that a restored session compares as before, and with nothing else."""
+    options = against(joint_stiffness=125.0)
+    session = watched(stream(), options)
+    save_session(session, tmp_path / "state.json")
+    restored = read_session(tmp_path / "state.json")
+    assert restored.departures == session.departures
+    assert opened_session(options, tmp_path / "state.json").health == session.health
+    with pytest.raises(SettingError, match="was saved with reference"):
+        opened_session(OPTIONS, tmp_path / "state.json")
+
+
+def test_what_is_known_exactly_is_not_sought():
+    """Assert that a given inertia fixes its coefficient, and the rest is told by it."""
+    free, fixed = (
+        watched(stream(), replace(OPTIONS, known=known)) for known in ({}, {"motor_inertia": 0.3})
+    )
+    assert fixed.options.given == {"beta1": pytest.approx(1.0 / 0.3)}
+    assert fixed.coefficients["beta1"].std == 0.0
+    widths = [np.diff(s.parameters["joint_stiffness"].interval)[0] for s in (free, fixed)]
+    assert widths[1] < 0.8 * widths[0]
+    assert fixed.health.health is Health.CONVERGED
+
+
+def test_what_is_nearly_known_narrows():
+    """Assert that knowledge with a deviation is joined to what the stream says."""
+    short = stream(4.0)
+    known = replace(OPTIONS, known={"link_inertia": 1.0}, known_deviations={"link_inertia": 1e-4})
+    free, nearly = watched(short), watched(short, known)
+    widths = [np.diff(s.parameters["link_inertia"].interval)[0] for s in (free, nearly)]
+    assert widths[1] < 0.5 * widths[0]
+    low, high = nearly.parameters["joint_stiffness"].interval
+    assert low < 100.0 < high
+
+
+def test_what_is_known_otherwise_is_contradicted():
+    """Assert that a wrong value is not believed in silence."""
+    known = replace(OPTIONS, known={"link_inertia": 2.0}, known_deviations={"link_inertia": 0.01})
+    health, reason = watched(stream(), known).health
+    assert health is Health.INCONSISTENT
+    assert "link_inertia is known as 2" in reason
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"known": {"magic": 1.0}}, "magic"),
+        ({"known": {"joint_damping": 1.0}}, "have no joint_damping"),
+        ({"known": {"motor_inertia": -1.0}}, "motor_inertia"),
+        ({"known": {"motor_inertia": 1.0}, "input_unit": "A"}, "needs a torque"),
+        ({"terms": ("spring_hysteresis",)}, "'spring_hysteresis' is unknown"),
+    ],
+)
+def test_what_cannot_be_known(options: dict, words: str):
+    """Assert that a name that this model has not is refused, with those that it has."""
+    with pytest.raises(SettingError, match=words):
+        replace(OPTIONS, **options)
+
+
+def test_everything_may_be_known():
+    """Assert that a session with spring and inertias given still has a health."""
+    known = {"motor_inertia": 0.3, "joint_stiffness": 100.0, "link_inertia": 1.0}
+    session = watched(stream(3.0), replace(OPTIONS, known=known))
+    assert {*session.learner.system.coefficients} == {"theta1", "alpha2"}
+    assert session.health.health is Health.CONVERGED
+
+
+def test_an_estimate_that_is_none():
+    """Assert that a file that is no estimate is refused in a sentence."""
+    with pytest.raises(SettingError, match="holds no estimate"):
+        flexid.watch(sample_time=H, estimate={})
+
+
+def test_kinds_are_those_of_identify():
+    """Assert that another model is refused with those there are."""
+    with pytest.raises(SettingError, match="give auto, flexible, link, rigid"):
+        Choices(model="elastic")
+    assert Choices(estimate=Commissioned("link", (), "auto")).wanted_model == "link"

@@ -1,0 +1,99 @@
+"""Streams without an input: the link, driven by the motor's measured motion."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from moving_joint import LINK, MOTOR, TIME, TORQUE, TRUTH, H, all_hold, same, stream, watched
+
+from flexid.errors import RecordingError, SettingError
+from flexid.streaming.channels import chosen_channels
+from flexid.streaming.checkpoint import read_session, save_session
+from flexid.streaming.choices import Choices
+from flexid.streaming.follower import Follower
+from flexid.streaming.health import Health
+from flexid.streaming.options import WatchOptions
+from flexid.streaming.session import Session
+
+OPTIONS = WatchOptions(H, ("gravity", "motor_viscous"), "link")
+DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
+LINK_TRUTH = {name: TRUTH[name] for name in ("theta1", "theta2")}
+
+
+def motion(duration: float = 8.0, seed: int = 1) -> np.ndarray:
+    """Samples without the torque."""
+    return stream(duration, seed)[:, [TIME, LINK, MOTOR]]
+
+
+@pytest.mark.parametrize("options", [OPTIONS, DAMPED])
+def test_the_link_is_learnt_without_an_input(options: WatchOptions):
+    """Assert that the intervals of gravity and spring hold the truth, and are narrow."""
+    session = watched(motion(), options)
+    assert all_hold(session, LINK_TRUTH)
+    assert np.diff(session.coefficients["theta2"].interval)[0] < 1.0
+    health, reason = session.health
+    assert health is Health.CONVERGED
+    assert reason.startswith("theta2 is known within")
+
+
+def test_damping_is_seen_in_the_motor_s_velocity():
+    """Assert that a spring without damping gets none: its interval holds zero, and is narrow."""
+    low, high = watched(motion(), DAMPED).coefficients["theta_damping"].interval
+    assert low < 0.0 < high < low + 0.05
+
+
+@pytest.mark.parametrize("size", [1, 7, 333])
+def test_blocks_change_nothing(size: int):
+    """Assert that the motor's velocity does not depend on how a stream is cut."""
+    samples = np.delete(motion(2.0), [300, 301, 555], axis=0)
+    samples[700, MOTOR] = np.nan
+    session = Session(DAMPED)
+    for first in range(0, len(samples), size):
+        session.feed(samples[first : first + size])
+    assert same(session, watched(samples, DAMPED))
+
+
+def test_saving_changes_nothing(tmp_path: Path):
+    """Assert that the motor's last positions are saved, too."""
+    samples = motion(2.0)
+    session = watched(samples[:501], DAMPED)
+    save_session(session, tmp_path / "state.json")
+    restored = read_session(tmp_path / "state.json")
+    for one in (session, restored):
+        one.feed(samples[501:])
+    assert same(session, restored)
+
+
+def test_a_gap_makes_no_velocity():
+    """Assert that no velocity is taken across a gap: the estimate stays as right as without."""
+    samples = np.delete(motion(), slice(1500, 1700), axis=0)
+    session = watched(samples, DAMPED)
+    assert session.counts.gaps == 1
+    assert all_hold(session, LINK_TRUTH)
+
+
+def test_a_log_without_a_torque_is_followed(tmp_path: Path):
+    """Assert that the columns decide, and that --model link leaves a torque aside."""
+    for columns, model in (([TIME, LINK, MOTOR], "auto"), ([TIME, LINK, MOTOR, TORQUE], "link")):
+        names = np.array(["time", "link_position", "motor_position", "motor_torque"])[columns]
+        rows = [",".join(map(repr, row)) for row in stream(2.0)[:, columns].tolist()]
+        (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows, ""]))
+        choices = Choices(OPTIONS.terms, sample_time=H, model=model)
+        follower = Follower(str(tmp_path / "log.csv"), choices, stop_at_end=True)
+        list(follower.turns(1.0))
+        assert follower.session is not None
+        assert same(follower.session, watched(motion(2.0), OPTIONS))
+
+
+def test_one_encoder_needs_an_input(tmp_path: Path):
+    """Assert that a motor alone without a torque says nothing, and is refused."""
+    with pytest.raises(RecordingError, match="no torque, current or voltage"):
+        chosen_channels("log", {"time": None, "motor_position": None}, ())  # type: ignore[dict-item]
+    with pytest.raises(RecordingError, match="link position"):
+        chosen_channels("log", {"time": None, "motor_position": None}, (), "link")  # type: ignore[dict-item]
+
+
+def test_a_hold_is_refused():
+    """Assert that the behaviour of an input that is not there cannot be said."""
+    with pytest.raises(SettingError, match="the link alone has none"):
+        WatchOptions(H, (), "link", hold="zero")
