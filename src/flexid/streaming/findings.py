@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates
 from flexid.identification.intervals import POSITIVE, quantile
-from flexid.identification.joint import joint_of
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.knowledge import Joined, with_prior_knowledge
 from flexid.identification.result import CoefficientEstimate, ParameterEstimate
@@ -56,8 +54,7 @@ def findings(learner: Learner, states: States, stated: Stated) -> Findings:
         What the user states of the drive.
     """
     options = learner.options
-    unknowns = Unknowns(options.whole_system, options.given)
-    joint, unit = joint_of(options.kind), options.input_unit
+    joint, unknowns, unit = options.joint, options.unknowns, options.input_unit
     with np.errstate(all="ignore"):  # of numbers that no drive has
         joined = _joined(learner, states, stated)
         fixed = {name: (value, "given") for name, value in options.given.items()}
@@ -93,7 +90,7 @@ def _joined(learner: Learner, states: States, stated: Stated) -> Joined:
     estimate, options = learner.estimate(states), learner.options
     try:
         return with_prior_knowledge(
-            joint_of(options.kind), estimate, options.given, stated, options.input_unit, THRESHOLDS
+            options.joint, estimate, options.given, stated, options.input_unit, THRESHOLDS
         )
     except (SettingError, ConvergenceError):
         return Joined(estimate)

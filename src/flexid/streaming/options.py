@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 from flexid.errors import SettingError
 from flexid.estimators.filter_rate import check_filter_rate
-from flexid.identification.joint import Kind, joint_of
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.joint import Joint, Kind, joint_of
 from flexid.identification.settings import Settings
 from flexid.identification.stated import Stated, stated
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, flexible_joint
@@ -130,7 +131,17 @@ class WatchOptions:
         settings = Settings(
             terms=terms, known={**self.known}, known_deviations={**self.known_deviations}
         )
-        return stated(settings, joint_of(self.kind), self.input_unit)
+        return stated(settings, self.joint, self.input_unit)
+
+    @cached_property
+    def joint(self) -> Joint:
+        """The joint of this kind: units, and physical parameters."""
+        return joint_of(self.kind)
+
+    @cached_property
+    def unknowns(self) -> Unknowns:
+        """What is sought of the model, and what is given."""
+        return Unknowns(self._system({}), self.given)
 
     @property
     def given(self) -> Mapping[str, float]:
@@ -156,11 +167,6 @@ class WatchOptions:
     def system(self) -> ParametricSystem:
         """The model; what is known exactly is in its known parts."""
         return self._system(self.given)
-
-    @property
-    def whole_system(self) -> ParametricSystem:
-        """The model with every coefficient unknown."""
-        return self._system({})
 
     def _system(self, known: Mapping[str, float]) -> ParametricSystem:
         if self.kind == "rigid":
