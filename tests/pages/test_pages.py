@@ -26,6 +26,7 @@ NOT_RUN = {
     "docs/real-logs/dfki-pendulum.md": 3,
     "docs/real-logs/ist-arm.md": 3,
     "docs/real-logs/kuka.md": 1,
+    "docs/report.md": 1,
     "docs/reproduction.md": 1,
     "docs/trials.md": 1,
     "docs/watch.md": 1,

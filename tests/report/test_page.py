@@ -160,7 +160,7 @@ def test_a_table_behind_every_figure(opened):
     assert headings == ["time (s)", "95 % band, lower end", "95 % band, upper end", "stiffness"]
     assert first.locator("tbody tr").count() == 501
     last = first.locator("tbody tr").last.locator("td").all_inner_texts()
-    assert last == ["10", "−0.64402", "−0.44402", "−0.54402"]
+    assert last == ["10", "-0.644", "-0.444", "-0.544"]
 
 
 def test_a_label_hides_its_marks(opened):

@@ -1,5 +1,6 @@
 """``flexid identify LOG...``: the main job."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,7 +8,7 @@ import typer
 
 from flexid.cli.exit_status import ExitStatus
 from flexid.cli.options import AsJson, Columns, Logs, Strict, out_option, with_settings
-from flexid.cli.output import hand_over, output, print_warnings
+from flexid.cli.output import as_typed, hand_over, output, print_warnings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,7 +41,7 @@ def identify(
         bool, typer.Option("--explain", help="Show the evidence for every choice.")
     ] = False,
     strict: Strict = False,
-    out: Annotated[Path | None, out_option("estimate.json and the figures")] = None,
+    out: Annotated[Path | None, out_option("report.html, estimate.json and the figures")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find a drive's parameters, with intervals and verdicts.
@@ -74,10 +75,15 @@ def identify(
             from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
             from flexid.report.identification_charts import identification_charts
+            from flexid.report.page.identification_page import identification_page
+            from flexid.report.page.render import save_page
 
             with errors.status("drawing"):
                 (directory / "estimate.json").write_text(to_json(document), encoding="utf-8")
-                save_charts(identification_charts(result), directory)
+                charts = identification_charts(result)
+                save_charts(charts, directory)
+                stored = shlex.quote(str(Path(str(out)) / "estimate.json"))
+                save_page(identification_page(result, charts, as_typed(), stored), directory)
 
         print_warnings(result.warnings, errors)
         hand_over(document, show, write, as_json=as_json, directory=directory)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -73,6 +74,11 @@ def hand_over(
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def as_typed() -> str:
+    """The command that runs, as a shell would take it once more."""
+    return shlex.join(["flexid", *sys.argv[1:]])
 
 
 def print_document(document: Mapping[str, Any]) -> None:

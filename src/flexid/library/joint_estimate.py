@@ -350,6 +350,30 @@ class JointEstimate(Answer):
         """
         super().save(path)
 
+    def report(self, path: "str | PathLike[str]") -> None:
+        """Write a page to send: one HTML file with the verdict, the parameters and all figures.
+
+        A loaded estimate holds no time series, and its page leaves out the figures of them.
+
+        Parameters
+        ----------
+        path : path
+            The file, such as ``"report.html"``; one that is there is replaced.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written.
+        """
+        from flexid.library.checks import as_path
+        from flexid.report.documents import write_document
+        from flexid.report.identification_charts import identification_charts
+        from flexid.report.page.identification_page import identification_page
+        from flexid.report.page.render import page_html
+
+        page = identification_page(self.result, identification_charts(self.result))
+        write_document(as_path("report", "path", path), page_html(page))
+
     def __repr__(self) -> str:
         verdicts = [p.verdict for p in self.parameters.values()]
         determined = f"{verdicts.count('determined')} of {len(verdicts)} parameters determined"

@@ -44,7 +44,7 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield from map(Text, prediction_lines(result))
     yield Text(f"Compliance: {compliance_line(result)}")
     if result.removed:
-        yield Text(f"Without: {', '.join(map(_at_most, result.removed.values()))}.")
+        yield Text(f"Without: {', '.join(removed_lines(result))}.")
     yield Text()
     yield from map(Text, result.summary)
 
@@ -126,6 +126,11 @@ def _horizons(validation: Validation) -> Iterator[str]:
             continue
         shown = ", ".join(f"{fit:.1f}" for fit in fits)
         yield f"Prediction over {spans} s: {channel} {shown} %"
+
+
+def removed_lines(result: Identification) -> Iterator[str]:
+    """What the model does without, each with how large it could be."""
+    return map(_at_most, result.removed.values())
 
 
 def _at_most(parameter: ParameterEstimate) -> str:

@@ -17,7 +17,8 @@ from flexid.report.charts.decimate import thinned
 from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Mark, Panel, Points
 
 _MOST = 1600  # samples of a curve: a page is 1000 pixels wide, and each needs one or two
-_DIGITS = 5  # of what is shown of an array, after the first: a hundredth of a pixel
+_MOST_BESIDE = 1000  # the same where panels stand beside each other
+_DIGITS = {"x": 5, "y": 4}  # after the first of what is shown: less than a tenth of a pixel
 
 _KINDS = {Line: "line", Band: "band", Points: "points", Level: "level"}
 
@@ -37,7 +38,8 @@ def chart_document(chart: Chart) -> dict[str, Any]:
         each of its arrays, in which None is a gap.
     """
     arrays = _Arrays()
-    panels = [_panel_document(panel, arrays) for panel in chart.panels]
+    most = _MOST if chart.columns == 1 else _MOST_BESIDE
+    panels = [_panel_document(panel, most, arrays) for panel in chart.panels]
     return {
         "name": chart.name,
         "title": chart.title,
@@ -56,9 +58,9 @@ class _Arrays:
         self.lists: list[list[float | None]] = []
         self._places: dict[bytes, int] = {}
 
-    def place(self, values: FloatArray, axis: Axis) -> int:
+    def place(self, values: FloatArray, axis: Axis, digits: int) -> int:
         """Where an array of values along an axis stands; it is added if it is new."""
-        rounded = _rounded(values, axis)
+        rounded = _rounded(values, axis, digits)
         place = self._places.setdefault(rounded.tobytes(), len(self.lists))
         if place == len(self.lists):
             finite = np.isfinite(rounded).tolist()
@@ -67,21 +69,21 @@ class _Arrays:
         return place
 
 
-def _rounded(values: FloatArray, axis: Axis) -> FloatArray:
+def _rounded(values: FloatArray, axis: Axis, digits: int) -> FloatArray:
     """Values without digits that nobody could see, and that would double the page's size."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return values
     if axis.logarithmic:
-        return np.array([float(f"{value:.{_DIGITS + 1}g}") for value in values.tolist()])
+        return np.array([float(f"{value:.{digits + 1}g}") for value in values.tolist()])
     size = float(np.ptp(finite)) or float(np.abs(finite).max())
     if axis.limits is not None:  # what leaves the frame does not coarsen what is in it
         size = min(size, axis.limits[1] - axis.limits[0])
-    return np.round(values, _DIGITS - floor(log10(size))) + 0.0 if size else values
+    return np.round(values, digits - floor(log10(size))) + 0.0 if size else values
 
 
-def _panel_document(panel: Panel, arrays: _Arrays) -> dict[str, Any]:
-    marks = [_mark_document(mark, panel, arrays) for mark in thinned(panel.marks, _MOST)]
+def _panel_document(panel: Panel, most: int, arrays: _Arrays) -> dict[str, Any]:
+    marks = [_mark_document(mark, panel, arrays) for mark in thinned(panel.marks, most)]
     return {
         "title": panel.title,
         "x": asdict(panel.x),
@@ -98,7 +100,8 @@ def _mark_document(mark: Mark, panel: Panel, arrays: _Arrays) -> dict[str, Any]:
     for field in fields(mark):
         value = getattr(mark, field.name)
         if isinstance(value, np.ndarray):
-            axis = panel.x if field.name == "x" else panel.y
-            value = arrays.place(np.asarray(value, dtype=np.float64), axis)
+            which = "x" if field.name == "x" else "y"
+            axis, digits = getattr(panel, which), _DIGITS[which]
+            value = arrays.place(np.asarray(value, dtype=np.float64), axis, digits)
         document[field.name] = value
     return document

@@ -44,9 +44,10 @@ function update(element, chart) {
 
 // The same panels, axes and labels: then only data differ.
 function shapeOf(chart) {
-  const panels = chart.panels.map(({ x, y, height, marks }) => [
+  const panels = chart.panels.map(({ x, y, height, span, marks }) => [
     ...[x, y].map((axis) => [axis.label, axis.unit, axis.logarithmic, axis.categories]),
     height,
+    span,
     marks.map((mark) => [mark.kind, mark.label, mark.colour]),
   ]);
   return JSON.stringify([chart.name, chart.columns, chart.linked, panels]);
@@ -71,34 +72,40 @@ function forget(element) {
 function fill(figure) {
   const { chart } = figure;
   figure.grid.style.setProperty("--columns", chart.columns);
-  chart.panels.forEach((panel, place) => {
+  let column = 0;
+  chart.panels.forEach((panel) => {
+    if (column + panel.span > chart.columns) column = 0;
     const frame = make("div", "chart-panel", figure.grid);
     const head = make("div", "chart-head", frame);
     const title = make("div", "chart-title", head);
     const label = make("div", "chart-label", head);
     const reading = make("div", "chart-reading", head);
     const holder = make("div", "chart-plot", frame);
-    const held = { figure, panel, place, title, label, reading, holder, zoom: null };
+    const held = { figure, panel, column, frame, title, label, reading, holder, zoom: null };
     held.link = linkOf(held);
     entitle(held);
     figure.panels.push(held);
+    column = (column + panel.span) % chart.columns;
+  });
+  for (const held of figure.panels) {
     held.plot = plotOf(held);
     reachable(held);
-  });
+  }
   figure.legend.replaceChildren(...entriesOf(figure));
   fit(figure);
 }
 
 function entitle({ panel, title, label }) {
   title.textContent = panel.title;
+  title.dataset.colour = panel.colour;
   label.textContent = withUnit(panel.y);
 }
 
 // Panels with the same link are zoomed together: all over time, wherever on the page they are.
-function linkOf({ figure, panel, place }) {
+function linkOf({ figure, panel, column }) {
   if (panel.x.unit === "s" && panel.x.label.startsWith("time")) return "time";
   const linked = figure.chart.linked && isSorted(panel);
-  return `${figure.number} ${linked ? `column ${place % figure.chart.columns}` : `panel ${place}`}`;
+  return `${figure.number} ${linked ? `column ${column}` : `panel ${figure.panels.length}`}`;
 }
 
 function linkedTo(held) {
@@ -167,9 +174,8 @@ function axisOf(held, axis) {
     made.splits = (_plot, _axis, low, high) => decades(low, high);
     made.values = (_, values) => powersOfTen(values);
   }
-  if (axis === "x" && isCounted(panel)) {
-    made.splits = (_plot, _axis, low, high) => wholeNumbers(low, high);
-  }
+  const { step } = panel[axis];
+  if (step) made.splits = (_plot, _axis, low, high) => steps(low, high, step);
   if (categories.length) {
     made.splits = () => categories.map((_, i) => i);
     made.values = () => categories;
@@ -179,10 +185,11 @@ function axisOf(held, axis) {
 }
 
 // Whether no panel below has the same axis, which then need not be named twice.
-function isLowest({ figure, panel, place }) {
-  const { chart } = figure;
-  const below = chart.panels[place + chart.columns];
-  return !below || !chart.linked || withUnit(below.x) !== withUnit(panel.x) || chart.columns > 1;
+function isLowest(held) {
+  const { chart, panels } = held.figure;
+  if (!chart.linked || chart.columns > 1) return true; // on a telephone others stand between
+  const below = panels[panels.indexOf(held) + 1];
+  return !below || withUnit(below.panel.x) !== withUnit(held.panel.x);
 }
 
 function rangesOf({ panel, figure, zoom }) {
@@ -380,12 +387,15 @@ function fit(figure) {
   figure.wide = wide;
   const columns = !printing && wide < 560 ? 1 : figure.chart.columns;
   figure.grid.style.setProperty("--columns", columns);
-  const width = Math.floor((wide - 24 * (columns - 1)) / columns);
+  const column = (wide - 24 * (columns - 1)) / columns;
   const tallest = Math.max(...figure.chart.panels.map(({ height }) => height));
-  const unit = Math.min(Math.max(width * 0.3, 170), 240) / tallest;
-  for (const { plot, panel } of figure.panels) {
+  const unit = Math.min(Math.max(column * 0.32, 170), 240) / tallest;
+  for (const { plot, panel, frame } of figure.panels) {
+    const span = Math.min(panel.span, columns);
+    frame.style.gridColumn = `span ${span}`;
+    const width = Math.floor(span * (column + 24) - 24);
     const lines = panel.y.categories.length;
-    const height = lines ? 26 * lines + 60 : Math.round(Math.max(96, unit * panel.height));
+    const height = lines ? 24 * lines + 60 : Math.round(Math.max(96, unit * panel.height));
     plot.setSize({ width, height });
   }
 }

@@ -40,6 +40,22 @@ class Warned:
 
 
 @dataclass(frozen=True)
+class Link:
+    """A way to another section of the page.
+
+    Parameters
+    ----------
+    text : str
+        What it says.
+    section : str
+        The section's name.
+    """
+
+    text: str
+    section: str
+
+
+@dataclass(frozen=True)
 class Folded:
     """What is shown when asked for.
 
@@ -55,7 +71,7 @@ class Folded:
     content: "Sequence[Item]"
 
 
-Item = Part | Chart | Command | Points | Facts | Warned | Folded
+Item = Part | Chart | Command | Points | Facts | Warned | Link | Folded
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,7 @@
 // Six digits, as many as the document has.
 function written(value) {
   if (value === null || value === undefined) return "";
-  const text = String(Number(value.toPrecision(6)));
-  return text.replaceAll("-", "\u2212");
+  return String(Number(value.toPrecision(6)));
 }
 
 // The numbers at an axis: none longer than it has to be.
@@ -12,8 +11,8 @@ function ticks(values) {
   const largest = Math.max(...values.map(Math.abs));
   const usual = largest === 0 || (largest >= 1e-3 && largest < 1e5);
   return values.map((value) => {
-    if (usual || value === 0) return written(value);
-    return value.toExponential().replace("e+", "e").replaceAll("-", "\u2212");
+    const text = usual || value === 0 ? written(value) : value.toExponential().replace("e+", "e");
+    return text.replaceAll("-", "\u2212");
   });
 }
 

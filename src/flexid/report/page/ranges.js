@@ -83,18 +83,15 @@ function decades(low, high) {
     for (const digit of [1, 2, 5]) between.push(Number(`${digit}e${power}`));
   }
   const found = between.filter((value) => value >= low && value <= high);
-  return found.length > 1 ? found : [low, (low * high) ** 0.5, high].map((v) => Number(v.toPrecision(3)));
+  if (found.length > 1) return found;
+  return [low, Math.sqrt(low * high), high].map((value) => Number(value.toPrecision(3)));
 }
 
-// Whether x counts something.
-function isCounted(panel) {
-  const marks = panel.marks.filter((mark) => mark.kind !== "level");
-  return marks.length > 0 && marks.every((mark) => mark.kind === "points" && mark.x.every(Number.isInteger));
-}
-
-function wholeNumbers(low, high) {
-  const [first, last] = [Math.ceil(low), Math.floor(high)];
-  const step = Math.max(1, Math.ceil((last - first) / 10));
-  const count = Math.max(0, Math.floor((last - first) / step) + 1);
-  return Array.from({ length: count }, (_, i) => first + i * step);
+// Every step, or every second or third where there is no room for all.
+function steps(low, high, step) {
+  const [first, last] = [Math.ceil(low / step), Math.floor(high / step)];
+  const stride = Math.max(1, Math.ceil((last - first) / 8));
+  const found = [];
+  for (let i = first; i <= last; i++) if (i % stride === 0) found.push(i * step);
+  return found;
 }

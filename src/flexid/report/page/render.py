@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,11 @@ import flexid
 from flexid.report.charts.description import Chart
 from flexid.report.charts.document import chart_document
 from flexid.report.page.assets import content_hash, page_script, page_style
-from flexid.report.page.layout import Command, Facts, Folded, Page, Points, Warned
+from flexid.report.page.layout import Command, Facts, Folded, Link, Page, Points, Warned
 from flexid.report.style import GREEN, ORANGE, RED
 from flexid.report.terminal import Table
+
+NAME = "report.html"
 
 _TONES = {
     **dict.fromkeys(("green", GREEN), "good"),
@@ -26,6 +29,7 @@ _TESTS = {
     "command": Command,
     "points": Points,
     "facts": Facts,
+    "link": Link,
     "warning": Warned,
 }
 
@@ -61,6 +65,11 @@ def page_html(page: Page) -> str:
     )
 
 
+def save_page(page: Page, directory: Path) -> None:
+    """Write a page as ``directory/report.html``."""
+    (directory / NAME).write_text(page_html(page), encoding="utf-8")
+
+
 @cache
 def _environment() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -77,8 +86,16 @@ def _environment() -> Any:
         {name: lambda item, kind=kind: isinstance(item, kind) for name, kind in _TESTS.items()}
     )
     environment.filters["typeset"] = lambda text: text.replace("^2", "²").replace("^3", "³")
+    environment.filters["breakable"] = _breakable
     environment.filters["tone"] = lambda style: _TONES.get(str(style), "")
     environment.filters["chart_json"] = lambda chart: htmlsafe_json_dumps(
         chart_document(chart), allow_nan=False, separators=(",", ":")
     )
     return environment
+
+
+def _breakable(name: str) -> Any:
+    """A name that may go on in the next line after each underscore."""
+    from markupsafe import Markup, escape
+
+    return Markup("<wbr>").join(map(escape, re.split("(?<=_)", name)))
