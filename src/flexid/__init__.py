@@ -13,6 +13,7 @@ _HOMES = {
     # the commands
     "identify": "library.identify",
     "validate": "library.validation",
+    "compare": "library.comparison",
     "excitation": "library.excitation",
     "design": "library.design",
     "derive": "library.derive",
@@ -32,6 +33,7 @@ _HOMES = {
     # what the commands return
     "JointEstimate": "library.joint_estimate",
     "EstimateValidation": "library.validation",
+    "EstimateComparison": "library.comparison",
     "Prediction": "library.prediction",
     "FrequencyResponse": "identification.frequency_response",
     "LogExcitation": "library.excitation",

@@ -30,6 +30,8 @@ from flexid.identification.frequency_response import FrequencyResponse as Freque
 from flexid.identification.judgement import Thresholds as Thresholds
 from flexid.library.campaign import CampaignResult as CampaignResult
 from flexid.library.campaign import campaign as campaign
+from flexid.library.comparison import EstimateComparison as EstimateComparison
+from flexid.library.comparison import compare as compare
 from flexid.library.derive import derive as derive
 from flexid.library.design import ExperimentDesign as ExperimentDesign
 from flexid.library.design import design as design

@@ -34,6 +34,8 @@ UNTAKEN = {
     "stream": (call("identify", {"time": []}, stream=True), "path of one Parquet"),
     "load": (call("load", None), "None.*path"),
     "estimate": (call("validate", 3, "a.csv"), "an int.*flexid.identify"),
+    "compared": (call("compare", 3, "a.json"), "a is an int.*flexid.identify"),
+    "compared with nothing": (call("compare", "a.json"), "b"),
     "model": (call("derive", 3), "an int.*path"),
     "drive": (call("design", {}), "a dict.*path"),
     "seed": (call("design", "a.toml", seed=0.5), "a float"),

@@ -12,6 +12,7 @@ import pytest
 
 import flexid
 from flexid.cli.campaign import campaign as campaign_command
+from flexid.cli.compare import compare as compare_command
 from flexid.cli.derive import derive as derive_command
 from flexid.cli.design import design as design_command
 from flexid.cli.excitation import excitation as excitation_command
@@ -25,6 +26,7 @@ from flexid.cli.watch import watch as watch_command
 COMMANDS = {
     "identify": identify_command,
     "validate": validate_command,
+    "compare": compare_command,
     "excitation": excitation_command,
     "design": design_command,
     "derive": derive_command,

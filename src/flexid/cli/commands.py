@@ -9,6 +9,7 @@ from typer.core import TyperArgument, TyperCommand
 
 from flexid.cli import (
     campaign,
+    compare,
     derive,
     design,
     excitation,
@@ -59,6 +60,7 @@ def _register(command: Callable[..., None], examples: tuple[str, ...]) -> None:
 # One line per command. Their modules import nothing heavy before they are called.
 _register(in_one_thread(identify.identify), identify.EXAMPLES)
 _register(in_one_thread(validate.validate), validate.EXAMPLES)
+_register(compare.compare, compare.EXAMPLES)
 _register(in_one_thread(excitation.excitation), excitation.EXAMPLES)
 _register(in_one_thread(design.design), design.EXAMPLES)
 _register(derive.derive, derive.EXAMPLES)

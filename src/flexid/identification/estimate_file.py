@@ -26,6 +26,9 @@ FORMAT_VERSION = 1
 
 LARGEST_FILE = 20_000_000  # bytes; an estimate of many logs has some values for each
 
+USUAL_NAME = "estimate.json"
+"""Of the file in a folder that ``flexid identify --out`` wrote."""
+
 WANTED = "an estimate.json of flexid identify"
 
 _Value = TypeVar("_Value", bound="ValueEstimate")
@@ -62,7 +65,7 @@ def read_estimate(estimate: Path | str | Mapping[str, Any]) -> EstimateFile:
     Parameters
     ----------
     estimate : path or mapping
-        An ``estimate.json`` of ``flexid identify``, or its content.
+        An ``estimate.json`` of ``flexid identify``, the folder that holds it, or its content.
 
     Raises
     ------
@@ -72,8 +75,11 @@ def read_estimate(estimate: Path | str | Mapping[str, Any]) -> EstimateFile:
     if isinstance(estimate, Mapping):
         raw = json.dumps(estimate, default=str).encode()
         return _checked(EstimateFile("estimate", raw, dict(estimate)))
-    file = EstimateFile(str(estimate), b"", {})
-    raw = read_bytes(Path(estimate), LARGEST_FILE, WANTED, partial(file.refuse, ""))
+    path = Path(estimate)
+    if path.is_dir():
+        path = path / USUAL_NAME
+    file = EstimateFile(str(path), b"", {})
+    raw = read_bytes(path, LARGEST_FILE, WANTED, partial(file.refuse, ""))
     try:
         content = json.loads(raw.decode("utf-8"))
     except (ValueError, RecursionError):

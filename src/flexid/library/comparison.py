@@ -1,0 +1,185 @@
+"""Two estimates side by side."""
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from flexid.errors import ArgumentError
+from flexid.identification import comparison as worker
+from flexid.library.answer import Answer, data_frame, html_figure, html_paragraph
+from flexid.library.checks import as_path, kind_of
+from flexid.library.entrance import entrance
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from matplotlib.figure import Figure
+
+    from flexid.identification.result import Identification
+    from flexid.library.joint_estimate import JointEstimate
+    from flexid.report.terminal import Part
+
+
+class EstimateComparison(Answer):
+    """What differs between two estimates, and whether chance explains it.
+
+    `flexid.compare` returns one.
+
+    Parameters
+    ----------
+    result : Comparison
+        What was found.
+    """
+
+    def __init__(self, result: worker.Comparison) -> None:
+        self.result = result
+
+    @property
+    def parameters(self) -> Mapping[str, worker.Difference]:
+        """By name, each parameter of either estimate: difference, interval and outcome."""
+        return self.result.parameters
+
+    @property
+    def coefficients(self) -> Mapping[str, worker.Difference]:
+        """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
+        return self.result.coefficients
+
+    @property
+    def changed(self) -> tuple[str, ...]:
+        """Names of what has changed, however much is compared."""
+        return tuple(d.name for d in self.result.having("changed", "contradictory"))
+
+    @property
+    def agree(self) -> bool:
+        """Whether all that is in both drives was compared, and no change is established."""
+        return self.result.agree
+
+    @property
+    def probability(self) -> float | None:
+        """Of differences as large by chance, of all coefficients at once; None if not tested."""
+        together = self.result.together
+        return None if together is None else together.probability
+
+    @property
+    def settings(self) -> Mapping[str, tuple[str, str]]:
+        """What was asked for, chosen or used otherwise: in A and in B, by name."""
+        return self.result.settings
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What limits the comparison."""
+        return self.result.warnings
+
+    def to_dataframe(self, backend: str = "polars") -> Any:
+        """Differences as a data frame.
+
+        Parameters
+        ----------
+        backend : {"polars", "pandas", "pyarrow"}, optional
+            Whose data frame; the library has to be installed.
+
+        Returns
+        -------
+        data frame
+            A row for each number, with the columns name, kind, unit, a, b, difference, lower,
+            upper, percent, percent_lower, percent_upper, probability, outcome and reason.
+        """
+        rows = [*self.parameters.values(), *self.coefficients.values()]
+        kinds = ["parameter"] * len(self.parameters) + ["coefficient"] * len(self.coefficients)
+        nothing = float("nan")
+        columns = {
+            "name": [d.name for d in rows],
+            "kind": kinds,
+            "unit": [d.unit for d in rows],
+            "a": [nothing if d.a is None else d.a.value for d in rows],
+            "b": [nothing if d.b is None else d.b.value for d in rows],
+            "difference": [d.value for d in rows],
+            "lower": [d.interval[0] for d in rows],
+            "upper": [d.interval[1] for d in rows],
+            "percent": [d.percent for d in rows],
+            "percent_lower": [d.percent_interval[0] for d in rows],
+            "percent_upper": [d.percent_interval[1] for d in rows],
+            "probability": [d.probability for d in rows],
+            "outcome": [d.outcome for d in rows],
+            "reason": [d.reason for d in rows],
+        }
+        return data_frame(columns, backend)
+
+    def plot(self) -> "Figure":
+        """Both values of each number with their intervals, relative to A's, a panel each."""
+        from flexid.report.charts.figure import draw
+        from flexid.report.comparison_chart import comparison_chart
+
+        return draw(comparison_chart(self.result))
+
+    def _document(self) -> Mapping[str, Any]:
+        from flexid.report.comparison_document import comparison_document
+
+        return comparison_document(self.result)
+
+    def _parts(self) -> "Iterable[Part]":
+        from flexid.report.comparison_table import comparison_parts
+
+        return comparison_parts(self.result)
+
+    def __repr__(self) -> str:
+        compared = sum(d.compared for d in self.result.decisive.values())
+        changed = ", ".join(self.changed) or "none"
+        return f"<EstimateComparison: {compared} compared, changed: {changed}>"
+
+    def _repr_html_(self) -> str:
+        warnings = "".join(html_paragraph(f"Warning: {text}") for text in self.warnings)
+        return super()._repr_html_() + warnings + html_figure(self.plot())
+
+
+@entrance
+def compare(
+    a: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
+    b: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
+) -> EstimateComparison:
+    """Compare two estimates: what differs, and whether chance explains it.
+
+    Before and after a repair, two drives of a batch, two settings on one log. Each difference has
+    a 95 % interval; what is called changed has to be so beside all others that are compared.
+
+    Parameters
+    ----------
+    a, b : JointEstimate, path or mapping
+        What `flexid.identify` returned, an ``estimate.json`` or the folder that holds it, or the
+        content of one. Differences are b's value minus a's.
+
+    Returns
+    -------
+    EstimateComparison
+        Differences with intervals and outcomes, and what was done otherwise.
+
+    Raises
+    ------
+    SettingError
+        If an estimate cannot be read, or both are the same.
+    ArgumentError
+        If an argument is of a wrong type.
+    """
+    (first, label_a), (second, label_b) = _taken("a", a), _taken("b", b)
+    return EstimateComparison(worker.compare_estimates(first, second, (label_a, label_b)))
+
+
+def _taken(argument: str, estimate: Any) -> "tuple[Identification, str]":
+    """An estimate and what it is called."""
+    from flexid.identification.estimate_file import read_estimate, stored_identification
+    from flexid.library.joint_estimate import JointEstimate
+
+    name = argument.upper()
+    if isinstance(estimate, JointEstimate):
+        return estimate.result, name
+    if isinstance(estimate, Mapping):
+        return stored_identification(read_estimate(estimate)), name
+    if isinstance(estimate, str | PathLike):
+        file = read_estimate(as_path("compare", argument, estimate))
+        return stored_identification(file), file.name
+    raise ArgumentError(
+        "compare",
+        argument,
+        f"is {kind_of(estimate)}: give what flexid.identify returned, or the path of an "
+        f"estimate.json",
+    )

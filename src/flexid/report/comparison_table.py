@@ -1,0 +1,114 @@
+"""The printed answer of a comparison."""
+
+from collections.abc import Iterator, Mapping
+from math import isfinite
+
+from rich.text import Text
+
+from flexid.identification.comparison import Comparison, Difference, Outcome
+from flexid.identification.result import ValueEstimate
+from flexid.report.comparison_summary import comparison_summary
+from flexid.report.digits import value_cells
+from flexid.report.terminal import Cell, Column, Part, Table, numbers, print_parts
+
+OUTCOME_COLOURS: dict[Outcome, str] = {
+    "changed": "red",
+    "perhaps changed": "yellow",
+    "no change": "green",
+    "contradictory": "red",
+    "compatible": "green",
+    "not determined": "yellow",
+    "not compared": "",
+}
+
+_LONGEST = 60  # characters of a setting
+
+
+def print_comparison(comparison: Comparison) -> None:
+    """Print differences, what was done otherwise and the answer on standard output."""
+    print_parts(comparison_parts(comparison))
+
+
+def comparison_parts(comparison: Comparison) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    for side, label in zip("AB", comparison.labels, strict=True):
+        yield Text(f"{side}: {label}")
+    yield Text()
+    yield from _differences("Physical parameters", comparison.parameters)
+    yield from _differences("Coefficients", comparison.coefficients)
+    if comparison.settings:
+        table = Table("Made otherwise", (Column(""), Column("A"), Column("B", wraps=True)))
+        for name, pair in comparison.settings.items():
+            table.add(name, *map(shortened, pair))
+        yield table
+    yield from map(Text, comparison_summary(comparison))
+
+
+def _differences(title: str, differences: Mapping[str, Difference]) -> Iterator[Part]:
+    if not differences:
+        return
+    columns = (
+        Column("name"),
+        *numbers("A", "B"),
+        Column("unit", spare=2),
+        Column("B - A", right=True, spare=1),  # in the middle of its interval
+        *numbers("95 % interval"),
+        Column("verdict"),
+    )
+    table = Table(title, columns)
+    for d in differences.values():
+        change, interval = _change(d)
+        outcome = Cell(outcome_texts(d), OUTCOME_COLOURS[d.outcome])
+        table.add(d.name, _value(d.a), _value(d.b), d.unit, change, interval, outcome)
+    yield table
+    for d in differences.values():
+        if d.reason and d.a is not None and d.b is not None:
+            yield Text(f"  {d.name}: {d.reason}")
+        elif d.without and d.compared:
+            sides = " and ".join(d.without)
+            yield Text(f"  {d.name}: {sides} does without it; what it could be there is compared")
+    yield Text()
+
+
+def _value(value: ValueEstimate | None) -> Cell:
+    return Cell(("none",)) if value is None else value_cells(value.value, *value.interval)[0]
+
+
+def _change(d: Difference) -> tuple[Cell, Cell]:
+    """Difference and interval: in per cent, or in the unit where that says nothing."""
+    if not d.compared:
+        return Cell(("",)), Cell(("",))
+    if isfinite(d.percent):
+        change, interval = value_cells(d.percent, *d.percent_interval)
+        return change.with_unit("%"), interval.with_unit("%")
+    change, interval = value_cells(d.value, *d.interval)
+    bare = interval.texts[-1]  # the verdict has the unit as well
+    return change.with_unit(d.unit), Cell((*interval.with_unit(d.unit).texts, bare))
+
+
+def outcome_texts(d: Difference) -> tuple[str, ...]:
+    """The verdict in words, and in fewer where there is no room."""
+    if d.outcome != "no change":
+        return (d.outcome,)
+    bound = largest(d)
+    return f"no change larger than {bound}", f"same to {bound}"
+
+
+def largest(d: Difference) -> str:
+    """The most that a difference may be, with its unit."""
+    if isfinite(d.largest_percent):
+        return f"{_rounded_up(d.largest_percent)} %"
+    return f"{_rounded_up(d.largest)} {d.unit}"
+
+
+def _rounded_up(number: float) -> str:
+    """Two digits, which promise no less than the number."""
+    if not isfinite(number):
+        return "any"
+    shown = f"{number:.2g}"
+    return shown if float(shown) >= number else f"{number * 1.05:.2g}"
+
+
+def shortened(text: str) -> str:
+    """A setting as far as a table has room for it."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"

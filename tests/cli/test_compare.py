@@ -1,0 +1,154 @@
+"""`flexid compare`: what it prints, writes and exits with, and what it refuses."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexid as library
+from flexid.report.documents import identification_document, to_json
+from made_estimates import TRUE, drawn, exact, with_parameter
+
+STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
+
+
+def stored(folder: Path, estimate) -> Path:
+    """A folder as `flexid identify --out` leaves it."""
+    folder.mkdir()
+    (folder / "estimate.json").write_text(to_json(identification_document(estimate)))
+    return folder
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """One drive twice, and one that is stiffer."""
+    trues = {"before": TRUE, "again": TRUE, "after": STIFFER}
+    return {name: stored(tmp_path / name, exact(true, name)) for name, true in trues.items()}
+
+
+def test_no_change_is_status_0(flexid, folders):
+    """Assert that the same drive twice is no change, in words and in the exit status."""
+    outcome = flexid("compare", folders["before"], folders["again"])
+    assert outcome.status == 0, outcome.stdout
+    assert outcome.stderr == ""
+    said = " ".join(outcome.stdout.split())
+    assert "No change is seen in 5 numbers" in said
+    assert "nothing speaks against one and the same drive" in said
+
+
+def test_a_change_is_status_1(flexid, folders):
+    """Assert that a stiffer drive is named, with the change and its interval."""
+    files = [folders[name] / "estimate.json" for name in ("before", "after")]
+    outcome = flexid("compare", *files)
+    assert outcome.status == 1
+    assert "Changed: joint_stiffness by 1" in outcome.stdout
+    assert "it is not the same drive" in " ".join(outcome.stdout.split())
+
+
+def test_what_is_not_determined_is_status_1(flexid, folders, tmp_path):
+    """Assert that a number that one log leaves open is no agreement."""
+    rng = np.random.default_rng(3)
+    infinite = {"std": np.inf, "interval": (-np.inf, np.inf), "verdict": "undetermined"}
+    vague = with_parameter(drawn(rng), "joint_stiffness", reason="nothing on it", **infinite)
+    outcome = flexid("compare", folders["before"], stored(tmp_path / "vague", vague))
+    assert outcome.status == 1
+    said = " ".join(outcome.stdout.split())
+    assert "joint_stiffness: in B nothing on it" in said
+    assert "Not determined in A or in B, and so not compared: joint_stiffness." in said
+
+
+def test_documents_agree(flexid, folders, tmp_path):
+    """Assert that what is printed as JSON, written and returned by the library is one document."""
+    pair = folders["before"], folders["after"]
+    printed = json.loads(flexid("compare", *pair, "--json").stdout)
+    flexid("compare", *pair, "--out", tmp_path / "out")
+    written = json.loads((tmp_path / "out" / "comparison.json").read_text())
+    assert written == printed
+    assert (tmp_path / "out" / "comparison.png").read_bytes().startswith(b"\x89PNG")
+    found = library.compare(*pair)
+    assert found.document == printed
+    stiffness = printed["parameters"]["joint_stiffness"]
+    assert stiffness["outcome"] == "changed"
+    assert stiffness["interval"][0] < 10.0 < stiffness["interval"][1]
+    assert printed["a"] == str(pair[0] / "estimate.json")
+
+
+def test_the_library_takes_whatever_holds_an_estimate(folders):
+    """Assert that estimates, folders, files and documents give one answer."""
+    file = folders["before"] / "estimate.json"
+    other = library.load(folders["after"])
+    forms = (library.load(file), folders["before"], str(file), json.loads(file.read_text()))
+    answers = [library.compare(form, other) for form in forms]
+    assert len({str(answer.to_dataframe().to_dicts()) for answer in answers}) == 1
+    answer = answers[0]
+    assert answer.changed == ("joint_stiffness",)
+    assert not answer.agree
+    assert answer.probability is not None
+    assert answer.probability < 1e-4
+    assert "logs" in answer.settings
+    assert repr(answer) == "<EstimateComparison: 5 compared, changed: joint_stiffness>"
+    frame = answer.to_dataframe("pandas")
+    assert list(frame["kind"]) == ["parameter"] * 5 + ["coefficient"] * 5
+    assert "Changed: joint_stiffness" in answer.summary()
+    assert "&lt;" not in answer._repr_html_()
+
+
+def test_text_from_files_is_escaped(folders, tmp_path):
+    """Assert that a name that is HTML is none on a page."""
+    estimate = replace(drawn(np.random.default_rng(1)), warnings=("<script>alert(1)</script>",))
+    page = library.compare(folders["before"], stored(tmp_path / "<b>", estimate))._repr_html_()
+    assert "<script>" not in page
+    assert "<b>" not in page
+    assert "&lt;script&gt;" in page
+
+
+def no_estimate(folder: Path) -> Path:
+    """JSON of another kind."""
+    path = folder / "other.json"
+    path.write_text('{"model": "flexible"}')
+    return path
+
+
+def newer(folder: Path) -> Path:
+    """An estimate of a version to come."""
+    path = folder / "newer.json"
+    path.write_text('{"format_version": 99}')
+    return path
+
+
+def empty(folder: Path) -> Path:
+    """A folder without an estimate."""
+    path = folder / "empty"
+    path.mkdir()
+    return path
+
+
+def itself(folder: Path) -> Path:
+    """A copy of the first."""
+    path = folder / "copy.json"
+    path.write_text((folder / "before" / "estimate.json").read_text())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (no_estimate, "holds no estimate: give an estimate.json"),
+        (newer, "is of format 99"),
+        (empty, "there is no such file: check the spelling, or give the path of an estimate.json"),
+        (lambda folder: folder / "absent.json", "there is no such file"),
+        (itself, "hold the same estimate: give two"),
+    ],
+)
+def test_bad_input_is_one_sentence(flexid, folders, tmp_path, make, said):
+    """Assert that what cannot be compared exits 2 with place and remedy, and writes nothing."""
+    out = tmp_path / "out"
+    outcome = flexid("compare", folders["before"], make(tmp_path), "--out", out)
+    assert outcome.status == 2
+    assert outcome.stdout == ""
+    (line,) = outcome.stderr.splitlines()
+    assert line.startswith("flexid: ")
+    assert said in line
+    assert not out.exists()

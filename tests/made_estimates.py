@@ -1,0 +1,134 @@
+"""Estimates whose covariance is known: drawn about a drive, as a log would give them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.analysis.excitation import excitation_of_gram
+from flexid.identification.alignment import Alignment, Delay
+from flexid.identification.compliance import Compliance
+from flexid.identification.estimate import Estimate
+from flexid.identification.intervals import interval, propagated
+from flexid.identification.judgement import verdict
+from flexid.identification.result import (
+    Choices,
+    CoefficientEstimate,
+    Identification,
+    ModelError,
+    ObserverTrace,
+    ParameterEstimate,
+    Validation,
+)
+from flexid.models.flexible_joint import COEFFICIENT_UNITS
+from flexid.models.physical import physical_parameters
+
+TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+RELATIVE = 0.01
+"""Standard deviation of each coefficient over its value."""
+
+NOTHING = Delay(0.0, 0.0, (0.0, 0.0), "none")
+SETTINGS = {"model": "auto", "terms": "auto", "known": {}, "hold": "auto"}
+
+
+def wishart(rng, covariance, freedom):
+    """A covariance as it is estimated with so many degrees of freedom."""
+    errors = rng.multivariate_normal(np.zeros(len(covariance)), covariance, round(freedom))
+    return errors.T @ errors / round(freedom)
+
+
+def drawn(rng, true=None, freedom=20, correlation=0.5, **about):
+    """An estimate of a drive from a log of its own."""
+    true = TRUE if true is None else true
+    covariance = covariance_of(true, correlation)
+    values = rng.multivariate_normal(list(true.values()), covariance)
+    estimated = wishart(rng, covariance, freedom)
+    found = Estimate(tuple(true), values, estimated, (float(freedom),) * len(true))
+    return estimate_of(found, **{"log": str(rng.integers(2**60)), **about})
+
+
+def exact(true, log):
+    """An estimate that comes out true, whose coefficients err independently of each other."""
+    values = np.array(list(true.values()))
+    covariance = covariance_of(true, 0.0)
+    return estimate_of(Estimate(tuple(true), values, covariance, (30.0,) * len(true)), log)
+
+
+def covariance_of(true, correlation):
+    """Of coefficients that are known to a hundredth."""
+    deviations = RELATIVE * np.abs(list(true.values()))
+    return np.outer(deviations, deviations) * np.where(np.eye(len(true)) == 1, 1.0, correlation)
+
+
+def estimate_of(fit, log="a log", **settings):
+    """All of an identification that follows from what was fitted."""
+    coefficients = {}
+    for name, value, std, freedom in zip(
+        fit.names, fit.values.tolist(), fit.deviations.tolist(), fit.degrees_of_freedom, strict=True
+    ):
+        ends = interval(value, std, freedom)
+        coefficients[name] = CoefficientEstimate(
+            name,
+            COEFFICIENT_UNITS[name].format(input="(N m)"),
+            value,
+            std,
+            ends,
+            *verdict(value, ends),
+            freedom,
+            slopes={name: 1.0},
+        )
+    values = fit.by_name
+    parameters = {}
+    for parameter in physical_parameters(values, input_is_torque=True):
+        p = propagated(parameter, values, fit)
+        judged = verdict(p.value, p.interval)
+        parameters[parameter.name] = ParameterEstimate(
+            parameter.name,
+            parameter.unit,
+            p.value,
+            p.std,
+            p.interval,
+            *judged,
+            p.degrees_of_freedom,
+            p.logarithmic,
+            p.slopes,
+        )
+    gram = np.array([[1.0, 0.3], [0.3, 1.0]])
+    return Identification(
+        model="flexible",
+        coefficients=coefficients,
+        parameters=parameters,
+        least_squares={},
+        excitation={"link": excitation_of_gram("link", ["theta1", "theta2"], gram)},
+        residual_excess={"link_position": 1.0},
+        model_error=ModelError(0.0, 3.0, 0.0),
+        validation=Validation({"link_position": 99.0}, ()),
+        compliance=Compliance(True, "the deflection moves", {}, 0.1, 1e-4),
+        observer=ObserverTrace(np.arange(1.0), (), np.empty((1, 0)), {}),
+        removed={},
+        fit=fit,
+        choices=Choices(
+            terms=("gravity", "motor_viscous"),
+            alignment=Alignment("zero", NOTHING, NOTHING, ""),
+            hold="zero",
+            coulomb_velocity=None,
+            filter_rate=20.0,
+            estimator="prediction-error",
+            segment_duration=1.0,
+            term_evidence=(),
+            segment_evidence=(),
+        ),
+        summary=(),
+        warnings=(),
+        provenance={
+            "flexid_version": "0.1.0",
+            "settings": SETTINGS | settings,
+            "inputs": [{"file": f"{log}.csv", "sha256": log}],
+        },
+    )
+
+
+def with_parameter(estimate, name, **changed):
+    """The same with one parameter otherwise; None takes it away."""
+    parameters = dict(estimate.parameters)
+    parameters[name] = replace(parameters[name], **changed)
+    return replace(estimate, parameters=parameters)

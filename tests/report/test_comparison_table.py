@@ -1,0 +1,61 @@
+"""The printed comparison: within every width, with no number cut."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexid.identification.comparison import compare_estimates
+from flexid.report.comparison_table import comparison_parts, outcome_texts
+from flexid.report.digits import format_with_interval
+from flexid.report.terminal import laid_out
+from made_estimates import TRUE, drawn
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    """A drive before, and after, stiffer and with an offset that A does without."""
+    rng = np.random.default_rng(21)
+    stiffer = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
+    a, b = drawn(rng), drawn(rng, {**stiffer, "alpha_offset": 3.0}, hold="linear")
+    offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
+    return compare_estimates(
+        replace(a, removed={offset.name: offset}), b, ("before.json", "after.json")
+    )
+
+
+@pytest.mark.parametrize("width", range(40, 201))
+def test_it_fits_every_width(comparison, width):
+    """Assert that each line fits, and that each value and each interval stands whole."""
+    lines = [line.plain for line in laid_out(comparison_parts(comparison), width)]
+    assert max(map(len, lines)) <= width
+    page = " ".join(" ".join(lines).split())
+    for d in comparison.parameters.values():
+        low, high = d.percent_interval
+        shown = [format_with_interval(d.percent, low, high, digits)[1:] for digits in (1, 2)]
+        assert (
+            any(f"[{lower}, {upper}] %" in page for lower, upper in shown) or d.name in NO_PERCENT
+        )
+
+
+NO_PERCENT = {"motor_offset_torque"}
+
+
+def test_what_is_said_beside_the_table(comparison):
+    """Assert that labels, bounds of what is absent, settings and the answer are printed."""
+    page = "\n".join(line.plain for line in laid_out(comparison_parts(comparison), 120))
+    assert page.startswith("A: before.json\nB: after.json\n")
+    assert "motor_offset_torque: A does without it; what it could be there is compared" in page
+    assert re.search(r"hold \(asked\) +auto +linear", page)
+    assert "Changed: joint_stiffness by" in page
+
+
+def test_a_bound_promises_no_less_than_the_interval(comparison):
+    """Assert that rounding makes no bound smaller than it is."""
+    for d in comparison.parameters.values():
+        if d.outcome == "no change":
+            for text in outcome_texts(d):
+                stated = float(re.findall(r"[\d.e+-]*\d", text)[0])
+                largest = d.largest_percent if np.isfinite(d.largest_percent) else d.largest
+                assert largest <= stated < 1.2 * largest
