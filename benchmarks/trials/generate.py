@@ -1,8 +1,8 @@
 """One blind trial: a log, and the truth that made it. Nothing here imports flexid."""
 
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -128,23 +128,82 @@ def make_trial(family: str, seed: int) -> Trial:
     chosen = FAMILIES[family]
     rng = np.random.default_rng((seed, zlib.crc32(family.encode())))
     for _ in range(_TRIES):
-        draft = chosen.draw(rng)
-        sensors = draw_sensors(rng, draft)
-        for _ in range(_MOTIONS):
-            play, size = _draw_play(rng, draft, sensors)
-            noise = draw_noise(rng, draft, sensors)
-            found = _sized(draft, sensors, play, size, noise)
-            if found is None:
-                continue
-            play, size, drive = found
-            if draft.faint:
-                sensors = faint(draft, sensors, size.deflection / draft.faint)
-                noise = draw_noise(rng, draft, sensors)
-            times = sensors.instants + sensors.sample_time * noise.jitter
-            run = _run(draft, drive, play, times, noise, size.torque, _FINE)
-            if _accepted(draft, drive, sensors, run):
-                return _trial(rng, chosen.name, seed, draft, drive, sensors, play, size, noise, run)
+        recorded = _recorded(rng, family, seed, chosen.draw(rng))
+        if recorded is not None:
+            return recorded[0]
     raise RuntimeError(f"{family} {seed}: no motion found")
+
+
+def make_repeated(family: str, seed: int, changes: Sequence[Mapping[str, float]]) -> list[Trial]:
+    """Draw logs of one drive, each with a motion, encoders and noise of its own.
+
+    Parameters
+    ----------
+    family : str
+        Out of `FAMILIES`.
+    seed : int
+    changes : sequence of mapping of str to float
+        For each log, by which factor fields of `Drive` are other than they were.
+
+    Returns
+    -------
+    list of Trial
+
+    Raises
+    ------
+    RuntimeError
+        If no drive and motion go together.
+    """
+    chosen = FAMILIES[family]
+    rng = np.random.default_rng((seed, zlib.crc32(family.encode()), 1))
+    for _ in range(_TRIES):
+        draft = chosen.draw(rng)
+        first = _recorded(rng, family, seed, draft)
+        if first is None:
+            continue
+        logs = [_again(rng, family, seed, _settled(draft, first[1]), change) for change in changes]
+        if None not in logs:
+            return [log for log in logs if log is not None]
+    raise RuntimeError(f"{family} {seed}: no motions found")
+
+
+def _again(
+    rng: np.random.Generator, family: str, seed: int, draft: Draft, change: Mapping[str, float]
+) -> Trial | None:
+    factors = {name: getattr(draft.base, name) * factor for name, factor in change.items()}
+    changed = replace(draft, base=draft.base._replace(**factors))
+    recorded = _recorded(rng, family, seed, changed)
+    return None if recorded is None else recorded[0]
+
+
+def _settled(draft: Draft, drive: Drive) -> Draft:
+    """The same where nothing of the drive depends on the size of its motion any more."""
+    return replace(
+        draft, base=drive, of_torque={}, cubic=0.0, hysteresis=0.0, bend=0.0, presliding=0.0
+    )
+
+
+def _recorded(
+    rng: np.random.Generator, family: str, seed: int, draft: Draft
+) -> tuple[Trial, Drive] | None:
+    """A log of a drive, and what the drive was; None if no motion goes with it."""
+    sensors = draw_sensors(rng, draft)
+    for _ in range(_MOTIONS):
+        play, size = _draw_play(rng, draft, sensors)
+        noise = draw_noise(rng, draft, sensors)
+        found = _sized(draft, sensors, play, size, noise)
+        if found is None:
+            continue
+        play, size, drive = found
+        if draft.faint:
+            sensors = faint(draft, sensors, size.deflection / draft.faint)
+            noise = draw_noise(rng, draft, sensors)
+        times = sensors.instants + sensors.sample_time * noise.jitter
+        run = _run(draft, drive, play, times, noise, size.torque, _FINE)
+        if _accepted(draft, drive, sensors, run):
+            trial = _trial(rng, family, seed, draft, drive, sensors, play, size, noise, run)
+            return trial, drive
+    return None
 
 
 def _draw_play(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> tuple[Play, Size]:

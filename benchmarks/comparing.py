@@ -1,0 +1,138 @@
+"""How often `flexid compare` errs, and what it finds: one drive again, and one that is stiffer.
+
+Drives are those of the blind trials. Each is recorded five times, with motions, encoders and noise
+of their own: before; again; and with 1, 2 and 5 % more stiffness. Run it in the root of the
+repository::
+
+    python -m benchmarks.comparing --seeds 10 --kept FOLDER --page docs/compare.md
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.page_block import write_block
+from benchmarks.report import markdown
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.generate import Trial, make_repeated
+from benchmarks.trials.options import add_log_options, logs_of
+from flexid.errors import FlexidError
+from flexid.identification.comparison import Comparison, compare_estimates
+from flexid.identification.estimate_file import read_estimate, stored_identification
+from flexid.identification.identify import identify
+from flexid.identification.result import Identification
+from flexid.identification.settings import Settings
+from flexid.recording.read import read_log
+from flexid.report.documents import identification_document, to_json
+
+BLOCK = "comparing"
+USUAL = ("basic", "coulomb", "lugre", "spring_other")
+_STIFFER = {"1": 1.01, "2": 1.02, "5": 1.05}  # by per cent
+_RECORDINGS = ({}, {}, *({"joint_stiffness": factor} for factor in _STIFFER.values()))
+_NAMES = ("before", "same", *_STIFFER)
+
+HEADINGS = (
+    "family",
+    "in the model class",
+    "pairs",
+    "intervals that miss 0",
+    "answers that name a change",
+    "of them stiffness",
+    "median half-width of the stiffness's difference",
+    *(f"stiffness + {share} % found" for share in _STIFFER),
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_log_options(parser, 10, FAMILIES)
+    parser.add_argument("--kept", type=Path, required=True, help="folder of what was identified")
+    parser.add_argument("--page", type=Path, help="page to write the table into")
+    options = parser.parse_args()
+    options.family = options.family or list(USUAL)
+    for family, seed in logs_of(options, FAMILIES):
+        _record(options.kept, family, seed)
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
+    lines = [_line(options.kept, family, seeds) for family in options.family]
+    table = "\n".join([*markdown(list(HEADINGS), lines), ""])
+    print(table)
+    if options.page is not None:
+        write_block(options.page, BLOCK, table)
+
+
+def _record(kept: Path, family: str, seed: int) -> None:
+    """Record a drive and identify it, as far as that has not been done before."""
+    files = [_file(kept, family, seed, name) for name in _NAMES]
+    if all(file.exists() for file in files):
+        return
+    kept.mkdir(parents=True, exist_ok=True)
+    for file, trial in zip(files, make_repeated(family, seed, _RECORDINGS), strict=True):
+        if not file.exists():
+            file.write_text(_estimate(trial), encoding="utf-8")
+            print(file.name, file=sys.stderr)
+
+
+def _file(kept: Path, family: str, seed: int, name: str) -> Path:
+    return kept / f"{family}-{seed}-{name}.json"
+
+
+def _estimate(trial: Trial) -> str:
+    """What a user would have of a log, as a document; or why there is nothing."""
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
+        path = Path(folder) / "log.csv"
+        trial.write_csv(path)
+        try:
+            return to_json(identification_document(identify([read_log(path)], Settings())))
+        except FlexidError as error:
+            return json.dumps({"error": str(error)})
+
+
+def _line(kept: Path, family: str, seeds: Sequence[int]) -> list[str]:
+    """What came of a family."""
+    same = [*_comparisons(kept, family, seeds, "same")]
+    differences = [d for c in same for d in c.parameters.values() if d.compared]
+    missed = sum(d.probability < 0.05 for d in differences)
+    stiffness = [c.parameters["joint_stiffness"] for c in same]
+    widths = [float(np.ptp(d.percent_interval)) / 2.0 for d in stiffness if d.compared]
+    found = []
+    for name in _STIFFER:
+        pairs = [*_comparisons(kept, family, seeds, name)]
+        found.append(f"{sum(map(_stiffer, pairs))} of {len(pairs)}")
+    return [
+        family,
+        "yes" if FAMILIES[family].in_class else "no",
+        str(len(same)),
+        f"{missed} of {len(differences)}",
+        str(sum(c.differ for c in same)),
+        str(sum(map(_stiffer, same))),
+        f"{np.median(widths):.2g} %",
+        *found,
+    ]
+
+
+def _stiffer(comparison: Comparison) -> bool:
+    """Whether the stiffness is said to have changed."""
+    return comparison.parameters["joint_stiffness"].outcome == "changed"
+
+
+def _comparisons(kept: Path, family: str, seeds: Sequence[int], name: str) -> Iterator[Comparison]:
+    for seed in seeds:
+        pair = [_read(_file(kept, family, seed, which)) for which in ("before", name)]
+        if pair[0] is not None and pair[1] is not None:
+            yield compare_estimates(pair[0], pair[1])
+
+
+def _read(file: Path) -> Identification | None:
+    if "error" in json.loads(file.read_text(encoding="utf-8")):
+        return None
+    return stored_identification(read_estimate(file))
+
+
+if __name__ == "__main__":
+    main()
