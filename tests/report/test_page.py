@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 
 import pytest
-from made_page import made_page
+from made_page import made_chart, made_other_charts, made_page
 
 from browser import Watched, serious_faults
+from flexid.report.charts.document import chart_document
 from flexid.report.page.render import page_html
 
+UPDATE = "made => flexid.update(document.querySelector('[data-chart]'), made)"
 HOSTILE = '"><img src=x onerror=alert(1)></script><script>alert(2)</script>{{ 7 * 7 }}'
 
 
@@ -177,6 +179,34 @@ def test_a_label_hides_its_marks(opened):
     page.locator("h1").click()
     assert entry.get_attribute("aria-pressed") == "true"
     assert plot.screenshot() == before
+
+
+def test_data_can_be_replaced(opened):
+    """Assert that other data are drawn where a figure is, which stays zoomed and hidden."""
+    page, watched = opened(made_page())
+    plot, entry = page.locator(".chart-plot").first, page.locator(".chart-entry").first
+    document = chart_document(made_chart())
+    page.evaluate(UPDATE, document)
+    entry.click()
+    plot.focus()
+    page.keyboard.press("+")
+    before = plot.screenshot()
+    document["arrays"][1:] = [[value and 2 * value for value in a] for a in document["arrays"][1:]]
+    page.evaluate(UPDATE, document)
+    assert plot.screenshot() != before
+    assert reading(page, plot) == pytest.approx(2.5, abs=0.1)
+    assert entry.get_attribute("aria-pressed") == "false"
+    assert watched.complaints == []
+
+
+def test_another_figure_can_be_drawn(opened):
+    """Assert that data of another shape make the figure anew, and the old one is gone."""
+    page, watched = opened(made_page())
+    page.evaluate(UPDATE, chart_document(made_other_charts()[0]))
+    holder = page.locator("[data-chart]").first
+    assert holder.locator(".chart-plot").count() == 1
+    assert holder.locator(".chart-entry").all_inner_texts() == ["model"]
+    assert watched.complaints == []
 
 
 def test_words_and_signs_beside_colours(opened):

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from flexid.cli.options import AsJson, Columns, Logs, out_option
-from flexid.cli.output import hand_over, output, print_warnings
+from flexid.cli.output import as_typed, hand_over, output, print_warnings
 
 EXAMPLES = ("validate results/estimate.json run3.csv --out results",)
 
@@ -20,7 +20,7 @@ def validate(
     ],
     logs: Logs,
     columns: Columns = None,
-    out: Annotated[Path | None, out_option("validation.json and validation.png")] = None,
+    out: Annotated[Path | None, out_option("report.html, validation.json and a figure")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Predict other logs of the same drive with an estimate.
@@ -45,10 +45,16 @@ def validate(
         def write(directory: Path) -> None:
             from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
+            from flexid.report.page.render import save_page
+            from flexid.report.page.validation_page import validation_page
+            from flexid.report.residual_chart import residual_chart
             from flexid.report.validation_chart import validation_chart
 
             (directory / "validation.json").write_text(to_json(document), encoding="utf-8")
-            save_charts([validation_chart(result)], directory)
+            fit = validation_chart(result)
+            save_charts([fit], directory)
+            charts = (fit, residual_chart(result))
+            save_page(validation_page(result, charts, as_typed()), directory)
 
         print_warnings(result.warnings, errors)
         hand_over(

@@ -14,6 +14,7 @@ from flexid.library.checks import as_path
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
 _WIDTH = 100  # columns of a text
@@ -64,6 +65,34 @@ class Answer(ABC):
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(self.summary())}</pre>"
+
+
+class ReportedAnswer(Answer):
+    """An answer that has a page to send."""
+
+    @abstractmethod
+    def _page(self) -> "Page":
+        """What the page says."""
+
+    def report(self, path: "str | PathLike[str]") -> None:
+        """Write a page to send: one HTML file with the answer, its tables and all figures.
+
+        Figures of time series are left out where there are none, as in a loaded estimate.
+
+        Parameters
+        ----------
+        path : path
+            The file, such as ``"report.html"``; one that is there is replaced.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written.
+        """
+        from flexid.report.documents import write_document
+        from flexid.report.page.render import page_html
+
+        write_document(as_path("report", "path", path), page_html(self._page()))
 
 
 def as_text(parts: "Iterable[Part]") -> str:

@@ -18,7 +18,7 @@ from flexid.identification.result import (
     Verdict,
 )
 from flexid.library.answer import (
-    Answer,
+    ReportedAnswer,
     as_text,
     data_frame,
     html_figure,
@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns, Logs, OneLog
     from flexid.library.prediction import Prediction
     from flexid.library.validation import EstimateValidation
+    from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
 
-class JointEstimate(Answer):
+class JointEstimate(ReportedAnswer):
     """Parameters of a joint, with intervals and verdicts, and the model that they make.
 
     `flexid.identify` returns one, `flexid.load` reads one that was saved.
@@ -350,29 +351,11 @@ class JointEstimate(Answer):
         """
         super().save(path)
 
-    def report(self, path: "str | PathLike[str]") -> None:
-        """Write a page to send: one HTML file with the verdict, the parameters and all figures.
-
-        A loaded estimate holds no time series, and its page leaves out the figures of them.
-
-        Parameters
-        ----------
-        path : path
-            The file, such as ``"report.html"``; one that is there is replaced.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
-        """
-        from flexid.library.checks import as_path
-        from flexid.report.documents import write_document
+    def _page(self) -> "Page":
         from flexid.report.identification_charts import identification_charts
         from flexid.report.page.identification_page import identification_page
-        from flexid.report.page.render import page_html
 
-        page = identification_page(self.result, identification_charts(self.result))
-        write_document(as_path("report", "path", path), page_html(page))
+        return identification_page(self.result, identification_charts(self.result))
 
     def __repr__(self) -> str:
         verdicts = [p.verdict for p in self.parameters.values()]

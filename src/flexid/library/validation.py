@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
 from flexid.identification import validate_estimate as worker
-from flexid.library.answer import Answer, data_frame, html_figure, html_paragraph
+from flexid.library.answer import ReportedAnswer, data_frame, html_figure, html_paragraph
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.library.logs import all_logs
@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
+    from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
 
-class EstimateValidation(Answer):
+class EstimateValidation(ReportedAnswer):
     """How well, and for how long, an estimate predicts logs that it was not made from.
 
     `flexid.validate` and `JointEstimate.validate` return one.
@@ -99,6 +100,14 @@ class EstimateValidation(Answer):
         from flexid.report.validation_table import validation_parts
 
         return validation_parts(self.result)
+
+    def _page(self) -> "Page":
+        from flexid.report.page.validation_page import validation_page
+        from flexid.report.residual_chart import residual_chart
+        from flexid.report.validation_chart import validation_chart
+
+        charts = (validation_chart(self.result), residual_chart(self.result))
+        return validation_page(self.result, charts)
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{channel} {fit:.1f} %" for channel, fit in self.fit_percent.items())

@@ -16,12 +16,22 @@ def print_validation(result: EstimateValidation) -> None:
 
 def validation_parts(result: EstimateValidation) -> Iterator[Part]:
     """Tables and sentences of the answer."""
+    yield fits_table(result)
+    yield from errors_parts(result)
+
+
+def fits_table(result: EstimateValidation) -> Table:
+    """How much of each channel is predicted, by horizon."""
     fits = {**result.horizons, inf: result.fit_percent}
     columns = (Column("channel"), *numbers(*map(_horizon, fits)))
     table = Table("Fit of predictions over so long a time (%)", columns)
     for channel in result.fit_percent:
         table.add(channel, *(_fit(found[channel]) for found in fits.values()))
-    yield table
+    return table
+
+
+def errors_parts(result: EstimateValidation) -> Iterator[Part]:
+    """What the predictions are off, and what they begin with."""
     columns = (Column("channel"), *numbers("sensor's noise", *map(_horizon, result.residuals)))
     table = Table("What they are off (rad, root mean square)", columns)
     for channel, noise in result.noise.items():

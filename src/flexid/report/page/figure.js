@@ -162,8 +162,8 @@ function axisOf(held, axis) {
     labelFont: font,
     font,
     gap: 4,
-    size: axis === "x" ? 26 : 56,
-    space: axis === "x" ? 56 : 26,
+    size: axis === "x" ? 26 : (_, values) => roomFor(values),
+    space: axis === "x" ? 72 : 18,
     stroke: () => shade(holder, "text"),
     grid,
     ticks: { ...grid, size: 4 },
@@ -182,6 +182,11 @@ function axisOf(held, axis) {
     if (axis === "y") made.size = 14 + 6.8 * Math.max(...categories.map((name) => name.length));
   }
   return made;
+}
+
+// The same for all panels, so that they stand below each other, but for very long numbers.
+function roomFor(values) {
+  return Math.max(56, ...(values ?? []).map((text) => 16 + 7 * text.length));
 }
 
 // Whether no panel below has the same axis, which then need not be named twice.
@@ -395,7 +400,7 @@ function fit(figure) {
     frame.style.gridColumn = `span ${span}`;
     const width = Math.floor(span * (column + 24) - 24);
     const lines = panel.y.categories.length;
-    const height = lines ? 24 * lines + 60 : Math.round(Math.max(96, unit * panel.height));
+    const height = lines ? 24 * lines + 60 : Math.round(Math.max(104, unit * panel.height));
     plot.setSize({ width, height });
   }
 }

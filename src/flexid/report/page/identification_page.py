@@ -22,7 +22,17 @@ from flexid.report.identification_table import (
     verdict_reasons,
 )
 from flexid.report.page.identification_answers import next_step, trust
-from flexid.report.page.layout import Command, Facts, Folded, Item, Page, Points, Section, Warned
+from flexid.report.page.layout import (
+    Command,
+    Facts,
+    Folded,
+    Item,
+    Page,
+    Points,
+    Section,
+    Warned,
+    drawn,
+)
 from flexid.report.page.origin import chosen_facts, identification_command, input_facts
 
 _TITLES = {
@@ -72,22 +82,19 @@ def identification_page(
 
 
 def _sections(result: Identification, charts: Sequence[Chart], command: str) -> Iterator[Section]:
-    def drawn(name: str) -> list[Chart]:
-        return [chart for chart in charts if chart.name == name]
-
     yield Section("warnings", "Warnings", [*map(Warned, result.warnings)])
     predicted = [*prediction_lines(result), f"Compliance: {compliance_line(result)}"]
-    yield Section("fit", "Measured and predicted", [*drawn("fit"), Points(predicted)])
+    yield Section("fit", "Measured and predicted", [*drawn(charts, "fit"), Points(predicted)])
     left = Points([*residual_lines(result)])
-    yield Section("residuals", "What the model leaves over", [*drawn("residuals"), left])
-    yield Section("estimates", "Estimates over time", drawn("estimates"))
+    yield Section("residuals", "What the model leaves over", [*drawn(charts, "residuals"), left])
+    yield Section("estimates", "Estimates over time", drawn(charts, "estimates"))
     excited = Points([*excitation_lines(result)])
-    yield Section("excitation", "What the motion excites", [*drawn("excitation"), excited])
-    yield Section("bode", "Frequency response", drawn("bode"))
-    yield Section("regions", "How parameters depend on each other", drawn("regions"))
+    yield Section("excitation", "What the motion excites", [*drawn(charts, "excitation"), excited])
+    yield Section("bode", "Frequency response", drawn(charts, "bode"))
+    yield Section("regions", "How parameters depend on each other", drawn(charts, "regions"))
     reasons = Points([line.plain.strip() for line in verdict_reasons(result)])
     coefficients = [coefficients_table(result), *([reasons] if reasons.lines else [])]
-    yield Section("coefficients", "Coefficients of the model", coefficients)
+    yield Section("coefficients", "Coefficients", coefficients)
     yield Section("choices", "What was chosen, and what else was possible", [*_choices(result)])
     origin = Facts([*input_facts(result.provenance), *chosen_facts(result.provenance)])
     yield Section("origin", "How to repeat it", [Command(command), origin])

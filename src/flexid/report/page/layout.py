@@ -74,6 +74,11 @@ class Folded:
 Item = Part | Chart | Command | Points | Facts | Warned | Link | Folded
 
 
+def drawn(charts: Sequence[Chart], name: str) -> list[Chart]:
+    """The chart of a name, where there is one."""
+    return [chart for chart in charts if chart.name == name]
+
+
 @dataclass(frozen=True)
 class Answer:
     """An answer to a question that a reader has at first.

@@ -1,17 +1,19 @@
 // Numbers as text, and the table behind a figure.
 
-// Six digits, as many as the document has.
-function written(value) {
+// Six digits are as many as the document has, where it says nothing else.
+function written(value, digits = 6) {
   if (value === null || value === undefined) return "";
-  return String(Number(value.toPrecision(6)));
+  return String(Number(value.toPrecision(digits)));
 }
 
 // The numbers at an axis: none longer than it has to be.
 function ticks(values) {
   const largest = Math.max(...values.map(Math.abs));
   const usual = largest === 0 || (largest >= 1e-3 && largest < 1e5);
+  const step = values.length > 1 ? Math.abs(values[1] - values[0]) : largest;
+  const digits = Math.min(15, Math.max(6, 2 + Math.ceil(Math.log10(largest / step || 1))));
   return values.map((value) => {
-    const text = usual || value === 0 ? written(value) : value.toExponential().replace("e+", "e");
+    const text = usual || value === 0 ? written(value, digits) : value.toExponential().replace("e+", "e");
     return text.replaceAll("-", "\u2212");
   });
 }

@@ -69,6 +69,8 @@ def _end(value: float | None) -> str:
 def input_facts(provenance: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Version and logs: each with its digest, and what its channels are made of."""
     yield "flexid", str(provenance.get("flexid_version", "unknown"))
+    if "estimate" in provenance:
+        yield "estimate", str(provenance["estimate"].get("file") or "in memory")
     for source in provenance.get("inputs", ()):
         yield "log", str(source.get("file") or "data in memory")
         if source.get("sha256"):

@@ -1,0 +1,70 @@
+"""The page of a validation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexid.identification.result import FreeRun
+from flexid.identification.validate_estimate import EstimateValidation
+from flexid.report.page.layout import Command
+from flexid.report.page.render import page_html
+from flexid.report.page.validation_page import validation_page
+from flexid.report.residual_chart import residual_chart
+from flexid.report.validation_chart import validation_chart
+
+TIME = np.linspace(0.0, 1.0, 101)
+SEEN = np.sin(7.0 * TIME)[:, None]
+MADE = EstimateValidation(
+    fit_percent={"motor_position": 97.53},
+    runs=(FreeRun(TIME, SEEN, SEEN + 1e-3 * np.cos(50.0 * TIME)[:, None]),),
+    horizons={0.05: {"motor_position": 99.1}},
+    model="rigid",
+    residuals={0.05: {"motor_position": 5e-4}, float("inf"): {"motor_position": 1e-3}},
+    noise={"motor_position": 4e-4},
+    provenance={"flexid_version": "0", "inputs": [{"file": "runs/my log.csv", "sha256": "ab"}]},
+)
+
+
+def with_fit(fit: float, *warnings: str) -> EstimateValidation:
+    """Return a validation with this free run."""
+    return replace(MADE, fit_percent={"motor_position": fit}, warnings=warnings)
+
+
+@pytest.mark.parametrize(
+    ("result", "word", "tone", "then"),
+    [
+        (MADE, "97.53 %", "good", "Use the estimate"),
+        (with_fit(97.53, "short"), "97.53 %", "fair", "Use the estimate"),
+        (with_fit(49.0), "49.00 %", "bad", "Identify these logs, too"),
+        (with_fit(-20.0), "Nothing", "bad", "Identify these logs, too"),
+        (with_fit(-np.inf), "Nothing", "bad", "Identify these logs, too"),
+        (with_fit(np.nan), "Nothing moves", "bad", "Identify these logs, too"),
+    ],
+)
+def test_the_first_screen_says_how_much_is_predicted(result, word, tone, then):
+    """Assert that the answer is the free run's worst fit, and what to do follows from it."""
+    first, second = validation_page(result, ()).answers
+    assert (first.word, first.tone) == (word, tone)
+    assert second.word == then
+
+
+def test_residuals_are_held_against_noise():
+    """Assert that what a free run is off is named as a multiple of the noise."""
+    first, _ = validation_page(MADE, ()).answers
+    assert str(first.content[-1]) == "What it is off is 2.5 times the sensors' noise at most."
+
+
+def test_a_command_can_be_pasted():
+    """Assert that a file with a blank in its name is quoted."""
+    _, then = validation_page(with_fit(0.0), ()).answers
+    assert then.content[-1] == Command("flexid identify 'runs/my log.csv'")
+
+
+def test_all_of_it_is_on_the_page():
+    """Assert that figures, tables, warnings, the command and the log's hash are in the HTML."""
+    charts = (validation_chart(MADE), residual_chart(MADE))
+    made = page_html(validation_page(with_fit(97.53, "beware"), charts, "flexid validate e.json"))
+    for text in ("my log.csv", "97.53", ">beware<", "flexid validate e.json", ">ab<"):
+        assert text in made
+    assert made.count("data-chart=") == 2
