@@ -9,6 +9,7 @@ import pytest
 from moving_joint import LINK, MOTOR, OPTIONS, TIME, TORQUE, H, same, stream, watched
 
 from flexid.errors import RecordingError, SettingError
+from flexid.streaming import incoming
 from flexid.streaming.choices import Choices
 from flexid.streaming.follower import Follower
 from flexid.streaming.incoming import Replay
@@ -31,6 +32,36 @@ def test_a_whole_log_is_watched_as_its_samples_are(tmp_path: Path):
     assert reports == 3
     assert follower.session is not None
     assert same(follower.session, watched(samples))
+
+
+def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that no more rows than a block's are read at once, and none is lost between two."""
+    samples = stream(3.0)
+    samples[700:705, TIME] -= 0.5  # late ones, at the end of a block and after it
+    path = tmp_path / "log.parquet"
+    frame = pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()})
+    frame.write_parquet(path, row_group_size=130)
+    monkeypatch.setattr(incoming, "BLOCK", 100)
+    replay, found = Replay(path, None, at_once=True), []
+    while (part := replay.read(last=False)) is not None:
+        found.append(part)
+    assert max(map(len, found)) <= 130
+    np.testing.assert_array_equal(np.concatenate(found), samples)
+
+
+def test_a_file_that_is_damaged_in_the_middle(tmp_path: Path):
+    """Assert that the row is said from which on it cannot be read."""
+    samples = stream(8.0)
+    path = tmp_path / "log.parquet"
+    frame = pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()})
+    frame.write_parquet(path)
+    raw = bytearray(path.read_bytes())
+    middle = len(raw) // 2  # within a page, whose header is left alone
+    raw[middle : middle + 100] = bytes(100)
+    path.write_bytes(raw)
+    follower = Follower(str(path), CHOICES, stop_at_end=True)
+    with pytest.raises(RecordingError, match=r"row \d+ or after: the file cannot be read on"):
+        list(follower.turns(1.0))
 
 
 def test_an_mcap_file_is_watched(tmp_path: Path):
@@ -65,8 +96,10 @@ def test_an_mcap_file_is_watched(tmp_path: Path):
     assert replay.read(last=False) is None
 
 
-def test_its_own_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("block", [70, 10_000])
+def test_its_own_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int):
     """Assert that samples come when they came: none of a later time, and in the end all."""
+    monkeypatch.setattr(incoming, "BLOCK", block)
     clock = [100.0]
 
     def sleep(seconds: float) -> None:

@@ -7,21 +7,19 @@ head; what a single sample can do wrong is looked at in every chunk.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.files import sha256, shown
+from flexid.files import sha256
 from flexid.recording import checks
+from flexid.recording.blocks import ParquetBlocks
 from flexid.recording.columns import channel_columns, read_channels
-from flexid.recording.limits import check_cells
 from flexid.recording.read import ENCODERS, log_of_table, recording_of
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS
 from flexid.recording.stream_checks import SHOWN, Still, Wraps, listed
-from flexid.recording.table import Table, scan_parquet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,6 +31,7 @@ if TYPE_CHECKING:
     from flexid.recording.channel import Channel
     from flexid.recording.column_map import MapSource
     from flexid.recording.recording import Log, Recording
+    from flexid.recording.table import Table
 
 CHUNK = 262_144
 """Rows that are read at once."""
@@ -78,16 +77,15 @@ class LogStream:
     """
 
     def __init__(self, path: Path, columns: MapSource | None, head_rows: int) -> None:
-        self.file = shown(path)
+        self._blocks = ParquetBlocks(path)
+        self.file, self.rows = self._blocks.file, self._blocks.rows
         self.warnings: list[str] = []
         """What was found in the stream, once it is over."""
         self._path = path
         self._map = columns
-        self._scan, self.rows = scan_parquet(path)
         self.head_rows = min(head_rows, self.rows)
-        check_cells(self.file, self.head_rows, self._scan.collect_schema().len())
         """Rows that were read and checked at once."""
-        table = self._head(head_rows)
+        table = self._blocks.head(self.head_rows)
         self._columns = channel_columns(table, columns)
         self.head: Log = log_of_table(table, columns)
         self.sample_time = self.head.recordings[0].sample_time
@@ -110,45 +108,10 @@ class LogStream:
         state = _State(self.file, self.sample_time, self.head)
         with ThreadPoolExecutor(1) as digests:
             digest = digests.submit(sha256, self._path)
-            for table in self._tables(size):
+            for table in self._blocks.tables(self._columns, size):
                 yield from state.chunks(table, read_channels(table, self._map)[0])
             self.warnings += state.finished(self.rows)
             self.sha256 = digest.result()
-
-    def _tables(self, size: int) -> Iterator[Table]:
-        """The columns that are needed, so many rows at a time."""
-        row = 0
-        # Polars reads ahead by some batches and then waits, so that memory stays bounded.
-        batches = self._scan.select(self._columns).collect_batches(chunk_size=size)
-        while row < self.rows:
-            with self._readable(row):
-                frame = next(batches, None)
-            if frame is None:
-                raise self._broken(row)
-            yield Table(self.file, "", row + 1, "row", frame, "")
-            row += frame.height
-
-    def _head(self, rows: int) -> Table:
-        with self._readable(0):
-            frame = self._scan.head(rows).collect()
-        return Table(self.file, "", 1, "row", frame, "")
-
-    @contextmanager
-    def _readable(self, row: int) -> Iterator[None]:
-        """Turn what Polars says of a damaged file into a sentence."""
-        import polars as pl
-
-        try:
-            yield
-        except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-            raise self._broken(row) from error
-
-    def _broken(self, row: int) -> RecordingError:
-        return RecordingError(
-            self.file,
-            f"row {row + 1} or after",
-            "the file cannot be read on from there: export or copy it again",
-        )
 
 
 @dataclass

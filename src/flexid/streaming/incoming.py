@@ -1,6 +1,7 @@
 """Samples as they come: from lines of text, or from a whole log that is played again."""
 
 import time
+from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -10,9 +11,11 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.files import shown
+from flexid.recording.blocks import ParquetBlocks
 from flexid.recording.column_map import MapSource
-from flexid.recording.columns import read_channels
+from flexid.recording.columns import channel_columns, read_channels
 from flexid.recording.formats import SERIES, table_of_file
+from flexid.recording.table import PARQUET_SUFFIXES, Table
 from flexid.streaming.channels import StreamChannels, chosen_channels
 from flexid.streaming.sources import TURN, Source
 from flexid.streaming.text_stream import (
@@ -22,7 +25,10 @@ from flexid.streaming.text_stream import (
     stream_columns,
 )
 
-WHOLE_LOGS = {*SERIES, ".parquet", ".pq"}
+BLOCK = 65_536
+"""Rows of a Parquet file that are read at once."""
+
+WHOLE_LOGS = {*SERIES, *PARQUET_SUFFIXES}
 """Ends of the names of files that do not grow line by line, and are played again."""
 
 
@@ -159,6 +165,9 @@ class TextSamples:
 class Replay:
     """A whole log, an MCAP file for example, whose samples come again when they came.
 
+    A Parquet file is read some rows at a time; other formats have no order in which their channels
+    could be read together, and are read whole.
+
     Parameters
     ----------
     path : Path
@@ -182,33 +191,59 @@ class Replay:
         self, path: Path, column_map: MapSource | None, *, at_once: bool, model: str = "auto"
     ) -> None:
         self.name = shown(path)
-        self.warnings: tuple[str, ...] = ()
-        table = table_of_file(path, column_map)
+        self._map, self._model, self._at_once = column_map, model, at_once
+        self._tables = _tables(path, column_map)
+        table = next(self._tables)
         channels, warnings = read_channels(table, column_map)
-        warnings = tuple(dict.fromkeys(table.warnings + warnings))
-        chosen, self.channels = chosen_channels(self.name, channels, warnings, model)
+        self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
+        chosen, self.channels = chosen_channels(self.name, channels, self.warnings, model)
         self._samples: FloatArray = np.column_stack([channel.values for channel in chosen])
-        # The latest time so far: a sample that is late, or another clock, holds nobody up.
         self._due = np.maximum.accumulate(self._samples[:, 0])
-        self._at_once = at_once
+        self._first = float(self._due[0])
         self._begun = time.monotonic()
         self._taken = 0
 
     def read(self, *, last: bool) -> FloatArray | None:  # noqa: ARG002 - nothing is kept back
-        """Samples whose time has come."""
-        if self._taken == len(self._samples):
+        """Samples whose time has come, of one block at most."""
+        if self._taken == len(self._samples) and not self._next_block():
             return None
         stop = len(self._samples)
         if not self._at_once:
-            time.sleep(TURN)
-            now = self._due[0] + time.monotonic() - self._begun
+            now = self._first + time.monotonic() - self._begun
+            if self._due[self._taken] > now:
+                time.sleep(TURN)
+                now = self._first + time.monotonic() - self._begun
             stop = int(np.searchsorted(self._due, now, side="right"))
         found = self._samples[self._taken : stop]
         self._taken = max(self._taken, stop)
         return found
 
+    def _next_block(self) -> bool:
+        table = next(self._tables, None)
+        if table is None:
+            return False
+        channels, _ = read_channels(table, self._map)
+        chosen, _ = chosen_channels(self.name, channels, (), self._model)
+        self._samples = np.column_stack([channel.values for channel in chosen])
+        # The latest time so far: a sample that is late, or another clock, holds nobody up.
+        times = np.concatenate((self._due[-1:], self._samples[:, 0]))
+        self._due = np.maximum.accumulate(times)[1:]
+        self._taken = 0
+        return True
+
     def close(self) -> None:
-        """Nothing is open."""
+        """Read no more."""
+        self._tables.close()
+
+
+def _tables(path: Path, column_map: MapSource | None) -> Generator[Table]:
+    """A log in tables: of a Parquet file some rows at a time, of others all."""
+    if path.suffix.lower() not in PARQUET_SUFFIXES:
+        yield table_of_file(path, column_map)
+        return
+    blocks = ParquetBlocks(path)
+    columns = channel_columns(blocks.head(1), column_map)
+    yield from blocks.tables(columns, BLOCK)
 
 
 def is_whole_log(source: str) -> bool:
