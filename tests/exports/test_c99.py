@@ -2,12 +2,14 @@
 
 import re
 import subprocess
+from pathlib import Path
 
 import pytest
 from drive import (
     CASES,
     CORTEX_M4F,
     DRIVES,
+    LOG,
     MAIN,
     PRECISIONS,
     STRICT,
@@ -17,6 +19,8 @@ from drive import (
     run_on_cortex_m,
     tool,
 )
+
+import flexid
 
 precisions = pytest.mark.parametrize("precision", PRECISIONS)
 
@@ -57,8 +61,61 @@ def test_replay_on_cortex_m4f(drives, tmp_path, precision):
 
 def test_the_allowed_difference_is_small(drives):
     """Assert that the example log is held to 1e-12 and 1e-4, and to nothing wider."""
-    text = (drives[MAIN] / "test_vector.h").read_text()
-    assert re.findall(r"define ALLOWED (\S+)", text) == ["0.0001", "1e-12"]
+    assert allowed(drives[MAIN]) == [["0.0001"] * 5, ["1e-12"] * 5]
+
+
+def allowed(directory: Path) -> list[list[str]]:
+    """What is allowed for each coefficient, in float and in double."""
+    text = (directory / "test_vector.h").read_text()
+    (block,) = re.findall(r"ALLOWED\[FLEXID_COEFFICIENTS\] = \{(.*?)\};", text, re.DOTALL)
+    return [line.strip().split(", ") for line in re.findall(r"^ .*$", block, re.MULTILINE)]
+
+
+@pytest.fixture(scope="module")
+def near_zero(tmp_path_factory) -> Path:
+    """An estimator of an offset that the example's drive has not: its estimate is next to zero."""
+    directory = tmp_path_factory.mktemp("near zero") / "drive"
+    terms = ("gravity", "motor_viscous", "link_offset")
+    flexid.export("flexible-joint", to="c99", out=directory, log=LOG, terms=terms)
+    return directory
+
+
+@precisions
+def test_a_coefficient_near_zero_loosens_no_other(near_zero, tmp_path, precision):
+    """Assert that what hangs on rounding alone is allowed more, and what does not is held."""
+    single, double = allowed(near_zero)
+    assert (single[2], double[2]) != ("0.0001", "1e-12")  # theta_offset
+    assert {*single[:2], *single[3:]} == {"0.0001"}
+    assert {*double[:2], *double[3:]} == {"1e-12"}
+    run(compiled("gcc", near_zero, PRECISIONS[precision], out=tmp_path / "drive"))
+
+
+@precisions
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("theta_offset = state->row[0].unknown[2]", "theta_offset = -state->row[0].unknown[2]"),
+        ("theta_offset = state->row[0].unknown[2]", "theta_offset = REAL(0.0)"),
+        ("theta2 = state->row[0].unknown[1]", "theta2 = state->row[0].unknown[1]*REAL(1.001)"),
+        (
+            "theta1 = state->row[0].unknown[0]",
+            "theta1 = REAL(0.0) / REAL(0.0)",
+        ),
+    ],
+)
+def test_a_wrong_coefficient_is_noticed(near_zero, tmp_path, precision, right, wrong):
+    """Assert that one that is next to zero, one beside it, and one that is no number are found."""
+    directory = tmp_path / "wrong"
+    directory.mkdir()
+    for file in near_zero.iterdir():
+        text = file.read_text()
+        if file.name == "flexid_drive.c":
+            assert right in text
+            text = text.replace(right, wrong)
+        (directory / file.name).write_text(text)
+    program = compiled("gcc", directory, PRECISIONS[precision], out=tmp_path / "drive")
+    with pytest.raises(AssertionError, match="difference to Python"):
+        run(program)
 
 
 def test_sums_in_float_lose_nothing(drives, tmp_path):

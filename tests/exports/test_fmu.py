@@ -53,7 +53,8 @@ def units(joint, tmp_path_factory):
     """The four FMUs of that joint, and what was said of them."""
     tool("gcc")
     directory = tmp_path_factory.mktemp("units")
-    source = ExportSource(joint, TRUE, {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)"})
+    known = {"theta2": "1/s^2", "beta1": "rad/s^2/(N m)", "u": "N m", "coulomb_velocity": "rad/s"}
+    source = ExportSource(joint, TRUE, known)
     warnings = write_fmu(ExportRequest(source, SETTINGS), directory)
     return directory, warnings
 
@@ -329,6 +330,52 @@ def test_a_jump_is_smoothed(tmp_path):
     assert any("coulomb_velocity" in w for w in warnings)
     described = fmpy.read_model_description(str(tmp_path / "plant_fmi3.fmu"))
     assert "coulomb_velocity" in {v.name for v in described.modelVariables}
+
+
+FAILURES = {
+    "an error behind a warning": (
+        "echo 'model.h:1: warning: hm' >&2; echo 'plant.c:9: error: no such thing' >&2; exit 1",
+        r"cc ended with status 1 and said 'plant\.c:9: error: no such thing': mend what it names",
+    ),
+    "silence": ("exit 3", "cc ended with status 3 and said 'nothing'"),
+    "a signal": ("kill -9 $$", "cc was ended by signal 9 before the library was made"),
+    "no library": ("exit 0", r"cannot be made in a temporary folder \(No such file"),
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the compilers are shell scripts")
+@pytest.mark.parametrize("kind", FAILURES)
+def test_a_compiler_that_fails_is_quoted(tmp_path, monkeypatch, kind):
+    """Assert that whatever goes wrong is said as it is, and nothing else is blamed."""
+    script, words = FAILURES[kind]
+    program = tmp_path / "cc"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(shutil, "which", lambda _: str(program))
+    plain = flexid.flexible_joint(known={"beta1": 4.0})
+    values = {name: TRUE[name] for name in plain.coefficients}
+    with pytest.raises(SettingError, match=words):
+        write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path)
+
+
+def test_a_compiler_that_cannot_be_run(tmp_path, monkeypatch):
+    """Assert that one that is no program is said to be none."""
+    monkeypatch.setattr(shutil, "which", lambda _: str(tmp_path))
+    plain = flexid.flexible_joint(known={"beta1": 4.0})
+    values = {name: TRUE[name] for name in plain.coefficients}
+    with pytest.raises(SettingError, match=r"cannot be run \(Permission denied\): mend"):
+        write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_its_variables_have_units(units, name):
+    """Assert that states and inputs have theirs, and what has none in the model has none."""
+    described = fmpy.read_model_description(str(units[0] / f"{name}.fmu"))
+    found = {v.name: v.unit for v in described.modelVariables}
+    assert (found["x1"], found["x3"], found["u"]) == ("rad", "rad", "N m")
+    if name.startswith("plant"):
+        assert (found["x2"], found["coulomb_velocity"]) == ("rad/s", "rad/s")
+        assert found["alpha1"] is None
 
 
 def test_names_that_it_has_itself_are_refused(tmp_path):

@@ -34,6 +34,15 @@ def test_what_has_no_value_gets_none(result):
     assert "alpha2" in source.system.coefficients
 
 
+def test_units_are_those_of_the_estimate(result):
+    """Assert that inputs have the unit that the log had, and coefficients theirs."""
+    units = source_of_identification(result).units
+    assert (units["u"], units["theta2"], units["beta1"]) == ("N m", "1/s^2", "rad/s^2/(N m)")
+    gain = dataclasses.replace(result.coefficients["beta1"], unit="rad/s^2/A")
+    current = dataclasses.replace(result, coefficients=result.coefficients | {"beta1": gain})
+    assert source_of_identification(current).units["u"] == "A"
+
+
 def test_doubts_are_said(result):
     """Assert that a value that the log leaves undetermined is named, and others are not."""
     assert source_of_identification(result).doubts == ()

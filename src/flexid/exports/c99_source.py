@@ -195,7 +195,7 @@ class DriveSource:
         if not self._units:
             return "in the model's unit"
         if name in self.system.inputs:
-            return "the input, in the unit that it was identified in"
+            return comment(self._units.get(name) or "the input, in the model's unit")
         return "rad/s" if name in self.system.states[1::2] else "rad"
 
     def _model_functions(self) -> str:

@@ -99,12 +99,12 @@ def vector_text(drive: DriveSource, samples: FloatArray) -> str:
     scale = np.abs(history.coefficients[places]).max(axis=0)
     scale[scale == 0.0] = 1.0
 
-    def allowed(rounded: FloatArray, least: float) -> float:
-        """What another way of rounding may do to the estimates."""
+    def allowed(rounded: FloatArray, least: float) -> str:
+        """What another way of rounding may do to each of the estimates."""
         found = drive.twin.replay(start, rounded).coefficients
-        off = np.abs(found - history.coefficients)[places] / scale
-        change = float(off.max())
-        return least if change <= least / _WELL_CONDITIONED else _MARGIN * change
+        change = (np.abs(found - history.coefficients)[places] / scale).max(axis=0)
+        small = change <= least / _WELL_CONDITIONED
+        return ", ".join(map(repr, np.where(small, least, _MARGIN * change).tolist()))
 
     ulps = np.random.default_rng(_SEED).choice([-1.0, 1.0], samples.shape)
     double = allowed(samples * (1.0 + ulps * np.finfo(np.float64).eps), _ALLOWED_DOUBLE)
@@ -126,14 +126,10 @@ def vector_text(drive: DriveSource, samples: FloatArray) -> str:
 #define N_SAMPLES {n}U
 #define N_CHECKS {len(places)}U
 
-/* How much an estimate may differ, relative to SCALE. More than {_ALLOWED_DOUBLE:g} and
- * {_ALLOWED_FLOAT:g} only where the estimates hang on how the samples are rounded. */
 #if defined(FLEXID_FLOAT)
 #define V(x) (x##f)
-#define ALLOWED {single!r}
 #else
 #define V(x) (x)
-#define ALLOWED {double!r}
 #endif
 
 /* {", ".join(drive.sample_names)} */
@@ -143,6 +139,17 @@ static const flexid_sample SAMPLES[N_SAMPLES] = {{
 
 /* The largest size of each estimate, that differences are relative to. */
 static const double SCALE[FLEXID_COEFFICIENTS] = {{{", ".join(map(repr, scale.tolist()))}}};
+
+/* How much each may differ, relative to that. More than {_ALLOWED_DOUBLE:g} and
+ * {_ALLOWED_FLOAT:g} only for one that hangs on how the samples are rounded, as one does that is
+ * next to zero. */
+static const double ALLOWED[FLEXID_COEFFICIENTS] = {{
+#if defined(FLEXID_FLOAT)
+    {single}
+#else
+    {double}
+#endif
+}};
 
 /* Estimates after some samples: {", ".join(drive.system.coefficients)} */
 static const struct {{

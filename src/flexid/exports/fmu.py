@@ -18,6 +18,7 @@ from flexid.errors import SettingError
 from flexid.exports.fmu_description import build_description, model_description, sources
 from flexid.exports.fmu_model import FmuModel, estimator_model, plant_model, template_text
 from flexid.models.terms import SMOOTHING
+from flexid.recording.names import cut
 
 if TYPE_CHECKING:
     from flexid.exports.source import ExportSource
@@ -128,18 +129,53 @@ def _library(model: FmuModel, version: str, texts: dict[str, str]) -> dict[str, 
     if compiler is None or place is None:
         return {}
     folder, suffix = place
-    with tempfile.TemporaryDirectory() as made:
-        for name, text in texts.items():
-            Path(made, name).write_text(text, encoding="utf-8")
-        library = f"{model.identifier}{suffix}"
-        command = [compiler, *_OPTIONS, *sources(model, version), "-o", library, "-lm"]
-        done = subprocess.run(command, cwd=made, capture_output=True, text=True, check=False)
-        if done.returncode:
-            first = next(iter(done.stderr.splitlines()), "no message")
-            raise SettingError(
-                "fmu", f"{compiler} cannot compile it ({first}): mend the compiler, or hide it"
-            )
-        return {f"binaries/{folder}/{library}": Path(made, library).read_bytes()}
+    library = f"{model.identifier}{suffix}"
+    command = [compiler, *_OPTIONS, *sources(model, version), "-o", library, "-lm"]
+    try:
+        with tempfile.TemporaryDirectory() as made:
+            for name, text in texts.items():
+                Path(made, name).write_text(text, encoding="utf-8")
+            _compile(command, made)
+            return {f"binaries/{folder}/{library}": Path(made, library).read_bytes()}
+    except OSError as error:
+        where = f" of {error.filename}" if error.filename else ""
+        raise SettingError(
+            "fmu",
+            f"its library cannot be made in a temporary folder ({error.strerror}{where}): make "
+            f"room there, or set TMPDIR to another folder",
+        ) from None
+
+
+def _compile(command: list[str], folder: str) -> None:
+    """Run a compiler, or raise with what it said."""
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
+        )
+    except OSError as error:
+        raise SettingError(
+            "fmu", f"{command[0]} cannot be run ({error.strerror}): mend its installation"
+        ) from None
+    if done.returncode:
+        raise _failed(command[0], done)
+
+
+def _failed(compiler: str, done: "subprocess.CompletedProcess[str]") -> SettingError:
+    """What a compiler said when it failed, or what ended it."""
+    hide = "export where there is no compiler to get sources alone"
+    if done.returncode < 0:
+        return SettingError(
+            "fmu",
+            f"{compiler} was ended by signal {-done.returncode} before the library was made: give "
+            f"it more memory, or {hide}",
+        )
+    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    said = next((line for line in lines if "error" in line.lower()), (lines or ["nothing"])[-1])
+    return SettingError(
+        "fmu",
+        f"{compiler} ended with status {done.returncode} and said {cut(said, 200)!r}: mend what it "
+        f"names, or {hide}",
+    )
 
 
 def _compiler() -> str | None:

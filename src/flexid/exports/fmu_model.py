@@ -176,14 +176,20 @@ def plant_model(source: ExportSource) -> FmuModel:
                 (row.velocity, "rad/s", f"velocity of the {row.name}"),
             )
         ),
-        *(Variable(name, "input", 0.0, "", "held over a step") for name in system.inputs),
+        *(
+            Variable(name, "input", 0.0, source.units.get(name, ""), "held over a step")
+            for name in system.inputs
+        ),
         *(
             Variable(name, "parameter", value, source.units.get(name, ""), regressor)
             for row in system.rows
             for name, regressor in row.regressors.items()
             for value in (values[name],)
         ),
-        *(Variable(name, "parameter", value) for name, value in system.constants.items()),
+        *(
+            Variable(name, "parameter", value, source.units.get(name, ""))
+            for name, value in system.constants.items()
+        ),
     )
     text = filled(
         "plant.c",
@@ -209,12 +215,18 @@ def estimator_model(source: ExportSource, settings: EstimatorSettings) -> FmuMod
     """
     drive = DriveSource(source, settings)
     names = drive.names
+    states = drive.system.states
+    state_units = dict.fromkeys(states[::2], "rad") | dict.fromkeys(states[1::2], "rad/s")
     variables = (
         *(
             Variable(f"{name}_hat", "output", None, source.units.get(name, ""), "estimate")
             for name in drive.system.coefficients
         ),
-        *(Variable(name, "input", 0.0, "", "sample") for name in drive.sample_names),
+        *(
+            Variable(name, "input", 0.0, unit, "sample")
+            for name in drive.sample_names
+            for unit in (state_units.get(name, source.units.get(name, "")),)
+        ),
         Variable("health", "output", None, "", _health(), integer=True),
     )
     count = len(drive.system.coefficients)

@@ -6,6 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
+from flexid.models.flexible_joint import CONSTANT_UNITS
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import SMOOTHING
 
@@ -26,7 +27,7 @@ class ExportSource:
     values : mapping of str to float, optional
         Values of its coefficients, where there are any.
     units : mapping of str to str, optional
-        Units of its coefficients, where they are known.
+        Units of its coefficients, constants and inputs, where they are known.
     identification : Identification, optional
         Where all that comes from, if it was estimated.
     """
@@ -61,7 +62,7 @@ def source_of_identification(result: "Identification") -> ExportSource:
         If the joint remembers its path.
     """
     from flexid.identification.joint import joint_of
-    from flexid.identification.rebuilt import described, given_coefficients
+    from flexid.identification.rebuilt import described, given_coefficients, input_unit_of
 
     found = described(result, 0, result.choices.shapes).coefficients
     values = {name: v for name, v in found.items() if "[" not in name}
@@ -80,6 +81,11 @@ def source_of_identification(result: "Identification") -> ExportSource:
         constants[SMOOTHING] = result.choices.coulomb_velocity
     system = _with_terms(joint, values, given, constants)
     units = {name.partition("[")[0]: c.unit for name, c in result.coefficients.items()}
+    units |= {name: unit for name, unit in CONSTANT_UNITS.items() if name in system.constants}
+    if result.model == "link":  # the motor's motion is its input
+        units |= dict(zip(system.inputs, ("rad", "rad/s"), strict=True))
+    else:
+        units |= dict.fromkeys(system.inputs, input_unit_of(result))
     return ExportSource(
         system,
         {name: values[name] for name in system.coefficients if isfinite(values[name])},

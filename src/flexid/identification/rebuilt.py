@@ -86,6 +86,12 @@ def given_coefficients(result: Identification) -> frozenset[str]:
     return frozenset(n.partition("[")[0] for n, c in result.coefficients.items() if c.std == 0.0)
 
 
+def input_unit_of(result: Identification) -> str:
+    """Unit of the input that an identification was made of; empty for the link alone."""
+    gain = result.coefficients.get("beta1")
+    return "" if gain is None else gain.unit.removeprefix("rad/s^2/").strip("()")
+
+
 @dataclass(frozen=True, eq=False)
 class Rebuilt:
     """A model with its values.

@@ -104,6 +104,9 @@ SHAPE_TERMS: dict[str, Term] = {
 SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH)
 """Constants of these terms: how wide their shapes are, in rad/s and rad."""
 
+CONSTANT_UNITS = {SMOOTHING: "rad/s", STRIBECK_VELOCITY: "rad/s", BACKLASH_WIDTH: "rad"}
+"""Unit of each constant that a term may bring."""
+
 TIES: dict[str, tuple[str, str, str]] = {
     f"theta_{name}": (f"alpha_{name}", "theta2", "alpha1")
     for name in (

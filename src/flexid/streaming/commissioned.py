@@ -107,7 +107,7 @@ def commissioned(result: "Identification") -> Commissioned:
     SettingError
         If a term of it has a memory, which least squares has not, or nothing is determined.
     """
-    from flexid.identification.rebuilt import given_coefficients
+    from flexid.identification.rebuilt import given_coefficients, input_unit_of
 
     choices = result.choices
     remembering = [t for t in choices.terms if (s := SHAPE_TERMS.get(t)) and s.memory]
@@ -125,7 +125,6 @@ def commissioned(result: "Identification") -> Commissioned:
     }
     if not reference:
         raise SettingError("estimate", "determines nothing that a stream could be compared with")
-    unit = result.coefficients["beta1"].unit if "beta1" in result.coefficients else ""
     alignment = choices.alignment
     late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
     given = given_coefficients(result)
@@ -138,7 +137,7 @@ def commissioned(result: "Identification") -> Commissioned:
         {**choices.shapes},
         choices.coulomb_velocity,
         reference,
-        unit.removeprefix("rad/s^2/").strip("()"),
+        input_unit_of(result),
         late,
     )
 
