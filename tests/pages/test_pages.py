@@ -29,6 +29,7 @@ NOT_RUN = {
     "docs/real-logs/kuka.md": 1,
     "docs/report.md": 1,
     "docs/reproduction.md": 1,
+    "docs/studio.md": 1,
     "docs/trials.md": 1,
     "docs/watch.md": 1,
 }

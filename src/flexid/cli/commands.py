@@ -17,6 +17,7 @@ from flexid.cli import (
     identify,
     reproduce,
     simulate,
+    studio,
     validate,
     watch,
 )
@@ -66,6 +67,7 @@ _register(in_one_thread(design.design), design.EXAMPLES)
 _register(derive.derive, derive.EXAMPLES)
 _register(in_one_thread(export.export), export.EXAMPLES)
 _register(in_one_thread(watch.watch), watch.EXAMPLES)
+_register(studio.studio, studio.EXAMPLES)
 _register(simulate.simulate, simulate.EXAMPLES)
 _register(campaign.campaign, campaign.EXAMPLES)
 _register(in_one_thread(reproduce.reproduce), reproduce.EXAMPLES)

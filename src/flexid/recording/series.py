@@ -120,7 +120,7 @@ def table_of_series(held: SeriesFile, columns: MapSource | None) -> Table:
 
 
 def _table(held: SeriesFile, columns: MapSource | None) -> Table:
-    names = _names(held)
+    names = names_of(held)
     wanted, warnings = sources(names, columns)
     headers = {channel: [h for h in found if h != TIME] for channel, found in wanted.items()}
     by_header = {series.header: series for series in held.series}
@@ -145,7 +145,7 @@ def _table(held: SeriesFile, columns: MapSource | None) -> Table:
     return Table(held.file, "", 1, "row", frame, held.sha256, warnings, short, names.kinds)
 
 
-def _names(held: SeriesFile) -> Table:
+def names_of(held: SeriesFile) -> Table:
     """A table without rows, from which is decided what is read."""
     import polars as pl
 

@@ -1,0 +1,165 @@
+"""Many windows of the studio at once: memory, and how long an answer takes.
+
+``python -m benchmarks.studio`` opens twenty windows, sends each a log of thirty seconds, has all
+checked and identified, while another window goes on asking.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import Request, urlopen
+
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
+
+LOG = Path(__file__).parents[1] / "examples" / "flexible_joint.csv"
+PATIENCE = 600.0  # s
+
+
+class Visitor:
+    """A window without a browser.
+
+    Parameters
+    ----------
+    address : str
+        Of the studio.
+    connection : ClientConnection
+        To its websocket.
+    """
+
+    def __init__(self, address: str, connection: ClientConnection) -> None:
+        self._address = address
+        self._connection = connection
+        connection.send(json.dumps({"method": "init", "data": {}}))
+        self.ask("open", values={})
+        self._key = self.wait(lambda message: message["kind"] == "opened")["key"]
+
+    def ask(self, kind: str, **more: Any) -> None:
+        """Ask for something, as the page's script does."""
+        request = {"kind": kind, "asked": time.monotonic(), **more}
+        self._connection.send(json.dumps({"method": "update", "data": {"request": request}}))
+
+    def wait(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Wait for a message."""
+        while True:
+            message = json.loads(self._connection.recv(PATIENCE))
+            found = message.get("custom", {}).get("studio")
+            if found and 'class="problem"' in found.get("html", ""):
+                raise RuntimeError(found["html"])
+            if found and wanted(found):
+                return found
+
+    def shown(self, place: str, text: str) -> None:
+        """Wait until a place of the page holds a text."""
+        self.wait(lambda m: m["kind"] == "show" and m["place"] == place and text in m["html"])
+
+    def send(self, log: Path) -> None:
+        """Send a log."""
+        headers = {"X-File-Name": log.name, "Origin": self._address.rstrip("/")}
+        url = f"{self._address}upload/{self._key}"
+        urlopen(Request(url, log.read_bytes(), headers), timeout=PATIENCE).close()
+
+    def answer_time(self) -> float:
+        """Seconds until a changed setting stands in the address."""
+        begun = time.monotonic()
+        self.ask("columns", values={"model": "link"})
+        self.wait(lambda message: message["kind"] == "address")
+        return time.monotonic() - begun
+
+
+@contextmanager
+def running(*arguments: object) -> Iterator[tuple[int, str]]:
+    """Start a studio; yields its process and its address."""
+    options = ["--port", "0", "--no-browser", *map(str, arguments)]
+    command = [sys.executable, "-m", "flexid", "studio", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        yield process.pid, process.stdout.readline().split()[2]
+        process.terminate()
+
+
+def memory(process: int) -> int:
+    """Bytes that a process and its children have for themselves or share, each counted once."""
+    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    own = 0
+    for line in Path(f"/proc/{process}/smaps_rollup").read_text().splitlines():
+        if line.startswith("Pss:"):
+            own = 1024 * int(line.split()[1])
+    return own + sum(memory(int(child)) for child in children)
+
+
+@dataclass(frozen=True)
+class Load:
+    """What many windows cost: seconds and bytes."""
+
+    checked: float
+    identified: float
+    slowest_answer: float
+    peak_memory: int
+
+
+def load(windows: int, identified: int) -> Load:
+    """Open windows, send each a log, and identify in some of them."""
+    with running() as (process, address), ExitStack() as stack:
+        peak, answers = [0], [0.0]
+        over = threading.Event()
+
+        def watch() -> None:
+            while not over.wait(0.2):
+                peak[0] = max(peak[0], memory(process))
+
+        watching = threading.Thread(target=watch)
+        watching.start()
+        stack.callback(watching.join)
+        stack.callback(over.set)
+        origin = address.rstrip("/")
+        socket = f"ws://{urlsplit(address).netloc}/websocket/"
+        connections = [
+            stack.enter_context(
+                connect(socket, origin=Origin(origin), max_size=None, max_queue=None)
+            )
+            for _ in range(windows + 1)
+        ]
+        visitors = [Visitor(address, connection) for connection in connections]
+        *visitors, asking = visitors
+        begun = time.monotonic()
+        for visitor in visitors:
+            visitor.send(LOG)
+        for visitor in visitors:
+            visitor.shown("check", "Samples")
+            answers.append(asking.answer_time())
+        checked = time.monotonic() - begun
+        for visitor in visitors[:identified]:
+            visitor.ask("run", values={})
+        for visitor in visitors[:identified]:
+            visitor.shown("result", "Parameter")
+            answers.append(asking.answer_time())
+        return Load(checked, time.monotonic() - begun - checked, max(answers), peak[0])
+
+
+def main() -> None:
+    """Print what twenty windows cost."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--windows", type=int, default=20)
+    arguments = parser.parse_args()
+    found = load(arguments.windows, arguments.windows)
+    print(f"windows              {arguments.windows}")
+    print(f"all logs checked     {found.checked:.1f} s")
+    print(f"all identified       {found.identified:.1f} s")
+    print(f"slowest answer       {found.slowest_answer:.2f} s")
+    print(f"most memory          {found.peak_memory / 1e9:.2f} GB")
+
+
+if __name__ == "__main__":
+    main()

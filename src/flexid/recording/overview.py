@@ -1,0 +1,141 @@
+"""What a file holds, before anybody says which column is which channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from flexid.errors import RecordingError
+from flexid.recording.columns import sources
+from flexid.recording.formats import SERIES
+from flexid.recording.names import cut, split_header, usual_channel
+from flexid.recording.series import TIME, names_of
+from flexid.recording.table import read_table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexid.recording.table import Table
+
+_ROWS = 5  # that are shown
+_LONGEST_CELL = 24  # characters
+
+
+@dataclass(frozen=True)
+class ColumnOverview:
+    """A column of a file.
+
+    Parameters
+    ----------
+    header : str
+        As it stands in the file.
+    unit : str
+        The unit that its name states; empty if it states none.
+    kind : str
+        Type and length of a signal in a file that is no table; else empty.
+    cells : tuple of str
+        Its first values, as they stand in the file.
+    """
+
+    header: str
+    unit: str
+    kind: str
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FileOverview:
+    """Columns of a file, and what their names say.
+
+    Parameters
+    ----------
+    file, sha256 : str
+        The file, as its path was given, and the digest of its bytes.
+    rows : int
+        How many samples it has; of signals, the longest has.
+    columns : tuple of ColumnOverview
+        In the file's order.
+    channels : mapping of str to str
+        The header that each channel would be read from, by the channel's name.
+    unclear : str
+        Why the names do not say what is what; empty if they do.
+    """
+
+    file: str
+    sha256: str
+    rows: int
+    columns: tuple[ColumnOverview, ...]
+    channels: dict[str, str]
+    unclear: str
+
+
+def overview(path: Path) -> FileOverview:
+    """Say what a file holds.
+
+    Parameters
+    ----------
+    path : Path
+        In any format that `flexid.recording.read.read_log` takes.
+
+    Returns
+    -------
+    FileOverview
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read.
+    """
+    module = "ros" if path.is_dir() else SERIES.get(path.suffix.lower())
+    if module is None:
+        table = read_table(path)
+        return _overview(table, table.frame.height, _cells(table))
+    held = import_module(f"flexid.recording.{module}").open_series(path)
+    try:
+        rows = max((series.length for series in held.series), default=0)
+        return _overview(names_of(held), rows, {})
+    finally:
+        held.close()
+
+
+def _cells(table: Table) -> dict[str, tuple[str, ...]]:
+    """The first values of each column as text."""
+    head = table.frame.head(_ROWS)
+    return {
+        name: tuple(cut(_text(cell), _LONGEST_CELL) for cell in head[name]) for name in table.names
+    }
+
+
+def _text(cell: object) -> str:
+    return f"{cell:.9g}" if isinstance(cell, float) else str(cell).strip()
+
+
+def _overview(table: Table, rows: int, cells: dict[str, tuple[str, ...]]) -> FileOverview:
+    columns = tuple(
+        ColumnOverview(
+            header,
+            _unit(table, header),
+            "" if header == TIME else table.kinds.get(header, ""),
+            cells.get(header, ()),
+        )
+        for header in table.names
+    )
+    channels, unclear = {}, ""
+    try:
+        found, _ = sources(table, None)
+        channels = {name: headers[0] for name, headers in found.items()}
+    except RecordingError as error:
+        unclear = error.reason
+        for header in table.names:
+            usual = usual_channel(table.short_name(header))
+            if usual is not None:
+                channels.setdefault(usual[0], header)
+    return FileOverview(table.file, table.sha256, rows, columns, channels, unclear)
+
+
+def _unit(table: Table, header: str) -> str:
+    """The unit that a column's name states."""
+    short = table.short_name(header)
+    usual = usual_channel(short)
+    return split_header(short)[1] or (usual[1] if usual else None) or ""

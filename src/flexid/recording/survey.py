@@ -1,0 +1,174 @@
+"""What a log shows at a glance, before anything is fitted to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexid.recording.sampling import FEWEST_TO_IDENTIFY
+from flexid.recording.velocities import position_noise, velocity
+
+if TYPE_CHECKING:
+    from flexid.arrays import FloatArray
+    from flexid.recording.recording import Log, Recording
+
+_RESTING = 0.02  # of the largest velocity
+_SHARE = 0.95  # of the input's power
+_FEW_REVERSALS = 4
+_SMALL_DEFLECTION = 3.0  # times the encoders' noise
+
+
+@dataclass(frozen=True)
+class ChannelSurvey:
+    """One channel of a log.
+
+    Parameters
+    ----------
+    name, unit : str
+        The channel, and its SI unit.
+    lowest, highest : float
+        In the unit.
+    noise : float
+        Standard deviation of the encoder's noise in rad; NaN of what is no position.
+    """
+
+    name: str
+    unit: str
+    lowest: float
+    highest: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class LogSurvey:
+    """What a log shows at a glance.
+
+    Parameters
+    ----------
+    model : {"flexible", "link", "rigid"}
+        What can be identified of it.
+    sample_time, duration : float
+        In s, the duration without gaps.
+    samples, recordings : int
+        How many there are; a gap ends a recording.
+    channels : tuple of ChannelSurvey
+        In the order of reading.
+    reversals : int
+        How often the motor turns back.
+    resting : float
+        Share of the time in which it rests.
+    deflection_over_noise : float
+        Root mean square of the deflection about its mean, over the noise of its encoders; NaN where
+        there is one encoder.
+    input_bandwidth : float
+        Frequency in Hz below which 95 % of the input's power lies; NaN without an input.
+    remarks : tuple of str
+        What stands against a good answer, a sentence each.
+    """
+
+    model: str
+    sample_time: float
+    duration: float
+    samples: int
+    recordings: int
+    channels: tuple[ChannelSurvey, ...]
+    reversals: int
+    resting: float
+    deflection_over_noise: float
+    input_bandwidth: float
+    remarks: tuple[str, ...]
+
+
+def survey(log: Log) -> LogSurvey:
+    """Say what a log shows at a glance.
+
+    Parameters
+    ----------
+    log : Log
+        With a recording of 20 samples or more, as `flexid.recording.read.read_log` returns it.
+
+    Returns
+    -------
+    LogSurvey
+    """
+    longest = max(log.recordings, key=len)
+    reversals, resting = _motion(log.recordings)
+    deflection = _deflection_over_noise(longest)
+    remarks = []
+    if len(longest) < FEWEST_TO_IDENTIFY:
+        remarks.append(
+            f"The longest stretch has {len(longest)} samples where {FEWEST_TO_IDENTIFY} are the "
+            f"fewest that can be identified: record for longer."
+        )
+    if reversals < _FEW_REVERSALS:
+        remarks.append(
+            f"The motor turns back {reversals} times, and friction shows where it does: let it "
+            f"move to and fro."
+        )
+    if deflection < _SMALL_DEFLECTION:
+        remarks.append(
+            f"The deflection is {deflection:.2g} times its encoders' noise, so the stiffness may "
+            f"not show: drive the joint harder, or near its resonance."
+        )
+    return LogSurvey(
+        _model(longest),
+        longest.sample_time,
+        sum(len(recording) for recording in log.recordings) * longest.sample_time,
+        sum(len(recording) for recording in log.recordings),
+        len(log.recordings),
+        tuple(_channels(log.recordings)),
+        reversals,
+        resting,
+        deflection,
+        _bandwidth(longest),
+        tuple(remarks),
+    )
+
+
+def _model(recording: Recording) -> str:
+    if recording.link_position is None:
+        return "rigid"
+    return "link" if recording.input is None else "flexible"
+
+
+def _channels(recordings: tuple[Recording, ...]) -> list[ChannelSurvey]:
+    found = []
+    units = {"input": recordings[0].input_unit}
+    for name in ("link_position", "motor_position", "input", "link_velocity", "motor_velocity"):
+        parts = [getattr(recording, name) for recording in recordings]
+        if parts[0] is None:
+            continue
+        is_position = name.endswith("position")
+        noise = position_noise(max(parts, key=len)) if is_position else np.nan
+        unit = units.get(name, "rad" if is_position else "rad/s")
+        lowest, highest = min(p.min() for p in parts), max(p.max() for p in parts)
+        found.append(ChannelSurvey(name, unit, float(lowest), float(highest), noise))
+    return found
+
+
+def _motion(recordings: tuple[Recording, ...]) -> tuple[int, float]:
+    """How often the motor turns back, and the share of the time in which it rests."""
+    velocities = [velocity(r.motor_position, r.sample_time) for r in recordings]
+    slow = _RESTING * max(float(np.abs(v).max()) for v in velocities)
+    moving = [np.sign(v[np.abs(v) > slow]) for v in velocities]
+    turned = sum(int(np.count_nonzero(np.diff(signs))) for signs in moving)
+    return turned, 1.0 - sum(map(len, moving)) / sum(map(len, velocities))
+
+
+def _deflection_over_noise(recording: Recording) -> float:
+    if recording.link_position is None:
+        return float("nan")
+    noise = position_noise(recording.deflection)
+    moved = float(recording.deflection.std())
+    return moved / noise if noise > 0.0 else float("inf")
+
+
+def _bandwidth(recording: Recording) -> float:
+    if recording.input is None:
+        return float("nan")
+    power: FloatArray = np.abs(np.fft.rfft(recording.input - recording.input.mean())) ** 2
+    frequencies = np.fft.rfftfreq(len(recording), recording.sample_time)
+    total = np.cumsum(power)
+    return float(frequencies[np.searchsorted(total, _SHARE * total[-1])])

@@ -1,0 +1,1 @@
+"""The studio: a page on the loopback in which logs are identified."""

@@ -1,0 +1,201 @@
+"""What a window has chosen: read from its form or its address, never believed.
+
+Form and address have the same keys, so that a link shows what the form showed::
+
+    room=identify  hold=zero  terms=gravity,motor_viscous  gear_ratio=101
+    column.motor_position=enc_2  unit.motor_position=deg  scale.motor_position=0.5
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import urlencode
+
+from flexid.errors import SettingError
+from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
+from flexid.models.rigid_joint import RIGID_TERMS
+from flexid.recording.channel import SI_UNITS
+
+LONGEST_VALUE = 300  # characters
+MOST_KEYS = 80
+MODELS = ("auto", "flexible", "link", "rigid")
+HOLDS = ("auto", "zero", "linear", "cubic")
+ALL_TERMS = tuple(dict.fromkeys([*TERMS, *SHAPE_TERMS, *RIGID_TERMS]))
+_PARTS = ("column", "unit", "scale", "offset")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a channel comes from.
+
+    Parameters
+    ----------
+    column : str
+        A header of the file.
+    unit : str
+        Its unit; empty for what the header says, or SI.
+    scale, offset : float
+        In the unit.
+    """
+
+    column: str
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a window has chosen.
+
+    Parameters
+    ----------
+    sources : mapping of str to Source
+        By channel; empty where the names of the columns decide.
+    gear_ratio : float or None
+        Turns of the motor in one turn of the link, if its channels are at the motor's side.
+    model, hold : str
+        As `flexid.identify` takes them.
+    terms : tuple of str or None
+        Terms of the model; chosen from the log if None.
+    ran : bool
+        Whether it was run.
+    """
+
+    sources: Mapping[str, Source] = field(default_factory=dict)
+    gear_ratio: float | None = None
+    model: str = "auto"
+    hold: str = "auto"
+    terms: tuple[str, ...] | None = None
+    ran: bool = False
+
+    @property
+    def column_map(self) -> dict[str, Any] | None:
+        """The choices as a column map; None where the names of the columns decide."""
+        if not self.sources:
+            return None
+        entries: dict[str, Any] = {}
+        for channel, source in self.sources.items():
+            entry: dict[str, Any] = {"column": source.column}
+            if source.unit:
+                entry["unit"] = source.unit
+            if source.scale != 1.0:
+                entry["scale"] = source.scale
+            if source.offset:
+                entry["offset"] = source.offset
+            entries[channel] = entry
+        return entries if self.gear_ratio is None else {**entries, "gear_ratio": self.gear_ratio}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Keywords for `flexid.identify`."""
+        return {
+            "model": self.model,
+            "hold": self.hold,
+            "terms": "auto" if self.terms is None else self.terms,
+        }
+
+    @property
+    def query(self) -> str:
+        """The choices as the end of an address."""
+        pairs: dict[str, str] = {}
+        for channel, source in self.sources.items():
+            pairs[f"column.{channel}"] = source.column
+            if source.unit:
+                pairs[f"unit.{channel}"] = source.unit
+            if source.scale != 1.0:
+                pairs[f"scale.{channel}"] = f"{source.scale:.15g}"
+            if source.offset:
+                pairs[f"offset.{channel}"] = f"{source.offset:.15g}"
+        if self.gear_ratio is not None:
+            pairs["gear_ratio"] = f"{self.gear_ratio:.15g}"
+        for name in ("model", "hold"):
+            if getattr(self, name) != "auto":
+                pairs[name] = getattr(self, name)
+        if self.terms is not None:
+            pairs["terms"] = ",".join(self.terms)
+        if self.ran:
+            pairs["ran"] = "yes"
+        return urlencode(pairs)
+
+
+def read_choices(values: object) -> Choices:
+    """Choices from what a form or an address holds.
+
+    Keys that are not known are left out; so is ``log``, which some would like to be a path.
+
+    Parameters
+    ----------
+    values : object
+        Keys and texts, from outside.
+
+    Returns
+    -------
+    Choices
+
+    Raises
+    ------
+    SettingError
+        If a value cannot be used.
+    """
+    texts = _texts(values)
+    sources = {}
+    for channel in SI_UNITS:
+        column = texts.get(f"column.{channel}", "")
+        if column:
+            sources[channel] = Source(
+                column,
+                texts.get(f"unit.{channel}", ""),
+                _number(f"scale of {channel}", texts.get(f"scale.{channel}", ""), 1.0),
+                _number(f"offset of {channel}", texts.get(f"offset.{channel}", ""), 0.0),
+            )
+    gear = texts.get("gear_ratio", "")
+    return Choices(
+        sources,
+        _number("gear ratio", gear, 1.0) if gear and sources else None,
+        _one_of("model", texts.get("model", "auto"), MODELS),
+        _one_of("hold", texts.get("hold", "auto"), HOLDS),
+        _terms(texts["terms"]) if "terms" in texts else None,
+        texts.get("ran") == "yes",
+    )
+
+
+def _texts(values: object) -> dict[str, str]:
+    """Texts by key, as many and as long as a form has."""
+    if not isinstance(values, Mapping) or len(values) > MOST_KEYS:
+        raise SettingError("address", "it holds more than the studio knows: open it without")
+    texts = {}
+    for key, value in values.items():
+        if isinstance(key, str) and isinstance(value, str):
+            if len(value) > LONGEST_VALUE:
+                raise SettingError("address", f"a value has more than {LONGEST_VALUE} characters")
+            texts[key] = value
+    return texts
+
+
+def _number(what: str, text: str, default: float) -> float:
+    if not text.strip():
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise SettingError(what, f"{text[:40]!r} is no number: write one such as 0.5 or -1.5e-3")
+    return value
+
+
+def _one_of(what: str, text: str, known: tuple[str, ...]) -> str:
+    if text not in known:
+        raise SettingError(what, f"{text[:40]!r} is none of {', '.join(known)}")
+    return text
+
+
+def _terms(text: str) -> tuple[str, ...]:
+    names = tuple(dict.fromkeys(name for name in text.split(",") if name))
+    for name in names:
+        _one_of("terms", name, ALL_TERMS)
+    return names

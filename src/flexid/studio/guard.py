@@ -1,0 +1,161 @@
+"""Who is let in: before any part of the studio sees a request.
+
+A page of another origin can make a browser send requests to the loopback, and with a name of its
+own that it lets resolve to 127.0.0.1 it could read the answers. So the name by which the studio is
+called has to be one of its own, and a request that says where it comes from has to come from here.
+Off the loopback there is a token besides.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import ipaddress
+import re
+import secrets
+import socket
+from base64 import b64encode
+from http.cookies import CookieError, SimpleCookie
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+COOKIE = "flexid_studio"
+_POLICY = (
+    "default-src 'none'; script-src 'self' {scripts}; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; font-src 'self'; connect-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address or a name can be reached from this machine alone."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class Guard:
+    """An ASGI application that lets through to another what may pass.
+
+    Parameters
+    ----------
+    app : ASGI application
+        What is guarded.
+    host : str
+        Where it listens.
+    token : str
+        What has to be known; empty for a studio on the loopback.
+    page : str
+        The page, whose own scripts may run.
+    """
+
+    def __init__(self, app: ASGIApp, host: str, token: str, page: str) -> None:
+        self._app = app
+        self._token = token
+        self._headers = {**_HEADERS, "Content-Security-Policy": _policy(page)}
+        self._names = {"localhost"}
+        self._is_open = not is_loopback(host)
+        if self._is_open:
+            self._names |= {host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or hand it on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        refusal = self._refusal(scope)
+        if refusal is None:
+            await self._app(scope, receive, self._with_headers(send))
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await refusal(scope, receive, self._with_headers(send))
+
+    def _with_headers(self, send: Send) -> Send:
+        """Send with each answer what keeps a browser from doing more than it has to."""
+
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in self._headers.items():
+                    headers[name] = value
+            await send(message)
+
+        return sending
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        """The answer to who is not let in; None for who is."""
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if not self._is_ours(host):
+            return _refused("the studio is not called so: open the address that it printed")
+        origin = headers.get("origin")
+        acts = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        if (origin is None and acts) or (
+            origin is not None and origin not in (f"http://{host}", f"https://{host}")
+        ):
+            return _refused("the request comes from another page")
+        if scope["path"].startswith("/session/") and "/upload/" in scope["path"]:
+            return _refused("logs are not taken here")  # Shiny's own way in, without a bound
+        return self._without_token(scope, headers) if self._token else None
+
+    def _is_ours(self, host: str) -> bool:
+        """Whether a Host header names the studio: by a number, which nobody can redirect, or so."""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            return name in self._names
+        return address.is_loopback or self._is_open
+
+    def _without_token(self, scope: Scope, headers: Headers) -> Response | None:
+        """The answer to who does not know the token, or brings it in the address."""
+        try:
+            cookies = SimpleCookie(headers.get("cookie", ""))
+        except CookieError:
+            cookies = SimpleCookie()
+        if COOKIE in cookies and self._is_token(cookies[COOKIE].value):
+            return None
+        query = parse_qsl(scope["query_string"].decode("ascii", "replace"))
+        given = next((value for key, value in query if key == "token"), "")
+        if scope["type"] == "websocket" or scope["method"] != "GET" or not self._is_token(given):
+            return _refused("the studio needs its token: open the address that it printed")
+        rest = urlencode([pair for pair in query if pair[0] != "token"])
+        answer = RedirectResponse(f"{scope['path']}?{rest}" if rest else scope["path"], 303)
+        answer.set_cookie(COOKIE, self._token, httponly=True, samesite="lax")
+        return answer
+
+    def _is_token(self, text: str) -> bool:
+        """Whether a text is the token; how long that takes does not say how much of it is right."""
+        return secrets.compare_digest(text.encode(), self._token.encode())
+
+
+def _refused(reason: str) -> Response:
+    return PlainTextResponse(f"flexid studio: {reason}\n", 403)
+
+
+def _policy(page: str) -> str:
+    """What a page may load and run: nothing from elsewhere, and of scripts within it its own."""
+    within = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    digests = (b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in within)
+    return _POLICY.format(scripts=" ".join(f"'sha256-{digest}'" for digest in digests))

@@ -1,0 +1,231 @@
+"""Identify: a log, its columns, what it shows, and what is found in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from flexid.errors import FlexidError
+from flexid.recording.channel import INPUTS, SI_UNITS
+from flexid.recording.units import EXAMPLES
+from flexid.studio import jobs
+from flexid.studio.choices import ALL_TERMS, HOLDS, MODELS, Choices, Source, read_choices
+
+if TYPE_CHECKING:
+    from flexid.recording.overview import FileOverview
+    from flexid.studio.window import Window
+
+EXPORTS = {
+    "c99": "the online estimator in C99",
+    "fmu": "plant and estimator as FMUs",
+    "mjcf": "the joint as a MuJoCo scene",
+}
+
+
+class IdentifyRoom:
+    """The room of one window.
+
+    Parameters
+    ----------
+    window : Window
+        What it reads and shows.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._choices = Choices()
+        self._log: Path | None = None
+        self._overview: FileOverview | None = None
+        self._sample_time = 0.0
+        self._found: Choices | None = None
+
+    async def open(self, values: object) -> None:
+        """Begin with what an address holds, and with the log of the command line."""
+        try:
+            self._choices = read_choices(values)
+        except FlexidError as error:
+            await self._window.show("log-problem", "problem.html", text=str(error))
+        log = self._window.offer.log
+        if log is not None:
+            self._take(log)
+
+    def uploaded(self, path: Path) -> None:
+        """Go on with a log that was sent."""
+        self._choices = replace(self._choices, ran=False)
+        self._take(path)
+
+    async def choose(self, values: object) -> None:
+        """Take what stands in the forms, and check the log anew."""
+        await self._set(values)
+        if self._log is not None:
+            self._window.start("check", self._check(), "check")
+
+    async def run(self, values: object) -> None:
+        """Identify."""
+        await self._set(values)
+        if self._log is not None:
+            self._window.start("run", self._run(), "run-state")
+
+    async def cancel(self) -> None:
+        """Leave off identifying."""
+        if self._window.cancel("run"):
+            await self._window.show("run-state", "run_state.html", text="Cancelled.", busy=False)
+
+    def export(self, target: object) -> None:
+        """Write what was found for another tool."""
+        if isinstance(target, str) and target in EXPORTS and self._found is not None:
+            self._window.start("export", self._export(target), "export-state")
+
+    async def _set(self, values: object) -> None:
+        """Take what a form holds."""
+        try:
+            self._choices = replace(read_choices(values), ran=self._choices.ran)
+        except FlexidError as error:
+            await self._window.show("check", "problem.html", text=str(error))
+            raise
+        found = self._overview
+        if (
+            found is not None
+            and not found.unclear
+            and self._choices.gear_ratio is None
+            and self._choices.sources == _guessed(found)
+        ):
+            self._choices = replace(self._choices, sources={})  # a link need not say so
+        await self._window.address(self._choices.query)
+
+    def _take(self, path: Path) -> None:
+        for name in ("check", "run", "export"):
+            self._window.cancel(name)
+        self._log, self._overview, self._found = path, None, None
+        self._window.files.clear()
+        self._window.start("look", self._look(path), "log-problem")
+
+    async def _look(self, path: Path) -> None:
+        window = self._window
+        for place in ("log-problem", "columns", "check", "run", "run-state", "result"):
+            await window.show(place, "nothing.html")
+        await window.draw("check-charts", ())
+        await window.draw("result-charts", ())
+        await window.show("log-state", "line.html", text=f"Reading {path.name} ...")
+        found: FileOverview = await window.offer.short.run(
+            jobs.look, path.name, folder=path.parent, said=window.saying("log-state")
+        )
+        self._overview = found
+        self._keep_sources(found)
+        await window.show("log-state", "log_state.html", name=path.name, found=found)
+        await window.show(
+            "columns",
+            "columns.html",
+            found=found,
+            sources=self._choices.sources or _guessed(found),
+            gear_ratio=self._choices.gear_ratio,
+            channels=SI_UNITS,
+            units={
+                channel: [unit for si in units for unit in EXAMPLES[si]]
+                for channel, units in SI_UNITS.items()
+            },
+            inputs=INPUTS,
+            by_name=not self._choices.sources,
+        )
+        await window.address(self._choices.query)
+        window.start("check", self._check(), "check")
+
+    def _keep_sources(self, found: FileOverview) -> None:
+        """Forget sources of another log; begin with a guess where the names do not say it all."""
+        headers = {column.header for column in found.columns}
+        if any(source.column not in headers for source in self._choices.sources.values()):
+            self._choices = replace(self._choices, sources={}, gear_ratio=None)
+        if found.unclear and not self._choices.sources:
+            self._choices = replace(self._choices, sources=_guessed(found))
+
+    async def _check(self) -> None:
+        window, log = self._window, self._log
+        if log is None or self._overview is None:
+            return
+        await window.show("check", "line.html", text="Checking the log ...")
+        try:
+            found: jobs.Checked = await window.offer.short.run(
+                jobs.check, log.name, self._choices, folder=log.parent, said=window.saying("check")
+            )
+        except FlexidError:
+            await window.draw("check-charts", ())
+            await window.show("run", "nothing.html")
+            raise
+        self._sample_time = found.survey.sample_time
+        await window.show("check", "check.html", survey=found.survey, found=found)
+        await window.draw("check-charts", (found.chart,))
+        await window.show(
+            "run", "run.html", choices=self._choices, models=MODELS, holds=HOLDS, terms=ALL_TERMS
+        )
+        if self._choices.ran and self._found is None:
+            window.start("run", self._run(), "run-state")
+
+    async def _run(self) -> None:
+        window, log = self._window, self._log
+        if log is None:
+            return
+        choices = replace(self._choices, ran=True)
+        begun = monotonic()
+        await window.show("run-state", "run_state.html", text="Starting ...", busy=True)
+        found: jobs.Answer = await window.offer.long.run(
+            jobs.identify,
+            log.name,
+            choices,
+            str(window.folder),
+            folder=log.parent,
+            said=window.saying("run-line"),
+        )
+        self._choices = self._found = choices
+        self._sample_time = found.sample_time
+        for name in (jobs.REPORT, jobs.ESTIMATE):
+            window.files[name] = window.folder / name
+        window.files["columns.toml"] = _write_map(choices, window.folder)
+        await window.show("run-state", "done.html", seconds=monotonic() - begun)
+        await window.show(
+            "result", "result.html", found=found, files=[*window.files], exports=EXPORTS,
+            mapped=choices.column_map is not None,
+        )  # fmt: skip
+        await window.draw("result-charts", found.charts)
+        await window.address(choices.query)
+
+    async def _export(self, target: str) -> None:
+        window = self._window
+        await window.show("export-state", "line.html", text="Waiting ...")
+        name: str = await window.offer.long.run(
+            jobs.export,
+            target,
+            self._sample_time,
+            str(window.folder),
+            folder=window.folder,
+            said=window.saying("export-state"),
+        )
+        window.files[name] = window.folder / name
+        await window.show("export-state", "exported.html", name=name)
+
+
+def _guessed(found: FileOverview) -> dict[str, Source]:
+    """What the names of the columns say."""
+    units = {column.header: column.unit for column in found.columns}
+    return {
+        channel: Source(header, units.get(header, "")) for channel, header in found.channels.items()
+    }
+
+
+def _write_map(choices: Choices, folder: Path) -> Path:
+    """The choices as a column map for the command line."""
+    import json
+
+    path = folder / "columns.toml"
+    lines = []
+    for channel, entry in (choices.column_map or {}).items():
+        if isinstance(entry, dict):
+            pairs = (
+                f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in entry.items()
+            )
+            lines.append(f"{channel} = {{ {', '.join(pairs)} }}")
+        else:
+            lines.insert(0, f"{channel} = {entry}")
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    return path

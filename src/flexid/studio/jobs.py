@@ -1,0 +1,194 @@
+"""What the studio's processes do: look at a log, check it, identify it, export what was found.
+
+Each is a function of plain arguments and results, which travel between processes. A log is named
+relative to the working directory, so that no message and no file names a folder of the studio.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from flexid.identification.progress import Progress
+    from flexid.identification.result import ValueEstimate
+    from flexid.recording.overview import FileOverview
+    from flexid.recording.recording import Log
+    from flexid.recording.survey import LogSurvey
+    from flexid.studio.choices import Choices
+
+ESTIMATE = "estimate.json"
+REPORT = "report.html"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A log, read and looked at.
+
+    Parameters
+    ----------
+    survey : LogSurvey
+        What it shows at a glance.
+    warnings : tuple of str
+        What was mended, or looks odd.
+    origins : mapping of str to str
+        The columns of each channel.
+    chart : dict
+        Its channels over time, as a document.
+    """
+
+    survey: LogSurvey
+    warnings: tuple[str, ...]
+    origins: dict[str, str]
+    chart: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A value of the table: texts, with as many digits as the interval deserves."""
+
+    name: str
+    value: str
+    interval: str
+    unit: str
+    verdict: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an identification found, for the page.
+
+    Parameters
+    ----------
+    model, verdict : str
+        What was identified, and the worst verdict.
+    parameters, coefficients : tuple of Row
+        The table.
+    fits : mapping of str to str
+        How much of the held-out data a free run repeats, by channel.
+    summary, warnings : tuple of str
+        Sentences.
+    terms : tuple of str
+        Terms of the model.
+    hold : str
+        The input between samples.
+    charts : tuple of dict
+        Documents of the figures.
+    sample_time : float
+        Of the log, in s.
+    """
+
+    model: str
+    verdict: str
+    parameters: tuple[Row, ...]
+    coefficients: tuple[Row, ...]
+    fits: dict[str, str]
+    summary: tuple[str, ...]
+    warnings: tuple[str, ...]
+    terms: tuple[str, ...]
+    hold: str
+    charts: tuple[dict[str, Any], ...]
+    sample_time: float
+
+
+def look(_: Progress, name: str) -> FileOverview:
+    """Say what a file holds."""
+    from flexid.recording.overview import overview
+
+    return overview(Path(name))
+
+
+def check(_: Progress, name: str, choices: Choices) -> Checked:
+    """Read a log as it would be identified, and say what it shows."""
+    from flexid.recording.survey import survey
+    from flexid.report.charts.document import chart_document
+    from flexid.report.log_charts import log_chart
+
+    log = _read(name, choices)
+    origins = {channel: " + ".join(origin.columns) for channel, origin in log.columns.items()}
+    return Checked(survey(log), log.warnings, origins, chart_document(log_chart(log)))
+
+
+def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answer:
+    """Identify a log, and leave estimate and report in a folder."""
+    from flexid.library.identify import identify as run
+    from flexid.report.charts.document import chart_document
+    from flexid.report.identification_charts import identification_charts
+
+    progress("reading the log (the first run on a machine compiles for up to a minute)")
+    log = _read(name, choices)
+    estimate = run(log, **choices.settings, progress=progress)
+    progress("report and figures")
+    estimate.save(Path(into) / ESTIMATE)
+    estimate.report(Path(into) / REPORT)
+    result = estimate.result
+    return Answer(
+        result.model,
+        result.verdict,
+        tuple(map(_row, result.parameters.values())),
+        tuple(map(_row, result.coefficients.values())),
+        _fits(result.validation.fit_percent),
+        result.summary,
+        result.warnings,
+        result.choices.terms,
+        result.choices.hold,
+        tuple(chart_document(chart) for chart in identification_charts(result)),
+        log.recordings[0].sample_time,
+    )
+
+
+def export(_: Progress, to: str, sample_time: float, folder: str) -> str:
+    """Write an estimate for another tool, as an archive; return the archive's name."""
+    import tempfile
+
+    from flexid.library.export import export as write
+
+    place = Path(folder)
+    options = {"sample_time": sample_time} if to in ("c99", "fmu") else {}
+    with tempfile.TemporaryDirectory(dir=place) as made:
+        written = write(place / ESTIMATE, to=to, out=made, **options)  # type: ignore[arg-type]
+        archive = place / f"{to}.zip"
+        with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
+            for path in written.paths:
+                file.write(path, path.name)
+    return archive.name
+
+
+def _read(name: str, choices: Choices) -> Log:
+    """A log, read by the names of its columns, or by what was chosen and nothing else."""
+    from flexid.recording.formats import table_of_file
+    from flexid.recording.read import log_of_table
+
+    column_map = choices.column_map
+    table = table_of_file(Path(name), column_map)
+    if column_map is not None:
+        wanted = {source.column for source in choices.sources.values()}
+        kept = [header for header in table.names if header in wanted]
+        table = replace(table, frame=table.frame.select(kept))
+    return log_of_table(table, column_map)
+
+
+def _row(estimate: ValueEstimate) -> Row:
+    from flexid.report.digits import format_with_interval
+
+    value, lower, upper = format_with_interval(estimate.value, *estimate.interval)
+    fixed = estimate.interval[0] == estimate.interval[1]
+    return Row(
+        estimate.name,
+        value,
+        (estimate.reason or "fixed") if fixed else f"[{lower}, {upper}]",
+        estimate.unit,
+        estimate.verdict,
+        "" if fixed else estimate.reason,
+    )
+
+
+def _fits(fits: Mapping[str, float]) -> dict[str, str]:
+    from flexid.report.identification_table import format_fit
+
+    return {channel: format_fit(fit) for channel, fit in fits.items()}

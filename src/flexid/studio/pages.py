@@ -1,0 +1,44 @@
+"""The studio's page and its parts. Whatever stands in a log or a name is escaped."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+_ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript"}
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader("flexid.studio", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def fragment(template: str, **content: Any) -> str:
+    """A part of the page as HTML."""
+    return _environment().get_template(template).render(content)
+
+
+@cache
+def assets() -> dict[str, tuple[bytes, str]]:
+    """Scripts and style sheets by name, with their types."""
+    from flexid.report.page.assets import drawing_script, drawing_style
+
+    page = files("flexid.studio") / "page"
+    own = {name: ((page / name).read_bytes(), kind) for name, kind in _ASSETS.items()}
+    return {
+        **own,
+        "chart.css": (drawing_style().encode(), "text/css"),
+        "chart.js": (drawing_script().encode(), "text/javascript"),
+    }

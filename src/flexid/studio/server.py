@@ -1,0 +1,214 @@
+"""The studio as a server: its routes, its windows, and how it is started."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+from flexid.errors import SettingError
+from flexid.studio.pages import assets
+
+if TYPE_CHECKING:
+    from shiny import Inputs, Outputs, Session
+    from starlette.requests import Request
+    from starlette.responses import Response
+    from starlette.types import ASGIApp
+
+    from flexid.studio.rooms import Rooms
+    from flexid.studio.window import Offer
+
+PORT = 8765
+MOST_WINDOWS = 40
+_LONG, _SHORT = 2, 1  # processes
+
+
+def need_packages() -> None:
+    """Raise unless the packages of the extra are installed.
+
+    Raises
+    ------
+    SettingError
+        That names the extra.
+    """
+    if find_spec("shiny") is None:
+        raise SettingError(
+            "studio", "it is made with shiny, which is not installed: pip install 'flexid[studio]'"
+        )
+
+
+def studio(log: Path | None, host: str, token: str) -> ASGIApp:
+    """The studio as an ASGI application.
+
+    Parameters
+    ----------
+    log : Path or None
+        A log that each window opens with.
+    host : str
+        Where it will listen.
+    token : str
+        What has to be known; empty on the loopback.
+    """
+    import shiny
+    from starlette.routing import Route
+
+    from flexid.studio.guard import Guard
+    from flexid.studio.window import Offer
+    from flexid.studio.workers import Workers
+
+    offer = Offer(log, Workers(_LONG), Workers(_SHORT))
+    windows: dict[str, Rooms] = {}
+    page = Path(__file__).parent / "page" / "studio.html"
+    app = shiny.App(page, _server(offer, windows))
+    app.sanitize_errors = True
+    app.on_shutdown(offer.long.end)
+    app.on_shutdown(offer.short.end)
+    app.starlette_app.routes[:0] = [
+        Route("/assets/{name}", _asset),
+        Route("/upload/{key}", _upload(windows), methods=["POST"]),
+        Route("/files/{key}/{name}", _file(windows)),
+    ]
+    return Guard(app, host, token, app.ui["html"])  # type: ignore[index] - of a file it is text
+
+
+def _server(offer: Offer, windows: dict[str, Rooms]) -> Callable[..., None]:
+    """What Shiny calls for each window."""
+    from shiny import reactive
+
+    from flexid.studio.rooms import Rooms
+    from flexid.studio.window import Window
+
+    def server(input: Inputs, _: Outputs, session: Session) -> None:  # noqa: A002
+        async def send(message: dict[str, Any]) -> None:
+            await session.send_custom_message("studio", message)
+
+        if len(windows) >= MOST_WINDOWS:
+            text = f"{MOST_WINDOWS} windows are open, the most there may be: close one and reload"
+            session.on_flushed(lambda: send({"kind": "say", "place": "log-state", "text": text}))
+            return
+        window = Window(offer, send)
+        rooms = windows[window.key] = Rooms(window)
+
+        def close() -> None:
+            del windows[window.key]
+            window.close()
+
+        session.on_ended(close)
+
+        @reactive.effect
+        @reactive.event(input.request)
+        async def answer() -> None:
+            request = input.request()
+            if isinstance(request, dict):
+                await rooms.handle(request)
+
+    return server
+
+
+async def _asset(request: Request) -> Response:
+    from starlette.responses import Response
+
+    content, kind = assets().get(request.path_params["name"], (None, ""))
+    return Response(status_code=404) if content is None else Response(content, media_type=kind)
+
+
+def _upload(windows: dict[str, Rooms]) -> Callable[..., Any]:
+    """The way in for logs."""
+    from starlette.responses import JSONResponse
+
+    from flexid.studio.uploads import UploadError, save
+
+    async def upload(request: Request) -> Response:
+        rooms = windows.get(request.path_params["key"])
+        if rooms is None:
+            return JSONResponse({"problem": "this window has ended: reload the page"}, 404)
+        name = unquote(request.headers.get("x-file-name", ""))
+        try:
+            path = await save(request.stream(), name, rooms.window.folder)
+        except UploadError as error:
+            return JSONResponse({"problem": str(error)}, error.status)
+        rooms.uploaded(path)
+        return JSONResponse({"name": path.name})
+
+    return upload
+
+
+def _file(windows: dict[str, Rooms]) -> Callable[..., Any]:
+    """The way out for what was found."""
+    from starlette.responses import FileResponse, Response
+
+    async def file(request: Request) -> Response:
+        rooms = windows.get(request.path_params["key"])
+        path = rooms and rooms.window.files.get(request.path_params["name"])
+        if path is None:
+            return Response(status_code=404)
+        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+
+    return file
+
+
+def serve(log: Path | None, host: str, port: int, announce: Callable[[str], None]) -> None:
+    """Serve the studio until it is interrupted.
+
+    Parameters
+    ----------
+    log : Path or None
+        A log that each window opens with.
+    host : str
+        Where to listen.
+    port : int
+        Of the machine; 0 for any that is free.
+    announce : callable
+        Called with the address as soon as it is answered.
+
+    Raises
+    ------
+    SettingError
+        If it cannot listen there, or a package is missing.
+    """
+    need_packages()
+    import uvicorn
+
+    from flexid.studio.guard import is_loopback
+
+    token = "" if is_loopback(host) else secrets.token_urlsafe(32)
+    listening = _listening(host, port)
+    port = listening.getsockname()[1]
+    app = studio(log, host, token)
+
+    class Server(uvicorn.Server):
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets)
+            announce(_address(host, port, token))
+
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        ws_max_size=1_000_000,
+        timeout_graceful_shutdown=2,
+        server_header=False,
+    )
+    with listening:
+        Server(config).run(sockets=[listening])
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        return socket.create_server((host, port), family=family)
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SettingError(
+            "port", f"cannot listen on {host} port {port} ({reason}): give another with --port"
+        ) from None
+
+
+def _address(host: str, port: int, token: str) -> str:
+    name = f"[{host}]" if ":" in host else host
+    if host in ("0.0.0.0", "::"):
+        name = socket.gethostname()
+    return f"http://{name}:{port}/" + (f"?token={token}" if token else "")

@@ -1,0 +1,104 @@
+"""Logs that are sent to the studio: their names, their kinds, their size."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from flexid.errors import FlexidError
+from flexid.recording.formats import SERIES
+from flexid.recording.table import PARQUET_SUFFIXES
+
+LARGEST_UPLOAD = 100_000_000  # bytes; read at once, at about four times that in memory
+LEAST_FREE = 1_000_000_000  # bytes that a log leaves on the disk
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".log", *PARQUET_SUFFIXES, *SERIES)
+_LONGEST_NAME = 80
+
+
+class UploadError(FlexidError):
+    """A log is not taken.
+
+    Parameters
+    ----------
+    reason : str
+        Why, and what to do.
+    status : int
+        Of the answer, as HTTP has it.
+    """
+
+    def __init__(self, reason: str, status: int) -> None:
+        self.reason = reason
+        self.status = status
+        super().__init__(reason)
+
+
+def safe_name(name: str) -> str:
+    """A name for a file from what a browser says: the last part, of plain characters, with a kind.
+
+    Raises
+    ------
+    UploadError
+        If it does not end as a log's name does.
+
+    Examples
+    --------
+    >>> safe_name("../../etc/run 1<b>.CSV")
+    'run 1_b_.CSV'
+    """
+    last = re.split(r"[/\\]", name)[-1]
+    stem, dot, suffix = last.rpartition(".")
+    if not dot or f".{suffix.lower()}" not in SUFFIXES:
+        raise UploadError(
+            f"the studio takes logs whose names end in {', '.join(SUFFIXES)}: export the log as "
+            f"one of these",
+            415,
+        )
+    plain = re.sub(r"[^\w .()+-]", "_", stem, flags=re.ASCII).lstrip(". -")[:_LONGEST_NAME]
+    return f"{plain or 'log'}.{suffix}"
+
+
+async def save(chunks: AsyncIterator[bytes], name: str, folder: Path) -> Path:
+    """Write a log into a folder, as far as it is not too large.
+
+    Parameters
+    ----------
+    chunks : asynchronous iterator of bytes
+        What arrives.
+    name : str
+        As the browser says.
+    folder : Path
+        Whose files it replaces.
+
+    Returns
+    -------
+    Path
+        The file in the folder.
+
+    Raises
+    ------
+    UploadError
+        If it is too large, empty or of another kind, or the disk is full.
+    """
+    path = folder / safe_name(name)
+    if shutil.disk_usage(folder).free < LEAST_FREE + LARGEST_UPLOAD:
+        raise UploadError("the disk is almost full: make room for the log", 507)
+    size = 0
+    try:
+        with path.open("wb") as file:
+            async for chunk in chunks:
+                size += len(chunk)
+                if size > LARGEST_UPLOAD:
+                    raise UploadError(
+                        f"the log is larger than {LARGEST_UPLOAD / 1e6:g} MB, the most that the "
+                        f"studio takes: identify it with flexid identify",
+                        413,
+                    )
+                file.write(chunk)
+        if not size:
+            raise UploadError("the file is empty: export the log again", 400)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+    return path

@@ -1,0 +1,106 @@
+"""One window of the studio: what it may read, what it is doing, what it shows."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import shutil
+import tempfile
+from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flexid.errors import FlexidError
+from flexid.studio.pages import fragment
+from flexid.studio.workers import Workers
+
+Send = Callable[[dict[str, Any]], Awaitable[None]]
+"""Sends a message to the page of a window."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What all windows share.
+
+    Parameters
+    ----------
+    log : Path or None
+        The log that was named on the command line.
+    long, short : Workers
+        Processes for identifications and exports, and for what takes a moment.
+    """
+
+    log: Path | None
+    long: Workers
+    short: Workers
+
+
+class Window:
+    """One window.
+
+    Parameters
+    ----------
+    offer : Offer
+        What all windows share.
+    send : callable
+        Sends a message to the page.
+    """
+
+    def __init__(self, offer: Offer, send: Send) -> None:
+        self.offer = offer
+        self.key = secrets.token_urlsafe(16)
+        self.folder = Path(tempfile.mkdtemp(prefix="flexid-studio-"))
+        self.files: dict[str, Path] = {}
+        self._send = send
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._said: set[asyncio.Future[None]] = set()
+
+    async def opened(self) -> None:
+        """Tell the page by which key it may send a log."""
+        await self._send({"kind": "opened", "key": self.key})
+
+    async def show(self, place: str, template: str, **content: Any) -> None:
+        """Fill a place of the page."""
+        html = fragment(template, window=self.key, **content)
+        await self._send({"kind": "show", "place": place, "html": html})
+
+    async def draw(self, place: str, charts: tuple[dict[str, Any], ...]) -> None:
+        """Draw figures in a place of the page."""
+        await self._send({"kind": "draw", "place": place, "charts": list(charts)})
+
+    def saying(self, place: str) -> Callable[[str], None]:
+        """A function that fills a place with a line on how far some work is."""
+
+        def said(text: str) -> None:
+            message = {"kind": "say", "place": place, "text": text}
+            self._said.add(task := asyncio.ensure_future(self._send(message)))
+            task.add_done_callback(self._said.discard)
+
+        return said
+
+    async def address(self, query: str) -> None:
+        """Put the settings into the address."""
+        await self._send({"kind": "address", "query": query})
+
+    def start(self, name: str, work: Coroutine[Any, Any, None], place: str) -> None:
+        """Begin some work instead of what has the same name; its errors are shown in a place."""
+        self.cancel(name)
+        self._tasks[name] = asyncio.create_task(self._guarded(work, place))
+
+    def cancel(self, name: str) -> bool:
+        """Cancel the work of a name; return whether there was any."""
+        task = self._tasks.pop(name, None)
+        return task is not None and task.cancel()
+
+    async def _guarded(self, work: Coroutine[Any, Any, None], place: str) -> None:
+        try:
+            await work
+        except FlexidError as error:
+            await self.show(place, "problem.html", text=str(error))
+
+    def close(self) -> None:
+        """End all work, and forget the logs."""
+        for name in [*self._tasks]:
+            self.cancel(name)
+        shutil.rmtree(self.folder, ignore_errors=True)

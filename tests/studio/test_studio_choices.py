@@ -1,0 +1,67 @@
+"""What a window has chosen."""
+
+from __future__ import annotations
+
+from urllib.parse import parse_qsl
+
+import pytest
+
+from flexid.errors import SettingError
+from flexid.studio.choices import Choices, Source, read_choices
+
+
+def test_an_address_says_all():
+    """Assert that choices are the same when they come back from their address."""
+    choices = Choices(
+        {"motor_position": Source("q & <b>", "deg", -0.5, 1e-9), "time": Source("t")},
+        101.0,
+        "flexible",
+        "zero",
+        ("gravity", "motor_viscous"),
+        True,
+    )
+    assert read_choices(dict(parse_qsl(choices.query, keep_blank_values=True))) == choices
+    assert read_choices(dict(parse_qsl(Choices().query))) == Choices()
+
+
+def test_no_term_is_a_choice():
+    """Assert that a model without further terms is not taken for one that the log shows."""
+    choices = Choices(terms=())
+    assert read_choices(dict(parse_qsl(choices.query, keep_blank_values=True))) == choices
+
+
+def test_choices_as_a_column_map():
+    """Assert that the map holds what differs from the file."""
+    choices = read_choices({"column.time": "t", "column.motor_position": "q", "gear_ratio": "101"})
+    assert choices.column_map == {
+        "time": {"column": "t"},
+        "motor_position": {"column": "q"},
+        "gear_ratio": 101.0,
+    }
+    assert Choices().column_map is None
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"model": "../../etc/passwd"},
+        {"hold": "<script>"},
+        {"terms": "gravity,nonsense"},
+        {"column.time": "t", "scale.time": "nan"},
+        {"column.time": "t", "offset.time": "1e999"},
+        {"column.time": "t" * 1000},
+        {f"key{i}": "" for i in range(1000)},
+        "no mapping",
+        None,
+    ],
+)
+def test_what_cannot_be_meant_is_refused(values: object):
+    """Assert that an address with other values is answered in a sentence."""
+    with pytest.raises(SettingError):
+        read_choices(values)
+
+
+def test_what_is_unknown_is_left_out():
+    """Assert that an address names no file, and that no type but text is believed."""
+    hostile = {"log": "../../etc/passwd", "column.password": "x", "ran": True, 3: "x", "model": 3}
+    assert read_choices(hostile) == Choices()

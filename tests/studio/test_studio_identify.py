@@ -1,0 +1,206 @@
+"""The room in which a log is identified, in a browser."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.request import Request, urlopen
+
+import pytest
+
+from browser import Watched, serious_faults
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+LONG = 120_000  # ms, in which a kernel may have to be compiled
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """Return a window of its own."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
+    opened = context.new_page()
+    opened.set_default_timeout(LONG)
+    yield opened
+    context.close()
+
+
+def tab_to(page: Page, selector: str) -> None:
+    """Reach an element by the keyboard."""
+    for _ in range(80):
+        page.keyboard.press("Tab")
+        if page.evaluate("(s) => document.activeElement?.matches(s)", selector):
+            return
+    raise AssertionError(f"the keyboard does not lead to {selector}")
+
+
+def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path: Path):
+    """Assert that no mouse is needed: check, terms, identification, another one, files."""
+    watched = Watched(page)
+    page.goto(address)
+    page.wait_for_selector("#run-form")
+    assert "1000 Hz" in page.inner_text("#check")
+    tab_to(page, "#choose-terms")
+    page.keyboard.press("ArrowDown")
+    for term in ("gravity", "motor_viscous"):
+        tab_to(page, f"input[value={term}]")
+        page.keyboard.press("Space")
+    tab_to(page, "#run-form button")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#found")
+    assert "terms=gravity%2Cmotor_viscous" in page.url
+    table = page.inner_text("#found table.values >> nth=0")
+    assert re.search(r"joint stiffness\s+(100\.\d+|99\.9\d+)", table, re.IGNORECASE)
+    assert page.locator("#result-charts canvas").count() >= 3
+    assert serious_faults(page) == []
+
+    tab_to(page, "[href='#found']")  # what the page says of itself leads there
+    tab_to(page, "[href$='report.html']")
+    with page.expect_download() as download:
+        page.keyboard.press("Enter")
+    assert "joint_stiffness" in download.value.path().read_text()
+    tab_to(page, "[href$='estimate.json']")
+    with page.expect_download() as download:
+        page.keyboard.press("Enter")
+    download.value.save_as(tmp_path / "estimate.json")
+    estimate = json.loads((tmp_path / "estimate.json").read_text())
+    assert estimate["choices"]["terms"] == ["gravity", "motor_viscous"]
+    assert str(tmp_path.parent.parent) not in json.dumps(estimate["provenance"])
+
+    tab_to(page, "[data-target=mjcf]")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#export-state a")
+    assert page.inner_text("#export-state a") == "mjcf.zip"
+    assert watched.complaints == []
+    assert {url.split("/")[2] for url in watched.requests} == {address.split("/")[2]}
+
+
+def test_another_model_changes_table_and_figures(page: Page, address: str):
+    """Assert that a choice is answered by another table and other figures, at the same place."""
+    page.goto(f"{address}?model=link&ran=yes")
+    page.wait_for_selector("#found")
+    assert "Motor inertia" not in page.inner_text("#found")
+    before = page.locator("#result-charts canvas").count()
+    page.select_option("[name=model]", "auto")
+    page.click("#run-form button")
+    page.wait_for_selector("#found >> text=Motor inertia")
+    page.locator("#result-charts canvas").nth(before).wait_for()
+    assert "model" not in page.url
+
+
+def test_what_does_not_go_together_is_said(page: Page, address: str):
+    """Assert that a term that the model does not have is answered where it was asked for."""
+    page.goto(f"{address}?model=link&terms=motor_viscous&ran=yes")
+    page.wait_for_selector("#run-state .problem")
+    assert "no term of the link alone" in page.inner_text("#run-state")
+    assert page.locator(".busy").count() == 0
+
+
+def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tmp_path: Path):
+    """Assert that columns without telling names are mapped by hand, with units, and checked."""
+    log = tmp_path / "raw.csv"
+    rows = [f"{k},{k % 50},{(k % 50) * 1.1},{(-1) ** (k // 25)}" for k in range(400)]
+    log.write_text("\n".join(["a,b,c,d", *rows]))
+    page.goto(empty_address)
+    page.set_input_files("#file", log)
+    page.wait_for_selector("#check .problem")
+    assert "there is no" in page.inner_text("#check")
+    for channel, column, unit in (
+        ("time", "a", "ms"),
+        ("link_position", "b", "deg"),
+        ("motor_position", "c", "deg"),
+        ("motor_torque", "d", "mN m"),
+    ):
+        page.select_option(f"[name='column.{channel}']", column)
+        page.select_option(f"[name='unit.{channel}']", unit)
+    page.fill("[name='scale.time']", "10")
+    page.keyboard.press("Tab")
+    page.wait_for_selector("text=100 Hz")
+    checked = page.inner_text("#check")
+    assert "0.001" in checked  # N m
+    assert "scale.time=10" in page.url
+    assert serious_faults(page) == []
+
+
+def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Path):
+    """Assert that names of columns and of the file are text, whatever stands in them."""
+    watched = Watched(page)
+    evil = "<img src=x onerror=alert(1)>"
+    log = tmp_path / f"{evil}.csv"
+    log.write_text(
+        f"time [s],motor_position,{evil},<script>alert(2)</script>,{{{{7*7}}}}\n"
+        + "".join(f"{0.01 * k},{k % 40},1,2,3\n" for k in range(300))
+    )
+    page.goto(empty_address)
+    page.set_input_files("#file", log)
+    page.wait_for_selector("#check-title, #check .problem")
+    text = page.inner_text("#columns")
+    assert "alert(2)" in page.content()
+    assert "{{7*7}}" in page.inner_text("#columns") or "{{7*7}}" in page.content()
+    assert "49" not in text
+    assert page.locator("main img, main script").count() == 0
+    assert watched.complaints == []
+
+
+def test_a_hostile_address_does_nothing(page: Page, empty_address: str):
+    """Assert that an address opens no file, and that values that cannot be meant are refused."""
+    watched = Watched(page)
+    query = "log=../../etc/passwd&model=%3Cscript%3Ealert(1)%3C/script%3E&ran=yes"
+    page.goto(f"{empty_address}?{query}")
+    page.wait_for_selector("#log-problem .problem")
+    assert "is none of auto" in page.inner_text("#log-problem")
+    assert "root:" not in page.content()
+    assert page.inner_text("#columns") == ""
+    page.goto(f"{empty_address}?log=../../etc/passwd")
+    page.wait_for_selector("#file:enabled")
+    page.wait_for_timeout(500)
+    assert page.inner_text("#columns") == ""
+    assert watched.complaints == []
+
+
+@pytest.mark.parametrize(
+    "path", ["files/x/estimate.json", "files/../../etc/passwd", "assets/..%2f..%2f__init__.py"]
+)
+def test_nothing_else_is_readable(empty_address: str, path: str):
+    """Assert that paths lead to no file."""
+    with pytest.raises(OSError, match="404"):
+        urlopen(Request(f"{empty_address}{path}"), timeout=10)
+
+
+def test_two_windows_are_apart(browser: Browser, address: str, empty_address: str):
+    """Assert that what one window runs, another neither shows nor can fetch."""
+    first, second = browser.new_page(), browser.new_page()
+    for page in (first, second):
+        page.set_default_timeout(LONG)
+        page.goto(address)
+        page.wait_for_selector("#run-form")
+    first.select_option("[name=model]", "link")
+    first.click("#run-form button")
+    first.wait_for_selector("#found")
+    assert second.locator("#found").count() == 0
+    assert "model" not in second.url
+    link = first.get_attribute("[download]", "href")
+    with pytest.raises(OSError, match="404"):
+        urlopen(f"{empty_address}{link}", timeout=10)
+    first.close()
+    second.select_option("[name=hold]", "zero")
+    assert second.is_enabled("#run-form button")
+    second.close()
+
+
+def test_an_identification_is_cancelled(page: Page, address: str):
+    """Assert that Cancel ends it, and that the next one runs."""
+    page.goto(address)
+    page.wait_for_selector("#run-form")
+    page.click("#run-form button")
+    page.wait_for_selector("text=the full model")
+    page.click("text=Cancel")
+    page.wait_for_selector("text=Cancelled")
+    assert page.locator("#found").count() == 0
+    page.select_option("[name=model]", "link")
+    page.click("#run-form button")
+    page.wait_for_selector("#found")
