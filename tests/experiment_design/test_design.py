@@ -16,6 +16,8 @@ from flexid.experiment_design.design import REFERENCES, design, predict
 from flexid.experiment_design.drive_file import read_drive
 from flexid.experiment_design.rehearse import Rehearsed
 from flexid.experiment_design.result import Design
+from flexid.report.charts.description import Level, Line, Points
+from flexid.report.design_chart import design_chart
 from flexid.report.design_files import save_command
 from flexid.simulation.free_run import free_run
 
@@ -138,6 +140,32 @@ def tiny_drive(examples, tmp_path_factory):
     path = tmp_path_factory.mktemp("drive") / "drive.toml"
     path.write_text(text)
     return path
+
+
+def test_the_chart_shows_motion_tones_and_predictions(designed):
+    """Assert that torque, position, deflection, tones and deviations are the design's."""
+    torque, link, deflection, tones, deviations = design_chart(designed).panels
+    states = designed.run.states
+    wanted = (designed.run.torque, states[:, 0], states[:, 0] - states[:, 2])
+    for panel, values in zip((torque, link, deflection), wanted, strict=True):
+        (line,) = panel.marks
+        assert isinstance(line, Line)
+        assert np.array_equal(line.y, values)
+        assert panel.span == 2
+    resonance, stems = tones.marks
+    assert isinstance(resonance, Level)
+    assert isinstance(stems, Points)
+    assert resonance.value == designed.drive.resonance
+    assert np.array_equal(stems.x, designed.angular_frequencies)
+    assert tones.x.limits is not None
+    assert tones.x.limits[0] <= stems.x.min() <= stems.x.max() <= tones.x.limits[1]
+    inputs = (designed.prediction, *designed.references)
+    for one, points in zip(inputs, deviations.marks, strict=True):
+        assert isinstance(points, Points)
+        assert points.label == one.name
+        assert points.x == pytest.approx([100.0 * d for d in one.deviations.values()])
+    worst, most = max(designed.prediction.deviations.items(), key=lambda item: item[1])
+    assert f"{100 * most:.2g} % ({worst}) at a peak torque" in design_chart(designed).says
 
 
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):

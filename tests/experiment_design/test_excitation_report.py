@@ -13,6 +13,8 @@ from flexid.experiment_design.excitation_report import examine
 from flexid.identification.identify import identify
 from flexid.identification.settings import Settings
 from flexid.recording.read import read_log
+from flexid.report.charts.description import Level, Points
+from flexid.report.excitation_report_chart import excitation_report_chart
 from flexid.report.excitation_table import advice_lines
 
 TERMS = ("gravity", "motor_viscous")
@@ -207,6 +209,40 @@ def test_command_says_it_all(flexid, faint, tmp_path):
     assert document["advice"]["sine"]["angular_frequency"] > 0
     assert document["supported"] is (outcome.status == 0)
     assert len(document["provenance"]["inputs"][0]["sha256"]) == 64
+
+
+def test_the_chart_shows_widths_by_verdict_and_the_advised_tone(faint):
+    """Assert that each coefficient is where its interval is, and the sine to add at its place."""
+    _, _, report = faint
+    widths, spectrum = excitation_report_chart(report).panels
+    coefficients = {n: c for n, c in report.assessment.coefficients.items() if c.std > 0.0}
+    assert widths.y.categories == tuple(coefficients)
+    points = [mark for mark in widths.marks if isinstance(mark, Points)]
+    shown = {}
+    for mark in points[1:]:
+        verdict = mark.label.removeprefix("as it is: ")
+        for x, y in zip(mark.x.tolist(), mark.y.tolist(), strict=True):
+            shown[widths.y.categories[int(y)]] = (x, verdict)
+    assert shown == {n: (min(c.width, 10.0), c.verdict) for n, c in coefficients.items()}
+    assert [mark.value for mark in widths.marks if isinstance(mark, Level)] == [0.2, 1.0]
+    (tone,) = (mark for mark in spectrum.marks if isinstance(mark, Points))
+    assert report.advice is not None
+    assert report.advice.sine is not None
+    assert tone.x.tolist() == [report.advice.sine.angular_frequency]
+    assert tone.y.tolist() == [report.advice.sine.amplitude]
+
+
+def test_a_width_without_end_is_drawn_at_the_edge(faint):
+    """Assert that an unknown coefficient stands at 10, which the title says, and is the worst."""
+    _, _, report = faint
+    name, own = next(iter(report.assessment.coefficients.items()))
+    lost = replace(own, width=np.inf, width_alone=np.nan, verdict="undetermined", partner="beta1")
+    coefficients = {**report.assessment.coefficients, name: lost}
+    assessment = replace(report.assessment, coefficients=coefficients)
+    chart = excitation_report_chart(replace(report, assessment=assessment, advice=None))
+    assert chart.panels[0].title == "Intervals; cut off at 10"
+    assert f"The worst is {name}, undetermined, most with beta1." in chart.says
+    assert not any(isinstance(mark, Points) for mark in chart.panels[1].marks)
 
 
 def test_command_on_a_rich_log(flexid, examples):

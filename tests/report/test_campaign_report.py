@@ -1,4 +1,4 @@
-"""The printed summary of a campaign, its document and its figures."""
+"""The printed summary of a campaign, its document and its charts."""
 
 import json
 from dataclasses import replace
@@ -10,9 +10,10 @@ import pytest
 from flexid.campaigns.importance import Correlation, SobolIndex
 from flexid.campaigns.manifest import Manifest
 from flexid.campaigns.summary import Result, Summary
+from flexid.report.campaign_charts import campaign_charts
 from flexid.report.campaign_document import campaign_document
-from flexid.report.campaign_figures import save_campaign_figures
 from flexid.report.campaign_table import correlation_text, index_text, status_lines
+from flexid.report.charts.description import Level, Line, Points
 from flexid.report.documents import to_json
 
 NAN = float("nan")
@@ -86,35 +87,54 @@ def test_the_document_is_json():
     assert document["complete"]
 
 
-def test_figures_are_drawn_of_what_varies(tmp_path):
-    """Assert that constant or missing results make no panel, and nothing makes no file."""
+def test_charts_are_of_what_varies():
+    """Assert that constant or missing results make no panel, and nothing makes no chart."""
     dull = [made_result(values=(1.0, 1.0, 1.0)), made_result(values=(NAN, NAN, NAN))]
-    save_campaign_figures(made_summary(results=tuple(dull)), tmp_path)
-    assert list(tmp_path.iterdir()) == []
+    assert campaign_charts(made_summary(results=tuple(dull))) == ()
     wide = made_result([Correlation("controller.k", 1.0, True)], values=(1e-6, 1.0, NAN))
-    save_campaign_figures(made_summary(results=(*dull, made_result(), wide)), tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "dependence.png",
-        "distributions.png",
-    ]
+    charts = campaign_charts(made_summary(results=(*dull, made_result(), wide)))
+    panels = {chart.name: len(chart.panels) for chart in charts}
+    assert panels == {"distributions": 2, "dependence": 1}
 
 
-def test_each_panel_has_its_unit(tmp_path, monkeypatch):
-    """Assert that results and inputs stand in a figure with the units of the joint."""
-    figures = {}
-    monkeypatch.setattr(
-        "flexid.report.campaign_figures.save",
-        lambda figure, _directory, name: figures.setdefault(name, figure),
-    )
+def test_a_distribution_counts_every_run():
+    """Assert that the area of a histogram is the number of runs, with its quantiles as levels."""
+    values = np.random.default_rng(4).uniform(1.0, 2.0, 500)
+    (chart,) = campaign_charts(made_summary(results=(made_result(values=values),)))
+    outline, *levels = chart.panels[0].marks
+    assert isinstance(outline, Line)
+    assert outline.filled
+    assert outline.y[1::2][:-1].sum() == 500
+    assert [outline.y[0], outline.y[-1]] == [0.0, 0.0]
+    assert [level.value for level in levels if isinstance(level, Level)] == [1.0, 1.5, 2.0]
+    assert "tracking_rms is between 1 and 2" in chart.says
+
+
+def test_dependence_is_of_the_runs_that_have_both():
+    """Assert that each point is a finite result over the input of the same run."""
+    correlated = [Correlation("controller.k", 1.0, True)]
+    result = made_result(correlated, values=(1.0, NAN, 3.0))
+    _, chart = campaign_charts(made_summary(results=(result,)))
+    (points,) = chart.panels[0].marks
+    assert isinstance(points, Points)
+    assert (points.x.tolist(), points.y.tolist()) == ([1.0, 3.0], [1.0, 3.0])
+
+
+def test_each_panel_has_its_unit():
+    """Assert that results and inputs stand in a chart with the units of the joint."""
     correlated = [Correlation("controller.k", 1.0, True)]
     results = (
         made_result(correlated, values=(1.0, 2.0, 3.0)),
         made_result(correlated, values=(1e-30, 1.0, 2.0), name="settling_time.theta1"),
     )
     summary = made_summary(results=results)
-    save_campaign_figures(replace(summary, manifest=replace(summary.manifest, text="")), tmp_path)
-    for figure in figures.values():
-        first, second = (ax.get_title(loc="left") for ax in figure.axes[:2])
-        assert first == "tracking_rms [rad]"
-        assert second.splitlines() == ["settling_time.theta1 [s]", "1 below 2e-12 stand there"]
-    assert figures["dependence"].axes[0].get_xlabel() == "controller.k [1/s]"
+    charts = campaign_charts(replace(summary, manifest=replace(summary.manifest, text="")))
+    distributions, dependence = charts
+    for chart in charts:
+        titles = [panel.title.splitlines() for panel in chart.panels]
+        assert titles == [["tracking_rms"], ["settling_time.theta1", "1 below 2e-12 stand there"]]
+    assert [panel.x.unit for panel in distributions.panels] == ["rad", "s"]
+    assert [panel.y.unit for panel in dependence.panels] == ["rad", "s"]
+    assert dependence.panels[1].y.logarithmic
+    across = dependence.panels[0].x
+    assert (across.label, across.unit) == ("controller.k", "1/s")

@@ -64,19 +64,23 @@ def test_the_legend_names_each_label_once():
     figure = draw(chart(one, panel(Line("model", X, Y), Level("limit", 1.0))))
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["model", "limit"]
-    assert draw(chart(panel(Line("", X, Y)))).legends == []
+    assert draw(chart(panel(Line("alone", X, Y)))).legends == []
 
 
 def test_what_panels_share_is_labelled_once():
     """Assert that linked columns share x, equal neighbours share y, and only ends have labels."""
-    panels = [panel(Line("", X, k * X)) for k in range(1, 5)]
+    y = Axis("angle", "rad", limits=(0.0, 500.0))
+    panels = [panel(Line("", X, k * X), y=y) for k in range(1, 5)]
     axes = draw(chart(*panels, columns=2)).axes
     assert [ax.get_xlabel() for ax in axes] == ["", "", "time (s)", "time (s)"]
     assert [ax.get_ylabel() for ax in axes] == ["angle (rad)", "", "angle (rad)", ""]
     assert axes[0].get_shared_x_axes().joined(axes[0], axes[2])
-    assert axes[0].get_ylim() == axes[1].get_ylim()
+    assert axes[0].get_shared_y_axes().joined(axes[0], axes[1])
     apart = draw(chart(*panels, columns=2, linked=False)).axes
     assert [ax.get_xlabel() for ax in apart] == ["time (s)"] * 4
+    free = draw(chart(panel(Line("", X, X)), panel(Line("", X, 9.0 * X)), columns=2)).axes
+    assert [ax.get_ylabel() for ax in free] == ["angle (rad)"] * 2
+    assert free[1].get_ylim()[1] > 5.0 * free[0].get_ylim()[1]
 
 
 def test_panels_are_as_wide_and_high_as_they_ask():

@@ -1,13 +1,14 @@
-"""Figures, tables and document of the reproduction."""
+"""Charts, tables and document of the reproduction."""
 
 import json
 
 import numpy as np
 import pytest
 
+from flexid.report.charts.description import Line
 from flexid.report.documents import to_json
+from flexid.report.huang2003_charts import error_chart, reproduction_charts, theorem_chart
 from flexid.report.huang2003_document import reproduction_document
-from flexid.report.huang2003_figures import error_figure, theorem_figure, tracking_figure
 from flexid.report.huang2003_table import print_reproduction
 
 
@@ -30,27 +31,36 @@ def test_printed_tables_fit_80_columns(reproduction, capsys):
     assert sum("holds" in line or "does not hold" in line for line in lines) >= 15
 
 
-def test_figures_name_quantities_and_units(reproduction):
-    """Assert that every axes of Figures 1 to 5 has a labelled quantity with its unit."""
-    runs = reproduction.runs
-    tracking = tracking_figure(runs)
-    assert [ax.get_ylabel() for ax in tracking.axes[::2]] == ["tracking error (rad)"] * 2
-    for coefficient, unit in (("theta1", "1/s²"), ("alpha2", "1/s")):
-        axes = error_figure(runs, coefficient).axes
-        assert all(f"({unit})" in ax.get_ylabel() for ax in axes)
-        assert axes[-1].get_xlabel() == "time (s)"
+def test_charts_name_quantities_and_units(reproduction):
+    """Assert that every panel of Figures 1 to 5 has a labelled quantity with its unit."""
+    charts = reproduction_charts(reproduction)
+    assert [chart.name for chart in charts] == [f"figure{n}" for n in range(1, 6)] + ["theorem1"]
+    assert {(panel.y.label, panel.y.unit) for panel in charts[0].panels} == {
+        ("tracking error", "rad")
+    }
+    for chart, unit in zip(charts[1:5], ("1/s²", "1/s²", "1/s²", "1/s"), strict=True):
+        assert {panel.y.unit for panel in chart.panels} == {unit}
+        assert {(panel.x.label, panel.x.unit) for panel in chart.panels} == {("time", "s")}
 
 
 @pytest.mark.parametrize("reading", ["1,2,3", "1,1,3"])
 def test_figure_2_draws_the_run(reproduction, reading):
-    """Assert that the curve of Figure 2 ends at the error of the run."""
-    lines = error_figure(reproduction.runs, "theta1").axes[0].get_lines()
-    line = next(line for line in lines if line.get_label() == f"gains ({reading})")
-    assert np.asarray(line.get_ydata())[-1] == reproduction.runs[reading].parameter_errors["theta1"]
+    """Assert that the curve of Figure 2 is the run's, and ends at its error."""
+    run = reproduction.runs[reading]
+    whole = error_chart(reproduction.runs, "theta1", 2).panels[0]
+    (line,) = (mark for mark in whole.marks if mark.label == f"gains ({reading})")
+    assert isinstance(line, Line)
+    assert np.array_equal(line.y, run.run.parameter_errors[:, 0])
+    assert line.y[-1] == run.parameter_errors["theta1"]
 
 
-def test_theorem_figure_draws_value_and_rates(reproduction):
+def test_theorem_chart_has_value_and_rates(reproduction):
     """Assert that V is drawn for both readings and three rates for both rows."""
-    value, link, motor = theorem_figure(reproduction.runs, reproduction.rates).axes
-    assert len(value.get_lines()) == 2
-    assert [len(ax.get_lines()) for ax in (link, motor)] == [3, 3]
+    chart = theorem_chart(reproduction.runs, reproduction.rates)
+    lines = [[m for m in panel.marks if isinstance(m, Line)] for panel in chart.panels]
+    assert [len(found) for found in lines] == [2, 3, 3]
+    rates = reproduction.rates["link"]
+    wanted = [[getattr(p, name) for p in rates] for name in ("averaged", "measured", "guaranteed")]
+    assert [line.y.tolist() for line in lines[1]] == wanted
+    assert lines[0][0].y[-1] == reproduction.runs["1,2,3"].monitor.value[-1]
+    assert "At 16 of 16 gains" in chart.says

@@ -147,11 +147,12 @@ def _summarise(campaign: Path, as_json: bool) -> None:
     document = campaign_document(found)
 
     def write(directory: Path) -> None:
-        from flexid.report.campaign_figures import save_campaign_figures
+        from flexid.report.campaign_charts import campaign_charts
+        from flexid.report.charts.figure import save_charts
         from flexid.report.documents import to_json
 
         (directory / "summary.json").write_text(to_json(document), encoding="utf-8")
-        save_campaign_figures(found, directory)
+        save_charts(campaign_charts(found), directory)
 
     with output(campaign) as files:
         hand_over(document, lambda: print_campaign(found), write, as_json=as_json, directory=files)

@@ -95,13 +95,14 @@ def design(
         document = design_document(result)
 
         def write(directory: Path) -> None:
-            from flexid.report.design_figures import save_design_figure
+            from flexid.report.charts.figure import save_charts
+            from flexid.report.design_chart import design_chart
             from flexid.report.design_files import save_command
             from flexid.report.documents import to_json
 
             (directory / "design.json").write_text(to_json(document), encoding="utf-8")
             save_command(result, directory)
-            save_design_figure(result, directory)
+            save_charts([design_chart(result)], directory)
 
         print_warnings(file.warnings, errors)
         hand_over(

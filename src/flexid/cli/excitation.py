@@ -54,11 +54,12 @@ def excitation(
         document = excitation_document(report)
 
         def write(directory: Path) -> None:
+            from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
-            from flexid.report.excitation_figures import save_excitation_figure
+            from flexid.report.excitation_report_chart import excitation_report_chart
 
             (directory / "excitation.json").write_text(to_json(document), encoding="utf-8")
-            save_excitation_figure(report, directory)
+            save_charts([excitation_report_chart(report)], directory)
 
         print_warnings(report.identification.warnings, errors)
         hand_over(

@@ -38,12 +38,13 @@ def reproduce(
         document = reproduction_document(result)
 
         def write(directory: Path) -> None:
+            from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
-            from flexid.report.huang2003_figures import save_reproduction_figures
+            from flexid.report.huang2003_charts import FORMATS, reproduction_charts
 
             with errors.status("drawing"):
                 (directory / "result.json").write_text(to_json(document), encoding="utf-8")
-                save_reproduction_figures(result, directory)
+                save_charts(reproduction_charts(result), directory, FORMATS)
 
         hand_over(
             document,

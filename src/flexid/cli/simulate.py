@@ -60,13 +60,14 @@ def simulate(
         document = run_document(chosen, run, measures)
 
         def write(directory: Path) -> None:
+            from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
-            from flexid.report.run_figures import save_run_figures
+            from flexid.report.run_charts import run_charts
             from flexid.report.run_series import save_run_series
 
             (directory / "run.json").write_text(to_json(document), encoding="utf-8")
             save_run_series(run, directory, csv)
-            save_run_figures(chosen.name, run, directory)
+            save_charts(run_charts(chosen.name, run), directory)
 
         hand_over(
             document,

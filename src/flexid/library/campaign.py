@@ -74,11 +74,12 @@ class CampaignResult(Answer):
         SettingError
             If it cannot be written.
         """
-        from flexid.report.campaign_figures import save_campaign_figures
+        from flexid.report.campaign_charts import campaign_charts
+        from flexid.report.charts.figure import save_charts
         from flexid.report.documents import output_directory
 
         with output_directory(as_path("save_figures", "directory", directory)) as files:
-            save_campaign_figures(self.result, files)
+            save_charts(campaign_charts(self.result), files)
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.campaign_table import campaign_parts

@@ -67,10 +67,10 @@ class ExperimentDesign(Answer):
 
     def plot(self) -> "Figure":
         """The torque, the motion that it makes, its tones, and what they would determine."""
-        from flexid.report.design_figures import design_figure
-        from flexid.report.style import styled
+        from flexid.report.charts.figure import draw
+        from flexid.report.design_chart import design_chart
 
-        return styled(design_figure)(self.result)
+        return draw(design_chart(self.result))
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.design_table import design_parts

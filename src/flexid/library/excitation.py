@@ -73,10 +73,10 @@ class LogExcitation(Answer):
 
     def plot(self) -> "Figure":
         """Widths of the intervals, and the tones of the input."""
-        from flexid.report.excitation_figures import excitation_figure
-        from flexid.report.style import styled
+        from flexid.report.charts.figure import draw
+        from flexid.report.excitation_report_chart import excitation_report_chart
 
-        return styled(excitation_figure)(self.result)
+        return draw(excitation_report_chart(self.result))
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.excitation_table import excitation_parts

@@ -53,11 +53,12 @@ class PaperReproduction(Answer):
         SettingError
             If it cannot be written.
         """
+        from flexid.report.charts.figure import save_charts
         from flexid.report.documents import output_directory
-        from flexid.report.huang2003_figures import save_reproduction_figures
+        from flexid.report.huang2003_charts import FORMATS, reproduction_charts
 
         with output_directory(as_path("save_figures", "directory", directory)) as files:
-            save_reproduction_figures(self.result, files)
+            save_charts(reproduction_charts(self.result), files, FORMATS)
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.huang2003_table import reproduction_parts

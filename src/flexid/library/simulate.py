@@ -76,17 +76,17 @@ class SimulatedRun(Answer):
 
     def plot_motion(self) -> "Figure":
         """Reference and tracked state, the error between them, and the inputs."""
-        from flexid.report.run_figures import motion_figure
-        from flexid.report.style import styled
+        from flexid.report.charts.figure import draw
+        from flexid.report.run_charts import motion_chart
 
-        return styled(motion_figure)(self.experiment.name, self.result)
+        return draw(motion_chart(self.experiment.name, self.result))
 
     def plot_estimates(self) -> "Figure":
         """Every estimate over time, with the true value and the band in which it is settled."""
-        from flexid.report.run_figures import observer_figure
-        from flexid.report.style import styled
+        from flexid.report.charts.figure import draw
+        from flexid.report.run_charts import observer_chart
 
-        return styled(observer_figure)(self.experiment.name, self.result)
+        return draw(observer_chart(self.experiment.name, self.result))
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.run_table import run_parts

@@ -22,6 +22,7 @@ from flexid.report.digits import format_with_interval
 _COHERENT = 0.8  # above which the spectral estimate is drawn strongly
 _SIDE = 0.3  # of a decade, left free above and below the magnitudes
 _COLOURS: dict[str, Colour] = {"antiresonance": "green", "resonance": "red"}
+_BESIDE = 25.0  # °, left free above and below the phases
 _HEIGHTS = (1.7, 1.1, 0.65)
 
 
@@ -43,15 +44,11 @@ def bode_chart(described: FrequencyResponse) -> Chart:
         )
         for response in responses
     ]
+    phases = [_phase(described, response) for response in responses]
+    phase = Axis("phase", "°", limits=_degrees(phases), step=90.0)
     panels += [
-        Panel(
-            f"{response.output}: phase",
-            x,
-            Axis("phase", "°", step=90.0),
-            (*_phase(described, response), *marked),
-            _HEIGHTS[1],
-        )
-        for response in responses
+        Panel(f"{response.output}: phase", x, phase, (*marks, *marked), _HEIGHTS[1])
+        for response, marks in zip(responses, phases, strict=True)
     ]
     if any(response.measured for response in responses):
         panels += [
@@ -109,6 +106,14 @@ def _phase(described: FrequencyResponse, response: Response) -> list[Mark]:
     if response.values.any():
         marks.append(Line("model", hertz, np.degrees(steady), "blue"))
     return marks
+
+
+def _degrees(phases: Sequence[Sequence[Mark]]) -> tuple[float, float]:
+    """Ends of the axis of phases: those of all models and of what the log shows."""
+    drawn = [mark.y for marks in phases for mark in marks if isinstance(mark, Line | Points)]
+    shown = np.concatenate([np.zeros(1), *drawn])
+    shown = shown[np.isfinite(shown)]
+    return float(shown.min()) - _BESIDE, float(shown.max()) + _BESIDE
 
 
 def _by_coherence(coherence: FloatArray) -> tuple[tuple[np.ndarray, str, bool], ...]:

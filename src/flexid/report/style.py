@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
@@ -15,8 +14,6 @@ from flexid.report.charts.description import VERDICT_COLOURS, Colour
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
-
-P = ParamSpec("P")
 
 INK, BLUE, ORANGE, GREEN, RED, GREY = (
     "#1b1f24",
@@ -75,17 +72,6 @@ def new_figure(width: float = 7.2, height: float = 4.5) -> Figure:
     """Figure in inches with the common look; needs no display."""
     with mpl.rc_context(STYLE):
         return NotebookFigure(figsize=(width, height))
-
-
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """A function that draws a figure, with the common look."""
-
-    @wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with mpl.rc_context(STYLE):
-            return draw(*args, **kwargs)
-
-    return drawn
 
 
 def save(figure: Figure, directory: Path, name: str, formats: Sequence[str] = ("png",)) -> None:

@@ -6,6 +6,7 @@ from textwrap import fill
 from typing import Literal
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis as Ruler
@@ -32,8 +33,9 @@ _EDGE = 0.3  # inches, that all panels together leave for labels
 _LINE = 0.2  # inches, of a line of the title or of the legend
 _MOST = 6000  # samples of a curve: the figure has some 1300 pixels
 _TITLE = 82  # characters in a line of the title
-_LEGEND = 105  # characters in a line of the legend
-_HANDLE = 9  # characters that the handle of an entry takes
+_LEGEND = 110  # characters in a line of the legend
+_HANDLE = 11  # characters that the handle of an entry takes
+_FEW = 2.5  # panels beside each other, from which on their text is small
 _MARGIN = 0.06  # of what is shown, beside points
 _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
 
@@ -42,7 +44,8 @@ def draw(chart: Chart) -> Figure:
     """Draw a chart: its title above, a legend of all panels below.
 
     Panels of one column share their x axis if the chart is linked, and panels beside each other
-    share a y axis that is the same; what they share is labelled once.
+    share a y axis that is the same, limits and all; what they share is labelled once. What is alone
+    in its panel needs no entry in the legend.
 
     Parameters
     ----------
@@ -105,10 +108,11 @@ def _fill_grid(figure: Figure, chart: Chart) -> None:
         left: tuple[Axis, Axes] | None = None
         for column, panel in row:
             share = above.get((column, panel.span)) if chart.linked else None
-            same = left[1] if left is not None and left[0] == panel.y else None
+            alike = left is not None and left[0] == panel.y and panel.y.limits is not None
+            same = left[1] if left is not None and alike else None
             place = grid[i, column : column + panel.span]
             ax = figure.add_subplot(place, sharex=share, sharey=same)
-            _fill(ax, panel, chart.columns // panel.span)
+            _fill(ax, panel, chart.columns / panel.span)
             if share is not None:
                 _unlabel(share.xaxis)
             if same is not None:
@@ -121,18 +125,27 @@ def _fill_grid(figure: Figure, chart: Chart) -> None:
                 ax.xaxis.set_label_text("")
 
 
-def _fill(ax: Axes, panel: Panel, beside: int) -> None:
+def _fill(ax: Axes, panel: Panel, beside: float) -> None:
     """Draw a panel that has so many of its width in a row."""
     ax.margins(0.0 if _runs_along(panel) else _MARGIN, _MARGIN)
     for mark in thinned(panel.marks, _MOST):
         _draw(ax, mark)
-    _set_axis(ax, "x", panel.x, 5 if beside > 1 else 9)
+    _set_axis(ax, "x", panel.x, _numbers(beside))
     _set_axis(ax, "y", panel.y, 5)
     for mark in panel.marks:
         if isinstance(mark, Points) and mark.stems:  # now that the panel has a bottom
             ax.vlines(mark.x, ax.get_ylim()[0], mark.y, color=COLOURS[mark.colour])
-    size = 10 if beside == 1 else 8
+    if beside > _FEW:
+        ax.xaxis.label.set_fontsize(8)
+    size = 10 if beside == 1.0 else 8
     ax.set_title(panel.title, color=COLOURS[panel.colour], fontsize=size, parse_math=False)
+
+
+def _numbers(beside: float) -> int:
+    """How many numbers an x axis has room for."""
+    if beside < 1.5:
+        return 9
+    return 5 if beside < _FEW else 3
 
 
 def _runs_along(panel: Panel) -> bool:
@@ -198,28 +211,30 @@ def _legend_columns(chart: Chart) -> int:
     """As many columns of entries as the figure is wide enough for."""
     lengths = [len(label) + _HANDLE for label in _labels(chart)]
     for columns in range(len(lengths), 1, -1):
-        rows = -(-len(lengths) // columns)
-        widths = (max(lengths[i : i + rows]) for i in range(0, len(lengths), rows))
-        if sum(widths) <= _LEGEND:
+        if sum(int(part.max()) for part in np.array_split(lengths, columns)) <= _LEGEND:
             return columns
     return 1
 
 
 def _labels(chart: Chart) -> list[str]:
     """What the legend names, each once."""
-    marks = (mark for panel in chart.panels for mark in panel.marks)
-    return list(dict.fromkeys(mark.label for mark in marks if mark.label))
+    found: dict[str, None] = {}
+    for panel in chart.panels:
+        labels = dict.fromkeys(mark.label for mark in panel.marks if mark.label)
+        if len(labels) > 1:
+            found |= labels
+    return list(found)
 
 
 def _draw_legend(figure: Figure, chart: Chart) -> None:
-    entries: dict[str, Artist] = {}
+    handles: dict[str, Artist] = {}
     for ax in figure.axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    if not entries:
+            handles.setdefault(label, handle)
+    labels = _labels(chart)
+    if not labels:
         return
-    columns = _legend_columns(chart)
-    place = "outside lower left"
-    legend = figure.legend(list(entries.values()), list(entries), loc=place, ncols=columns)
+    place, columns = "outside lower left", _legend_columns(chart)
+    legend = figure.legend([handles[one] for one in labels], labels, loc=place, ncols=columns)
     for text in legend.get_texts():
         text.set_parse_math(False)

@@ -1,0 +1,165 @@
+"""Figures 1 to 5 of Huang (2003) for both readings of its control law, and one on Theorem 1."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
+from flexid.report.charts.limits import whole_decades, with_margin
+from flexid.studies.huang2003.readings import TOLERANCE, SteadyRun
+from flexid.studies.huang2003.reproduction import Reproduction
+from flexid.studies.huang2003.sweeps import RatePoint
+from flexid.studies.huang2003.table1 import DURATION, UNKNOWN
+
+FORMATS = ("png", "pdf")
+
+NOISE = 1e-3 * TOLERANCE
+"""The integrator's absolute tolerance: smaller parameter errors are not distinguished from zero."""
+
+COLOURS: Mapping[str, Colour] = {"1,2,3": "blue", "1,1,3": "orange"}
+
+_SYMBOLS = {"theta1": "θ₁", "theta2": "θ₂", "alpha1": "α₁", "alpha2": "α₂"}
+_LAST = 0.5  # s
+_UNITS = {"theta1": "1/s²", "theta2": "1/s²", "alpha1": "1/s²", "alpha2": "1/s"}
+_MARGIN = 0.08  # of what a parameter error does after its first 50 ms, above and below it
+
+
+def reproduction_charts(result: Reproduction) -> tuple[Chart, ...]:
+    """figure1 to figure5 and theorem1."""
+    runs = result.runs
+    errors = [error_chart(runs, name, number) for number, name in enumerate(UNKNOWN, start=2)]
+    return tracking_chart(runs), *errors, theorem_chart(runs, result.rates)
+
+
+def tracking_chart(runs: Mapping[str, SteadyRun]) -> Chart:
+    """Figure 1: the tracking error over time and over its last half second.
+
+    One row of panels per reading, for the two differ 300-fold.
+    """
+    panels = []
+    for name, run in runs.items():
+        time, error = run.run.time, run.run.tracking_error
+        limit = 1.25 * run.max_tracking_error
+        largest = float(np.abs(error).max())
+        swing = f"; first swing {largest:.2g} rad" if largest > limit else ""
+        end = run.run.between(DURATION - _LAST, DURATION)
+        y = Axis("tracking error", "rad", limits=(-limit, limit))
+        most = _number(run.max_tracking_error)
+        title = f"gains ({name}): at most {most} rad over 20–30 s{swing}"
+        whole = Line("", time, error, COLOURS[name], 0.6)
+        last = Line("", time[end], error[end], COLOURS[name])
+        panels.append(Panel(title, Axis("time", "s", limits=(0.0, DURATION)), y, (whole,), span=3))
+        at_end = Axis("time", "s", limits=(DURATION - _LAST, DURATION))
+        panels.append(Panel("last half second", at_end, y, (last,)))
+    found = ", ".join(f"{_number(run.max_tracking_error)} rad" for run in runs.values())
+    says = f"Over the last ten seconds the readings {_names(runs)} track to {found}."
+    return Chart("figure1", "Figure 1: tracking error", says, tuple(panels), columns=4)
+
+
+def error_chart(runs: Mapping[str, SteadyRun], coefficient: str, number: int) -> Chart:
+    """One of Figures 2 to 5: a parameter error over time above, its magnitude below."""
+    column = UNKNOWN.index(coefficient)
+    symbol, unit = _SYMBOLS[coefficient], _UNITS[coefficient]
+    time = Axis("time", "s", limits=(0.0, DURATION))
+    whole: list[Mark] = [Level("", 0.0, "y", "ink")]
+    magnitude: list[Mark] = []
+    sizes = []
+    for name, run in runs.items():
+        error = run.run.parameter_errors[:, column]
+        label, colour = f"gains ({name})", COLOURS[name]
+        whole.append(Line(label, run.run.time, error, colour, 1.0))
+        places, peaks = _envelope(run.run.time, np.abs(error))
+        magnitude.append(Line(label, places, peaks, colour))
+        sizes.append(peaks)
+    lowest, highest = whole_decades(np.concatenate(sizes))
+    if lowest < NOISE:
+        lowest = 0.1 * NOISE
+        magnitude.append(Level("integrator's tolerance", NOISE, "y", "grey", "dashed"))
+    at_end = ", ".join(
+        f"{_number(run.parameter_errors[coefficient])} with ({name})" for name, run in runs.items()
+    )
+    limits, cut_off = _late_values(runs, column)
+    peak = Axis("0.1 s peaks", unit, logarithmic=True, limits=(lowest, highest))
+    error_axis = Axis(f"error of {symbol}", unit, limits=limits)
+    panels = (
+        Panel(f"error of {symbol} at 30 s: {at_end}{cut_off}", time, error_axis, tuple(whole)),
+        Panel("its size", time, peak, tuple(magnitude)),
+    )
+    title = f"Figure {number}: error of {symbol}"
+    says = f"After 30 s the error of {symbol} in {unit} is {at_end}."
+    return Chart(f"figure{number}", title, says, panels)
+
+
+def _names(runs: Mapping[str, SteadyRun]) -> str:
+    return " and ".join(f"({name})" for name in runs)
+
+
+def _number(value: float) -> str:
+    """Three digits; what the integrator's error hides is called so."""
+    return f"{value:.3g}".replace("-", "−") if abs(value) > 10 * NOISE else "|·| < 1e−10"
+
+
+def _envelope(
+    time: FloatArray, values: FloatArray, window: float = 0.1
+) -> tuple[FloatArray, FloatArray]:
+    """Largest value in each window, at the window's middle."""
+    length = round(window / (time[1] - time[0]))
+    count = len(time) // length
+    blocks = values[: count * length].reshape(count, length)
+    return (np.arange(count) + 0.5) * window, blocks.max(axis=1)
+
+
+def _late_values(runs: Mapping[str, SteadyRun], column: int) -> tuple[tuple[float, float], str]:
+    """Limits of all but the first 50 ms, which would flatten the rest, and what they cut off."""
+    late = np.concatenate([run.run.parameter_errors[50:, column] for run in runs.values()])
+    limits = with_margin(float(late.min()), float(late.max()), _MARGIN)
+    first = float(next(iter(runs.values())).run.parameter_errors[0, column])
+    return limits, f"; from {_number(first)} at 0 s" if first < limits[0] else ""
+
+
+def theorem_chart(runs: Mapping[str, SteadyRun], rates: Mapping[str, Sequence[RatePoint]]) -> Chart:
+    """V along both runs, and the exponential rate over the observer's gain against its bound."""
+    values = tuple(
+        Line(f"gains ({name})", run.monitor.time, run.monitor.value, COLOURS[name])
+        for name, run in runs.items()
+    )
+    decades = whole_decades(np.concatenate([line.y for line in values]))
+    time = Axis("time", "s", limits=(0.0, DURATION))
+    lyapunov = Panel(
+        "Lyapunov function, eq. (8): it never rises",
+        time,
+        Axis("V", "SI", logarithmic=True, limits=decades),
+        values,
+        span=2,
+    )
+    panels = (lyapunov, *(_rates(row, points) for row, points in rates.items()))
+    ends = " and ".join(f"{line.y[-1]:.2g}" for line in values)
+    every = [point for points in rates.values() for point in points]
+    above = sum(point.measured >= point.guaranteed for point in every)
+    says = (
+        f"V falls to {ends} in 30 s. At {above} of {len(every)} gains the errors vanish at least "
+        "as fast as the theorem guarantees, which is the red line."
+    )
+    return Chart("theorem1", "Theorem 1", says, panels, columns=2, linked=False)
+
+
+def _rates(row: str, points: Sequence[RatePoint]) -> Panel:
+    """Rates of convergence of a row over the observer's gain."""
+    gains = np.array([point.gain for point in points])
+    measured = np.array([point.measured for point in points])
+    averaged = np.array([point.averaged for point in points])
+    guaranteed = np.array([point.guaranteed for point in points])
+    decades = whole_decades(np.concatenate([measured, averaged, guaranteed]))
+    return Panel(
+        f"{row} row: rate of convergence",
+        Axis("gain c of the observer", logarithmic=True, limits=whole_decades(gains)),
+        Axis("rate", "1/s", logarithmic=True, limits=decades),
+        (
+            Line("c × mean excitation", gains, averaged, "grey", 1.3, "dashed"),
+            Line("measured", gains, measured, "green"),
+            Points("", gains, measured, "green"),
+            Line("guaranteed", gains, guaranteed, "red"),
+        ),
+        1.2,
+    )
