@@ -108,5 +108,6 @@ def test_thresholds_are_these():
         "repeated_growth": 0.8,
         "lost_condition": 1e5,
         "mirrored_share": 0.25,
+        "row_doubt": 2.0,
         "contradiction": 3.0,
     }

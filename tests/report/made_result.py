@@ -11,6 +11,7 @@ from flexid.identification.result import (
     Compliance,
     FreeRun,
     Identification,
+    LinkRow,
     ModelError,
     ObserverTrace,
     ParameterEstimate,
@@ -94,4 +95,10 @@ def made_result(model_error: ModelError | None = None) -> Identification:
         summary=("Model: gravity, motor_coulomb.",),
         warnings=("a warning",),
         provenance={"flexid_version": "0"},
+        link_row=LinkRow(
+            1.21,
+            {"theta1": (5.0011, 5.0001, 5.0021), "link_delay": (2e-4, 1e-4, 3e-4)},
+            {"theta1": (4.7, 4.1, 5.3), "link_delay": (0.0, -INFINITE, INFINITE)},
+            taken=True,
+        ),
     )

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from flexid.identification.identification_schema import (
         StoredDelay,
         StoredIdentification,
+        StoredLinkRow,
         StoredValue,
     )
-    from flexid.identification.result import Choices, Identification, ValueEstimate
+    from flexid.identification.result import Choices, Identification, LinkRow, ValueEstimate
 
 FORMAT_VERSION = 1
 """Of the files that this version writes, and the newest that it reads."""
@@ -172,7 +173,20 @@ def stored_identification(file: EstimateFile) -> "Identification":
         summary=tuple(stored.summary),
         warnings=tuple(stored.warnings),
         provenance=stored.provenance,
+        link_row=_link_row(stored.link_row),
     )
+
+
+def _link_row(stored: "StoredLinkRow | None") -> "LinkRow | None":
+    from flexid.identification.result import LinkRow
+
+    if stored is None:
+        return None
+    alone, together = (
+        {n: (_number(v, nan), _number(a, -inf), _number(b, inf)) for n, (v, a, b) in part.items()}
+        for part in (stored.alone, stored.together)
+    )
+    return LinkRow(stored.excess, alone, together, stored.taken)
 
 
 def _number(value: float | None, missing: float) -> float:

@@ -8,6 +8,7 @@ from flexid.identification.result import Estimator, Verdict
 
 Fits = dict[str, float | None]
 Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+WithInterval = Annotated[list[float | None], Field(min_length=3, max_length=3)]
 
 
 class _Part(BaseModel):
@@ -65,6 +66,15 @@ class StoredModelError(_Part):
     excess: float
     growth: float
     share: float
+
+
+class StoredLinkRow(_Part):
+    """The link's row alone: values with the ends of their intervals."""
+
+    excess: float
+    alone: dict[str, WithInterval]
+    together: dict[str, WithInterval]
+    taken: bool
 
 
 class StoredValidation(_Part):
@@ -146,6 +156,7 @@ class StoredIdentification(_Part):
     excitation: dict[str, StoredExcitation]
     residual_excess: dict[str, float]
     model_error: StoredModelError
+    link_row: StoredLinkRow | None
     validation: StoredValidation
     observer: StoredObserver
     least_squares: dict[str, float]

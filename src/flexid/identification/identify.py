@@ -30,9 +30,10 @@ from flexid.identification.job import Job, job_of, predicting
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.link_delay import confused_covariance, in_doubt
-from flexid.identification.measured_input import input_noise
+from flexid.identification.link_row import with_link_row
+from flexid.identification.measured_input import error_of, widened_by
 from flexid.identification.mirrored import turned_round
-from flexid.identification.model_error import model_error, stand_in_covariance, widened
+from flexid.identification.model_error import stand_in_covariance
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import SplitRecordings, prepare
 from flexid.identification.progress import Progress, silent
@@ -112,15 +113,16 @@ def identify(
     choice, validation = predicting(job, training, whole, recordings, progress, thresholds)
     progress("fit to all data")
     reported, rungs, retreat = _reported(choice, whole)
-    error = _model_error(reported, rungs, thresholds)
+    error = error_of(reported, rungs, thresholds)
     progress("what the model does without")
     full = _full(choice, whole, reported)
     filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
     timely = _timely(reported, recordings)
     scales = _scales(full, _least_squares(full.structure, timely, reported, filter_rate))
-    estimate = _widened(reported, error).widened(hidden_covariance(reported, full, scales))
+    estimate = widened_by(reported, error).widened(hidden_covariance(reported, full, scales))
     estimate = estimate.widened(hold_covariance(reported, choice.climbed.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error))
+    estimate, row = with_link_row(estimate, reported, full, recordings, scales, error, thresholds)
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
     heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))
@@ -186,12 +188,13 @@ def identify(
             *joined.against,
             *deflection_warnings(turned_round=turned),
             *sign_warnings(coefficients),
-            *model_warnings(error, job.joint.kind),
+            *model_warnings(error, job.joint.kind, row),
             *validation_warnings(validation.fit_percent),
             *compliance_warnings(compliance),
         ),
         provenance=provenance(logs, settings, job.joint.kind, choices),
         recordings=recordings.whole,
+        link_row=row,
     )
 
 
@@ -209,20 +212,6 @@ def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[
                 "the held-out end: check what happened there",
             ),
         )
-
-
-def _model_error(reported: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds) -> ModelError:
-    """What the residuals say about the model; of the link, beside the noise of its input."""
-    if reported.structure.joint.kind == "link":
-        return model_error(reported, rungs, thresholds, lambda rung: input_noise(rung).excess)
-    return model_error(reported, rungs, thresholds)
-
-
-def _widened(fitted: Fitted, error: ModelError) -> Estimate:
-    """The estimate with the model's error; of the link, with the noise of its input too."""
-    if fitted.structure.joint.kind == "link":
-        return widened(fitted, error, input_noise(fitted).deviations)
-    return widened(fitted, error)
 
 
 def _compliance(
@@ -274,7 +263,7 @@ def _removed(
     """Parameters of the full model that the reported one does without; none if it has no fit."""
     if not np.isfinite(full.minimum.last_step):
         return {}
-    estimate = _widened(full, error)
+    estimate = widened_by(full, error)
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
     unknowns = full.problem.unknowns

@@ -108,6 +108,13 @@ class Thresholds:
         "below which the deflection turned round is the right one: 4e-5 where the sign is wrong, "
         "30 where it is right",
     )
+    row_doubt: float = _threshold(
+        2.0,
+        "1",
+        "how much more the motor's coefficients are doubted than follows from the link's, where "
+        "these are taken from their row alone, up to what both rows say: friction that builds up "
+        "over 10 ms puts the motor's inertia 1.5 half-widths off what follows",
+    )
     contradiction: float = _threshold(
         3.0, "standard deviations", "between log and prior knowledge, beyond which they contradict"
     )

@@ -6,13 +6,18 @@ model itself: it runs once more under an input with some more of that noise. The
 grow, and hardly otherwise than if the recorded input had been without it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.identification.estimate import Estimate
 from flexid.identification.full_model import Fitted
+from flexid.identification.judgement import Thresholds
+from flexid.identification.model_error import model_error, widened
+from flexid.identification.result import ModelError
 from flexid.recording.velocities import position_noise
 
 _DRAWS = 16
@@ -63,3 +68,17 @@ def input_noise(fitted: Fitted) -> InputNoise:
     return InputNoise(
         max(0.0, most / problem.degrees_of_freedom), np.sqrt(np.mean(np.square(steps), axis=0))
     )
+
+
+def error_of(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds) -> ModelError:
+    """What the residuals say about the model; of the link alone, beside the noise of its input."""
+    if fitted.structure.joint.kind == "link":
+        return model_error(fitted, rungs, thresholds, lambda rung: input_noise(rung).excess)
+    return model_error(fitted, rungs, thresholds)
+
+
+def widened_by(fitted: Fitted, error: ModelError) -> Estimate:
+    """The estimate with the model's error; of the link alone, with the noise of its input too."""
+    if fitted.structure.joint.kind == "link":
+        return widened(fitted, error, input_noise(fitted).deviations)
+    return widened(fitted, error)

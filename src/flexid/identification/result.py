@@ -229,6 +229,26 @@ class ModelError:
 
 
 @dataclass(frozen=True)
+class LinkRow:
+    """The link's row alone, driven by the motor's measured motion, beside the fit of both rows.
+
+    Parameters
+    ----------
+    excess : float
+        Mean square of its residuals over that of the sensor's noise.
+    alone, together : mapping of str to tuple of float
+        Value and ends of the 95 % interval of what is the link's, from its row alone and from both.
+    taken : bool
+        Whether the row alone knows each of them better, so that it is reported.
+    """
+
+    excess: float
+    alone: Mapping[str, tuple[float, float, float]]
+    together: Mapping[str, tuple[float, float, float]]
+    taken: bool
+
+
+@dataclass(frozen=True)
 class Choices:
     """What was chosen for the user, and the evidence for it.
 
@@ -310,6 +330,8 @@ class Identification:
         Version, settings, inputs with their hashes.
     recordings : tuple of Recording
         The data that it was made from; empty for what was streamed, or loaded from a file.
+    link_row : LinkRow or None
+        What the link's row alone gives, where the fit of both rows shows a model error.
     """
 
     model: Kind
@@ -329,6 +351,7 @@ class Identification:
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     recordings: tuple[Recording, ...] = ()
+    link_row: LinkRow | None = None
 
     @property
     def verdict(self) -> Verdict:

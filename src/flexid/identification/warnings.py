@@ -5,7 +5,7 @@ from math import isfinite, isnan
 
 from flexid.identification.compliance import WEAK_FIT
 from flexid.identification.joint import Kind
-from flexid.identification.result import CoefficientEstimate, Compliance, ModelError
+from flexid.identification.result import CoefficientEstimate, Compliance, LinkRow, ModelError
 
 _SLIGHT = 1.005  # which would be printed as 1
 
@@ -49,7 +49,9 @@ def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
             )
 
 
-def model_warnings(error: ModelError, model: Kind) -> Iterator[str]:
+def model_warnings(
+    error: ModelError, model: Kind, link_row: LinkRow | None = None
+) -> Iterator[str]:
     """Warn of residuals that show a drive which no model here describes."""
     if error.share > 0.0 and model == "link":
         yield (
@@ -59,6 +61,11 @@ def model_warnings(error: ModelError, model: Kind) -> Iterator[str]:
         )
     elif error.share > 0.0:
         alone = ", and --model link does without motor and input" if model == "flexible" else ""
+        if link_row is not None and link_row.taken:
+            alone = (
+                "; the link's row alone, driven by the motor's measured motion, knows "
+                f"{', '.join(link_row.alone)} better, so these are taken from it"
+            )
         yield (
             f"the residuals are {_times(error)} the sensors' noise, and do not grow as noise of "
             f"the torque would: the drive has something that no term here describes, or the input "

@@ -13,6 +13,7 @@ from flexid.identification.intervals import CONFIDENCE, checked_level
 from flexid.identification.result import (
     CoefficientEstimate,
     Identification,
+    LinkRow,
     ParameterEstimate,
     ValueEstimate,
     Verdict,
@@ -76,6 +77,11 @@ class JointEstimate(ReportedAnswer):
     def removed(self) -> Mapping[str, ParameterEstimate]:
         """Parameters that the model does without: how large they could be."""
         return self.result.removed
+
+    @property
+    def link_row(self) -> LinkRow | None:
+        """The link's row alone beside both rows; None where no model error shows."""
+        return self.result.link_row
 
     @property
     def fit_percent(self) -> Mapping[str, float]:

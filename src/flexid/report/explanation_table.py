@@ -5,7 +5,7 @@ from math import isclose, isfinite
 
 from rich.text import Text
 
-from flexid.identification.result import Choices, Identification
+from flexid.identification.result import Choices, Identification, LinkRow
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
@@ -26,6 +26,8 @@ def explanation(result: Identification) -> Iterator[Part]:
     if choices.coulomb_velocity is not None:
         yield Text(f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s")
     yield Text()
+    if result.link_row is not None:
+        yield from _link_row(result.link_row)
     yield _least_squares(result)
 
 
@@ -70,6 +72,27 @@ def _delays(result: Identification) -> Table:
         value, interval = value_cells(*(1e3 * x for x in (delay.value, *delay.interval)))
         table.add(name, value.with_unit("ms"), interval.with_unit("ms"), delay.status)
     return table
+
+
+def _link_row(row: LinkRow) -> Iterator[Part]:
+    """What the link's row gives when the motor's measured motion drives it."""
+    columns = (
+        Column("name"),
+        *numbers("its row alone", "95 % interval", "both rows", "95 % interval"),
+    )
+    table = Table("The link by itself, driven by the motor's measured motion, in SI units", columns)
+    for name, alone in row.alone.items():
+        table.add(name, *value_cells(*alone), *value_cells(*row.together[name]))
+    yield table
+    yield Text(
+        f"Its row alone leaves {row.excess**0.5:.3g} times the sensor's noise; "
+        + (
+            "it knows each of these better, and is reported"
+            if row.taken
+            else "it knows not all of these better, so both rows are reported"
+        )
+    )
+    yield Text()
 
 
 def _least_squares(result: Identification) -> Table:

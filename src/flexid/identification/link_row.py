@@ -1,0 +1,173 @@
+"""The link's row alone, beside the fit of both rows.
+
+One fit of both rows believes both. Where the residuals show a model error, it mostly is the
+motor's: friction of another law, ripple of the torque. Through the spring it bends the link's
+coefficients too. The link's row needs no torque and no friction of the motor: driven by the motor's
+measured position it stands for itself. Where it knows every coefficient of the link better than
+both rows together do, its values and their covariance take the place of theirs, and what is left,
+the motor's, follows along the quadratic form of the fit.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.segments import divide
+from flexid.identification.absence import hidden_covariance
+from flexid.identification.estimate import Estimate
+from flexid.identification.fitting import expanded, refit
+from flexid.identification.full_model import FINE, LINK, Fitted, Structure, data_of
+from flexid.identification.intervals import interval
+from flexid.identification.job import MEASURED_HOLD
+from flexid.identification.joint import link
+from flexid.identification.judgement import Thresholds
+from flexid.identification.measured_input import error_of, widened_by
+from flexid.identification.model_error import stand_in_covariance
+from flexid.identification.preparation import SplitRecordings
+from flexid.identification.result import LinkRow, ModelError
+from flexid.models.terms import SMOOTHING
+
+
+def with_link_row(
+    estimate: Estimate,
+    reported: Fitted,
+    full: Fitted,
+    recordings: SplitRecordings,
+    scales: Mapping[str, float],
+    error: ModelError,
+    thresholds: Thresholds,
+) -> tuple[Estimate, LinkRow | None]:
+    """An estimate of both rows, with what the link's row alone knows better.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of both rows, with everything in its covariance that is doubted.
+    reported, full : Fitted
+        The fit that it comes from, and that of the full model.
+    recordings : SplitRecordings
+        The data.
+    scales : mapping of str to float
+        Size that a coefficient or delay may have by itself; see `hidden_covariance`.
+    error : ModelError
+        What the residuals of both rows say about the model.
+    thresholds : Thresholds
+        What counts as evidence of such an error.
+
+    Returns
+    -------
+    estimate : Estimate
+        The same, unless the row alone knows all of the link's coefficients better.
+    row : LinkRow or None
+        What the row alone gives; None where it was not asked: the fit shows no model error, there
+        is one row only, its spring has a memory, or the row alone cannot be fitted.
+    """
+    structure = reported.structure
+    remembered = structure.joint.remembered - structure.absent
+    if structure.joint.kind != "flexible" or error.share == 0.0 or remembered:
+        return estimate, None
+    try:
+        fitted = _fit_alone(reported, recordings)
+    except ConvergenceError:
+        return estimate, None
+    alone = widened_by(fitted, error_of(fitted, [fitted], thresholds))
+    usual = expanded(_alone(full.structure, reported), fitted)
+    alone = alone.widened(hidden_covariance(fitted, usual, scales))
+    # A stand-in in the spring is in this row as well, and so is what it may stand for.
+    alone = alone.widened(stand_in_covariance(fitted, error))
+    found = taken(estimate, alone, thresholds.row_doubt)
+    row = LinkRow(
+        fitted.excess, _values(alone, estimate), _values(estimate, alone), found is not None
+    )
+    return found or estimate, row
+
+
+def taken(estimate: Estimate, alone: Estimate, doubt: float) -> Estimate | None:
+    """An estimate with the values of some of its names taken from another one.
+
+    The others keep what they are given these values: the marginal distribution is another, the
+    conditional one the same. Nothing rests on the two being independent. But what bounds a model
+    error was made for all of them together, so the deviations of the others fall by less.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of everything.
+    alone : Estimate
+        Of some of it, and maybe of other names.
+    doubt : float
+        Factor by which the others are doubted beyond what follows, as far as they were before.
+
+    Returns
+    -------
+    Estimate or None
+        None where the other does not know each of the shared names better.
+    """
+    shared = [name for name in estimate.names if name in alone.names]
+    places = [estimate.names.index(name) for name in shared]
+    others = [alone.names.index(name) for name in shared]
+    before = estimate.deviations[places]
+    if not shared or not np.all(alone.deviations[others] < before) or not np.isfinite(before).all():
+        return None
+    old = estimate.covariance[np.ix_(places, places)]
+    new = alone.covariance[np.ix_(others, others)]
+    finite = np.where(np.isfinite(estimate.covariance), estimate.covariance, 0.0)
+    gain = finite[:, places] @ scaled_inverse(old, before)[0]
+    gain[places] = np.eye(len(places))
+    freedom = list(estimate.degrees_of_freedom)
+    for place, other in zip(places, others, strict=True):
+        freedom[place] = alone.degrees_of_freedom[other]
+    found = Estimate(
+        estimate.names,
+        estimate.values + gain @ (alone.values[others] - estimate.values[places]),
+        estimate.covariance + gain @ (new - old) @ gain.T,
+        tuple(freedom),
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fallen = estimate.deviations / found.deviations
+    factors = np.where(np.isfinite(fallen), np.clip(fallen, 1.0, doubt), 1.0)
+    factors[places] = 1.0
+    return found.scaled(factors)
+
+
+def _fit_alone(reported: Fitted, recordings: SplitRecordings) -> Fitted:
+    """The link's row fitted over the same segments, from where the fit of both rows ended."""
+    structure = _alone(reported.structure, reported)
+    data = data_of(structure.joint, recordings.whole, recordings.groups)
+    segments = divide(data.samples, reported.duration, margin=data.margin)
+    system = reported.problem.unknowns.system
+    every = dict(zip(system.coefficients, reported.coefficients(0).tolist(), strict=True))
+    states = reported.minimum.point.initial_states[:, :2]
+    start = {**every, **reported.delays, **reported.by_name}
+    return refit(structure, data, start, segments, FINE, states)
+
+
+def _alone(structure: Structure, reported: Fitted) -> Structure:
+    """The link's part of a structure; the clock of its encoder is that of both rows."""
+    whole, joint = structure.joint, link()
+    if whole.system is whole.smooth:
+        joint = joint.with_coulomb_velocity(whole.smooth.constants[SMOOTHING])
+    own = {*joint.extended.coefficients}
+    widths = {n: w for n, w in whole.extended.constants.items() if n in joint.extended.constants}
+    sought = tuple(name for name in structure.timing.sought if name == LINK)
+    return Structure(
+        joint.with_widths(widths),
+        structure.absent & own,
+        Timing(MEASURED_HOLD, {LINK: reported.delays[LINK]}, sought),
+        {name: value for name, value in structure.fixed.items() if name in own},
+        {name: ends for name, ends in structure.bounds.items() if name in own},
+    )
+
+
+def _values(of: Estimate, beside: Estimate) -> dict[str, tuple[float, float, float]]:
+    """Value and interval of all that is in both estimates."""
+    return {
+        name: (float(value), *interval(float(value), float(std), freedom))
+        for name, value, std, freedom in zip(
+            of.names, of.values, of.deviations, of.degrees_of_freedom, strict=True
+        )
+        if name in beside.names
+    }
