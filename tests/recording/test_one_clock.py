@@ -40,10 +40,57 @@ def test_cubics_are_kept():
 
 
 def test_inputs_do_not_overshoot():
-    """Assert that an input that steps stays between its values."""
-    fast = 0.0033 * np.arange(320.0)
-    _, columns, _ = joined(fast, np.sign(np.sin(20.0 * fast) + 0.1), held=True)
+    """Assert that an input that steps, logged about as often, stays between its values."""
+    as_fast = 0.0095 * np.arange(110.0)
+    _, columns, warnings = joined(as_fast, np.sign(np.sin(20.0 * as_fast) + 0.1), held=True)
     assert np.abs(columns["b"]).max() <= 1.0
+    assert len(warnings) == 1
+
+
+def test_a_fast_input_acts_by_its_mean():
+    """Assert that the impulse of a noisy torque is kept, which single samples of it miss.
+
+    The torque is held for a millisecond, ten of which are a sample of the slower clock: a sum of
+    samples is off by the sum of so many independent numbers.
+    """
+    fast = 0.001 * np.arange(1000.0)
+    noise = np.random.default_rng(4).normal(size=len(fast))
+    impulse = 0.001 * np.cumsum(noise)
+    times, columns, warnings = joined(fast, noise, held=True)
+    true = np.interp(times, fast + 0.001, impulse, left=0.0)
+
+    def off(samples: FloatArray) -> float:
+        steps = 0.01 * 0.5 * (samples[1:] + samples[:-1])
+        return float(np.std(np.cumsum(steps) - (true[1:] - true[0])))
+
+    assert off(columns["b"]) < 0.2 * off(np.interp(times, fast, noise))
+    assert "of 'b' what is too fast for 'slow' was filtered out" in warnings[1]
+
+
+@pytest.mark.parametrize(("rate", "gain"), [(30.0, 1.0), (100.0, 1.0), (600.0, 0.0)])
+def test_what_the_slower_clock_can_show_passes_without_delay(rate: float, gain: float):
+    """Assert that tones pass to a third of half the rate, 50 Hz, and that none is beyond it."""
+    fast = 0.001 * np.arange(1000.0)
+    times, columns, _ = joined(fast, np.sin(rate * fast), held=True)
+    middle = (times > 0.1) & (times < 0.9)
+    np.testing.assert_allclose(columns["b"][middle], gain * np.sin(rate * times[middle]), atol=0.01)
+
+
+def test_positions_are_not_filtered():
+    """Assert that the noise of an encoder stays as white as it was."""
+    fast = 0.001 * np.arange(1000.0)
+    noisy = fast + 1e-3 * np.random.default_rng(4).normal(size=len(fast))
+    times, columns, warnings = joined(fast, noisy)
+    np.testing.assert_allclose(columns["b"], noisy[np.rint(1e3 * times).astype(int)], atol=1e-9)
+    assert len(warnings) == 1
+
+
+def test_nothing_is_filtered_across_a_gap():
+    """Assert that an input behind a gap does not leak into what was before it."""
+    fast = 0.001 * np.arange(1000.0)
+    kept = (fast < 0.4) | (fast > 0.6)
+    times, columns, _ = joined(fast[kept], np.where(fast < 0.5, 1.0, -50.0)[kept], held=True)
+    np.testing.assert_allclose(columns["b"], np.where(times < 0.5, 1.0, -50.0), rtol=1e-9)
 
 
 def test_a_gap_of_another_clock_is_one():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import ceil
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
 
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
+_PASSED = 0.8  # of half the slower rate, up to which an input passes
+_LENGTH = 4.0  # samples of the slower clock to either side that the filter spans
 _WRAP = 0.5  # of a position's range, which no position moves within one sample
 
 
@@ -33,8 +37,11 @@ def on_one_clock(
 ) -> tuple[FloatArray, dict[str, FloatArray], tuple[str, ...]]:
     """Bring signals to the times of the slowest, of several the first clock.
 
-    Positions and velocities are interpolated by cubic splines, inputs without overshoot. Where
-    another clock has a gap, the times are left out, so that the log has a gap there, too.
+    Positions and velocities are interpolated by cubic splines, inputs without overshoot. Of an
+    input that comes more often, what is too fast for the slower clock is filtered out before,
+    without a delay: it moves the drive by its mean, which single samples of it do not show.
+    Positions are not filtered: their noise is to stay white. Where another clock has a gap, the
+    times are left out, so that the log has a gap there, too.
 
     Parameters
     ----------
@@ -73,11 +80,16 @@ def on_one_clock(
             f"{quoted(clocks)} have no times in common: log them together, by one clock",
         )
     columns = {}
+    filtered = []
     for signal in signals:
         if signal.clock not in apart:
             columns[signal.header] = signal.values[usable]
             continue
         _check_wraps(file, signal, chosen)
+        ratio = rates[signal.clock] / rates[chosen]
+        if signal.held and ratio > _SAME_RATE:
+            filtered.append(signal.header)
+            signal = signal._replace(values=_slow(clocks[signal.clock], signal.values, ratio))
         columns[signal.header] = _at(clocks[signal.clock], signal, times[usable])
     moved = [signal.header for signal in signals if signal.clock in apart]
     warnings = ()
@@ -86,7 +98,27 @@ def on_one_clock(
             f"{file}: {quoted(moved)} had time stamps of their own and were interpolated to those "
             f"of {chosen!r}: log all channels together",
         )
+    if filtered:
+        warnings += (
+            f"{file}: of {quoted(filtered)} what is too fast for {chosen!r} was filtered out: log "
+            f"all channels at the faster rate",
+        )
     return times[usable], columns, warnings
+
+
+def _slow(stamps: FloatArray, values: FloatArray, ratio: float) -> FloatArray:
+    """What a clock slower by some ratio can show of an input, part by part between gaps."""
+    from scipy.signal import firwin, oaconvolve
+
+    half = ceil(_LENGTH * ratio)
+    weights = firwin(2 * half + 1, _PASSED / ratio)
+    steps = np.diff(stamps)
+    edges = [0, *(np.flatnonzero(steps > GAP * np.median(steps)) + 1).tolist(), len(stamps)]
+    slow = np.empty(len(values))
+    for first, stop in pairwise(edges):
+        longer = np.pad(values[first:stop], half, mode="reflect", reflect_type="odd")
+        slow[first:stop] = oaconvolve(longer, weights, mode="valid")
+    return slow
 
 
 def _check_stamps(file: str, clock: str, stamps: FloatArray) -> None:
