@@ -90,7 +90,7 @@ def test_output_holds_all_it_promises(flexid, good_log, tmp_path):
     assert outcome.status == 0, outcome.stderr
     names = {path.name for path in tmp_path.iterdir()}
     figures = {"fit", "residuals", "estimates", "excitation", "bode", "regions"}
-    assert names == {"estimate.json"} | {f"{name}.png" for name in figures}
+    assert names == {"report.html", "estimate.json"} | {f"{name}.png" for name in figures}
     document = json.loads((tmp_path / "estimate.json").read_text())
     assert set(TRUE) <= set(document["coefficients"])
     keys = {"value", "std", "interval", "verdict", "unit", "reason"}

@@ -36,7 +36,7 @@ def test_it_writes_figures_and_result_and_nothing_else(reproduced):
     _, out = reproduced
     names = [*(f"figure{number}" for number in range(1, 6)), "theorem1"]
     expected = {f"{name}.{extension}" for name in names for extension in ("png", "pdf")}
-    assert {file.name for file in out.iterdir()} == expected | {"result.json"}
+    assert {file.name for file in out.iterdir()} == expected | {"result.json", "report.html"}
     assert all(file.stat().st_size > 5000 for file in out.iterdir())
 
 

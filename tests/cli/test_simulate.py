@@ -25,7 +25,7 @@ def test_run_is_written_whole(flexid: Callable, tmp_path: Path):
     assert outcome.status == 0, outcome.stderr
     assert {file.name for file in out.iterdir()} == {
         "run.parquet", "run.csv", "log.parquet", "log.csv", "run.json", "motion.png",
-        "estimates.png",
+        "estimates.png", "report.html",
     }  # fmt: skip
     series = pl.read_parquet(out / "run.parquet")
     assert series.equals(pl.read_csv(out / "run.csv"))

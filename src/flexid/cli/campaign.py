@@ -150,9 +150,13 @@ def _summarise(campaign: Path, as_json: bool) -> None:
         from flexid.report.campaign_charts import campaign_charts
         from flexid.report.charts.figure import save_charts
         from flexid.report.documents import to_json
+        from flexid.report.page.campaign_page import campaign_page
+        from flexid.report.page.render import save_page
 
         (directory / "summary.json").write_text(to_json(document), encoding="utf-8")
-        save_charts(campaign_charts(found), directory)
+        charts = campaign_charts(found)
+        save_charts(charts, directory)
+        save_page(campaign_page(found, charts), directory)
 
     with output(campaign) as files:
         hand_over(document, lambda: print_campaign(found), write, as_json=as_json, directory=files)

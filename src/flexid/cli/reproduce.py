@@ -10,7 +10,7 @@ EXAMPLES = ("reproduce --out results",)
 
 
 def reproduce(
-    out: Annotated[Path | None, out_option("result.json and the figures")] = None,
+    out: Annotated[Path | None, out_option("report.html, result.json and the figures")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Reproduce the paper, and check its claims.
@@ -41,10 +41,14 @@ def reproduce(
             from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
             from flexid.report.huang2003_charts import FORMATS, reproduction_charts
+            from flexid.report.page.render import save_page
+            from flexid.report.page.reproduction_page import reproduction_page
 
             with errors.status("drawing"):
                 (directory / "result.json").write_text(to_json(document), encoding="utf-8")
-                save_charts(reproduction_charts(result), directory, FORMATS)
+                charts = reproduction_charts(result)
+                save_charts(charts, directory, FORMATS)
+                save_page(reproduction_page(result, charts), directory)
 
         hand_over(
             document,

@@ -7,7 +7,7 @@ import typer
 
 from flexid.cli.assignments import parse_values
 from flexid.cli.options import AsJson, out_option
-from flexid.cli.output import hand_over, output
+from flexid.cli.output import as_typed, hand_over, output
 from flexid.errors import SettingError
 
 EXAMPLES = (
@@ -20,7 +20,9 @@ def simulate(
     experiment: Annotated[
         Path, typer.Argument(metavar="EXPERIMENT", help="TOML file.", show_default=False)
     ],
-    out: Annotated[Path | None, out_option("run.parquet, log.parquet, run.json, figures")] = None,
+    out: Annotated[
+        Path | None, out_option("report.html, run.json, run.parquet, log.parquet, figures")
+    ] = None,
     values: Annotated[
         list[str] | None,
         typer.Option(
@@ -62,12 +64,17 @@ def simulate(
         def write(directory: Path) -> None:
             from flexid.report.charts.figure import save_charts
             from flexid.report.documents import to_json
+            from flexid.report.page.render import save_page
+            from flexid.report.page.run_page import run_page
             from flexid.report.run_charts import run_charts
             from flexid.report.run_series import save_run_series
 
             (directory / "run.json").write_text(to_json(document), encoding="utf-8")
             save_run_series(run, directory, csv)
-            save_charts(run_charts(chosen.name, run), directory)
+            charts = run_charts(chosen.name, run)
+            save_charts(charts, directory)
+            log = str(Path(str(out)) / "log.parquet")
+            save_page(run_page(chosen, run, measures, charts, as_typed(), log), directory)
 
         hand_over(
             document,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
-from flexid.library.answer import Answer, data_frame
+from flexid.library.answer import ReportedAnswer, data_frame
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 
@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from flexid.campaigns import Summary
+    from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
 
-class CampaignResult(Answer):
+class CampaignResult(ReportedAnswer):
     """What a campaign says, finished or not.
 
     Parameters
@@ -85,6 +86,12 @@ class CampaignResult(Answer):
         from flexid.report.campaign_table import campaign_parts
 
         return campaign_parts(self.result)
+
+    def _page(self) -> "Page":
+        from flexid.report.campaign_charts import campaign_charts
+        from flexid.report.page.campaign_page import campaign_page
+
+        return campaign_page(self.result, campaign_charts(self.result))
 
     def __repr__(self) -> str:
         statuses = ", ".join(f"{name} {count}" for name, count in self.statuses.items())

@@ -5,7 +5,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexid.identification.progress import Progress, silent
-from flexid.library.answer import Answer
+from flexid.library.answer import ReportedAnswer
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.threads import in_one_thread
@@ -13,12 +13,13 @@ from flexid.library.threads import in_one_thread
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
     from flexid.studies.huang2003.evidence import Claim
     from flexid.studies.huang2003.reproduction import Reproduction
 
 
-class PaperReproduction(Answer):
+class PaperReproduction(ReportedAnswer):
     """Huang (2003) reproduced: Table I, Figures 1 to 5, the readings, every claim.
 
     Parameters
@@ -64,6 +65,12 @@ class PaperReproduction(Answer):
         from flexid.report.huang2003_table import reproduction_parts
 
         return reproduction_parts(self.result)
+
+    def _page(self) -> "Page":
+        from flexid.report.huang2003_charts import reproduction_charts
+        from flexid.report.page.reproduction_page import reproduction_page
+
+        return reproduction_page(self.result, reproduction_charts(self.result))
 
     def __repr__(self) -> str:
         verdicts = [claim.verdict for claim in self.claims]

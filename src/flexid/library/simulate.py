@@ -5,7 +5,7 @@ from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from flexid.library.answer import Answer, data_frame, html_figure
+from flexid.library.answer import ReportedAnswer, data_frame, html_figure
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.logs import all_logs
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from flexid.experiments.experiment import Experiment
     from flexid.experiments.measures import Measures
     from flexid.recording.recording import Log
+    from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
     from flexid.simulation.run import Run
 
 
-class SimulatedRun(Answer):
+class SimulatedRun(ReportedAnswer):
     """A closed loop over time: plant, controller and observer.
 
     Parameters
@@ -92,6 +93,13 @@ class SimulatedRun(Answer):
         from flexid.report.run_table import run_parts
 
         return run_parts(self.experiment, self.result, self.measures)
+
+    def _page(self) -> "Page":
+        from flexid.report.page.run_page import run_page
+        from flexid.report.run_charts import run_charts
+
+        charts = run_charts(self.experiment.name, self.result)
+        return run_page(self.experiment, self.result, self.measures, charts)
 
     def __repr__(self) -> str:
         return f"<SimulatedRun: {self.experiment.name}, {self.result.time[-1]:g} s>"

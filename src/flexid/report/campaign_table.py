@@ -23,7 +23,12 @@ def campaign_parts(summary: Summary) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     yield from (Text(line) for line in status_lines(summary))
     yield Text()
-    yield _quantiles(summary)
+    yield quantiles_table(summary)
+    yield from importance_parts(summary)
+
+
+def importance_parts(summary: Summary) -> Iterator[Part]:
+    """What matters for each result, as tables."""
     yield _importance(summary, "What matters most: rank correlation", correlation_text)
     if summary.manifest.kind == "sobol-indices":
         title = "Share of the variance (Sobol indices), interactions included (and alone)"
@@ -59,7 +64,8 @@ def status_lines(summary: Summary) -> Iterator[str]:
         )
 
 
-def _quantiles(summary: Summary) -> Table:
+def quantiles_table(summary: Summary) -> Table:
+    """Quantiles of each result over the finished runs."""
     shares = (f"{100 * share:g} %" for share in QUANTILES)
     columns = (Column("result"), *numbers(*shares, "none"))
     table = Table(f"{summary.finished} finished runs, SI units", columns)

@@ -98,6 +98,15 @@ def _cases(cases: tuple[TheoremCase, ...]) -> Table:
     return table
 
 
+def claim_verdicts(claims: tuple[Claim, ...]) -> Table:
+    """Claims without what decides them."""
+    table = Table("Claims of the paper", (Column("claim", wraps=True), Column("verdict")))
+    for claim in claims:
+        verdict = Cell((claim.verdict,), _COLOURS[claim.verdict])
+        table.add(f"{claim.statement} [{claim.source}]", verdict)
+    return table
+
+
 def _claims(claims: tuple[Claim, ...]) -> Table:
     columns = (Column("claim, and what decides it", wraps=True), *numbers("value", "wanted"))
     table = Table("Claims of the paper", (*columns, Column("", right=True)))

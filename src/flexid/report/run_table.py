@@ -21,22 +21,28 @@ def run_parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[
     """Tables and sentences of the answer."""
     length = f"{run.time[-1]:g} s {experiment.mode}"
     yield Text(f"{experiment.name}: {length}, {_statistics(run)}")
-    yield _estimates(experiment, run, measures)
+    yield estimates_table(experiment, run, measures)
+    yield from map(Text, run_lines(run, measures))
+
+
+def run_lines(run: Run, measures: Measures) -> Iterator[str]:
+    """Tracking, inputs and excitation, a line each."""
     angle = " rad" if is_joint(run) else ""
-    yield Text(
+    yield (
         f"Tracking error: {measures.tracking_rms:.4g}{angle} root mean square, "
         f"{measures.tracking_peak:.4g}{angle} at most"
     )
     if is_joint(run):
-        yield Text(f"Motor torque: {max(measures.peak_inputs.values()):.4g} N m at most")
+        yield f"Motor torque: {max(measures.peak_inputs.values()):.4g} N m at most"
     else:
         peaks = ", ".join(f"{name} {peak:.4g}" for name, peak in measures.peak_inputs.items())
-        yield Text(f"Inputs: {peaks} at most")
+        yield f"Inputs: {peaks} at most"
     for row, excitation in measures.excitation.items():
-        yield Text(f"Excitation, {row} row: condition number {excitation.condition_number:.3g}")
+        yield f"Excitation, {row} row: condition number {excitation.condition_number:.3g}"
 
 
-def _estimates(experiment: Experiment, run: Run, measures: Measures) -> Table:
+def estimates_table(experiment: Experiment, run: Run, measures: Measures) -> Table:
+    """Where the observer's estimates begin and end."""
     headings = ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %")
     columns = (Column("coefficient"), *numbers(*headings), Column("unit"))
     table = Table("Estimates of the observer", columns)

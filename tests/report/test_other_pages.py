@@ -1,0 +1,113 @@
+"""The pages of a run, a campaign and the paper."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from test_campaign_report import made_result, made_summary
+
+from flexid.campaigns.importance import Correlation
+from flexid.experiments import read_experiment
+from flexid.experiments.measures import measure
+from flexid.report.campaign_charts import campaign_charts
+from flexid.report.huang2003_charts import reproduction_charts
+from flexid.report.page.campaign_page import campaign_page
+from flexid.report.page.layout import Command
+from flexid.report.page.render import page_html
+from flexid.report.page.reproduction_page import reproduction_page
+from flexid.report.page.run_page import run_page
+from flexid.report.run_charts import run_charts
+
+FOLDER = Path(__file__).parents[2] / "experiments"
+NAN = float("nan")
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    """Return a short experiment, its run and that in numbers."""
+    experiment = read_experiment(FOLDER / "huang2003.toml").with_values({"run.duration": 1.0})
+    run = experiment.run()
+    return experiment, run, measure(run)
+
+
+@pytest.mark.parametrize(
+    ("late", "word", "tone"),
+    [(0, "All of them", "good"), (3, "1 of 4", "fair"), (4, "0 of 4", "bad")],
+)
+def test_a_run_says_which_estimates_settle(simulated, late, word, tone):
+    """Assert that all, some and none have their word and tone, and the late ones are named."""
+    experiment, run, measures = simulated
+    names = list(measures.settling_times)
+    times = {name: NAN if place < late else 0.1 for place, name in enumerate(names)}
+    page = run_page(experiment, run, replace(measures, settling_times=times), ())
+    answer = page.answers[0]
+    assert (answer.word, answer.tone) == (word, tone)
+    said = [str(item) for item in answer.content]
+    assert (f"Not settled: {', '.join(names[:late])}." in said) == (late > 0)
+
+
+def test_a_run_is_on_its_page(simulated):
+    """Assert that the HTML has the table, the figures, the lines and the commands."""
+    experiment, run, measures = simulated
+    charts = run_charts(experiment.name, run)
+    made = page_html(
+        run_page(experiment, run, measures, charts, "flexid simulate x", "a b.parquet")
+    )
+    assert made.count("data-chart=") == 2
+    for text in ("theta1", "Tracking error:", "flexid simulate x", experiment.digest):
+        assert text in made
+    assert "flexid identify &#39;a b.parquet&#39;" in made
+
+
+def test_a_campaign_names_what_matters_most():
+    """Assert that the input that decides most results is the answer, and none is where none is."""
+    strong, weak = Correlation("controller.k", -0.9, True), Correlation("noise", 0.4, True)
+    chance = Correlation("noise", 0.1, False)
+    results = [
+        made_result([strong, weak], name="tracking_rms"),
+        made_result([strong], name="tracking_peak"),
+        made_result([weak], name="settling_time.theta1"),
+    ]
+    page = campaign_page(made_summary(results=tuple(results)), ())
+    assert page.answers[1].word == "controller.k"
+    nothing = made_summary(results=(made_result([chance]),))
+    assert campaign_page(nothing, ()).answers[1].word == "Nothing that was varied"
+
+
+@pytest.mark.parametrize(
+    ("statuses", "word", "tone"),
+    [
+        ({"finished": 100}, "All of them", "good"),
+        ({"finished": 97, "diverged": 3}, "97 of 100", "fair"),
+        ({"diverged": 100}, "0 of 100", "bad"),
+    ],
+)
+def test_a_campaign_says_how_its_runs_ended(statuses, word, tone):
+    """Assert that the first answer counts the runs that finished."""
+    answer = campaign_page(made_summary(statuses=statuses), ()).answers[0]
+    assert (answer.word, answer.tone) == (word, tone)
+
+
+def test_a_campaign_is_on_its_page():
+    """Assert that quantiles, what matters, the figures and the command are in the HTML."""
+    summary = made_summary(results=(made_result([Correlation("controller.k", -0.9, True)]),))
+    charts = campaign_charts(summary)
+    made = page_html(campaign_page(summary, charts))
+    assert made.count("data-chart=") == len(charts)
+    for text in ("tracking_<wbr>rms", "controller.k -0.90", "flexid campaign --summary out"):
+        assert text in made
+
+
+def test_the_paper_is_on_its_page(reproduction):
+    """Assert that every claim has its verdict, and the figures are there."""
+    charts = reproduction_charts(reproduction)
+    page = reproduction_page(reproduction, charts)
+    shown = [row[1].at(0) for row in page.lead.rows if row]
+    assert shown == [claim.verdict for claim in reproduction.claims]
+    hold = shown.count("holds")
+    assert page.answers[0].word == f"{hold} of {len(shown)}"
+    assert page.answers[1].word == "(1,2,3)"
+    assert page.sections[-1].content[0] == Command("flexid reproduce")
+    made = page_html(page)
+    assert made.count("data-chart=") == len(charts)
+    assert len(made) < 1_000_000
