@@ -50,7 +50,7 @@ TORQUES: dict[str, Callable[[FloatArray, np.random.Generator], FloatArray]] = {
 def logs(kind: str, seed: int) -> dict[str, dict[str, FloatArray]]:
     """The same drive on the link's clock, its torque sampled and filtered."""
     rng = np.random.default_rng(seed)
-    time = _H * np.arange(round(_DURATION / _H) + 1)
+    time = _H * np.arange(round(_DURATION / _H) + 1, dtype=np.float64)
     u = TORQUES[kind](time, rng)
     system = flexid.flexible_joint(TERMS)
     states = free_run(system, COEFFICIENTS, np.zeros(4), u[:, None], _H, "zero")
