@@ -13,6 +13,7 @@ from flexid.identification.linear_joint import linear_joint
 from flexid.identification.response_band import response_band
 from flexid.identification.spectral_estimate import spectral_estimates
 from flexid.report.bode_chart import bode_chart
+from flexid.report.charts.description import Line
 from flexid.report.charts.figure import draw
 from flexid.simulation.free_run import free_run
 
@@ -306,4 +307,11 @@ def test_the_figure_shows_what_is_described(estimate):
     labels = [text.get_text() for text in legend.get_texts()]
     for word in ("model", "95 % band", "spectral", "antiresonance", "resonance"):
         assert any(word in label for label in labels)
-    assert len(bode_chart(frequency_response(estimate.result)).panels) == 4
+    chart = bode_chart(frequency_response(estimate.result))
+    assert len(chart.panels) == 4
+    first, second = chart.panels[2:]
+    assert first.y == second.y
+    assert first.y.limits is not None
+    low, high = first.y.limits
+    shown = np.concatenate([m.y for p in (first, second) for m in p.marks if isinstance(m, Line)])
+    assert low < shown.min() < shown.max() < high

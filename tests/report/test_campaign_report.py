@@ -136,5 +136,8 @@ def test_each_panel_has_its_unit():
     assert [panel.x.unit for panel in distributions.panels] == ["rad", "s"]
     assert [panel.y.unit for panel in dependence.panels] == ["rad", "s"]
     assert dependence.panels[1].y.logarithmic
+    (points,) = dependence.panels[1].marks
+    assert isinstance(points, Points)
+    assert points.y.tolist() == [2e-12, 1.0, 2.0]
     across = dependence.panels[0].x
     assert (across.label, across.unit) == ("controller.k", "1/s")

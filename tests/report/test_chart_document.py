@@ -137,3 +137,13 @@ def test_a_gap_stays_a_gap():
 def test_a_short_curve_keeps_all():
     """Assert that nothing is left out where there is room."""
     assert kept_samples([ANGLE], 11).tolist() == list(range(11))
+
+
+def test_what_leaves_the_frame_does_not_coarsen_what_is_in_it():
+    """Assert that a peak of 1e9 beyond the limits leaves the digits of the values within."""
+    values = np.where(np.arange(11) == 0, 1e9, 12.34567)
+    made = chart_document(
+        chart(Line("torque", TIME, values), y=Axis("torque", "N m", limits=(-50.0, 50.0)))
+    )
+    found = made["arrays"][made["panels"][0]["marks"][0]["y"]]
+    assert found[1:] == pytest.approx([12.34567] * 10, abs=0.05)

@@ -67,6 +67,18 @@ def test_the_legend_names_each_label_once():
     assert draw(chart(panel(Line("alone", X, Y)))).legends == []
 
 
+@pytest.mark.parametrize("length", [5, 20, 60])
+def test_the_legend_is_no_wider_than_the_figure(length):
+    """Assert that seven labels fit, be they short or long, in as many lines as they take."""
+    lines = [Line(f"{k} " + length * "n", X, k * X) for k in range(7)]
+    figure = draw(chart(panel(*lines)))
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box, paper = legend.get_window_extent(), figure.bbox
+    assert paper.x0 <= box.x0 < box.x1 <= paper.x1
+    assert box.y1 < figure.axes[0].get_window_extent().y0
+
+
 def test_what_panels_share_is_labelled_once():
     """Assert that linked columns share x, equal neighbours share y, and only ends have labels."""
     y = Axis("angle", "rad", limits=(0.0, 500.0))
@@ -119,7 +131,8 @@ def test_text_is_no_formula():
     """Assert that dollars and backslashes of a name are drawn as they are."""
     name = r"gain $\frac of $x, " + 12 * "and longer "
     x, y = Axis(r"$\frac$", "s"), Axis("", categories=(r"$\x",))
-    figure = draw(chart(panel(Line(r"$\y$", X, Y), x=x, y=y), title=name))
+    formula = Panel(r"$\frac$", x, y, (Line(r"$\y$", X, Y), Line("other", X, Y)))
+    figure = draw(chart(formula, title=name))
     figure.draw_without_rendering()
     lines = figure.get_suptitle().splitlines()
     assert lines[0].startswith(r"gain $\frac of $x, and")
