@@ -66,6 +66,9 @@ def test_documents_agree(flexid, folders, tmp_path):
     flexid("compare", *pair, "--out", tmp_path / "out")
     written = json.loads((tmp_path / "out" / "comparison.json").read_text())
     assert written == printed
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    assert "flexid compare" in page
     assert (tmp_path / "out" / "comparison.png").read_bytes().startswith(b"\x89PNG")
     found = library.compare(*pair)
     assert found.document == printed

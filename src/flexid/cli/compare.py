@@ -7,7 +7,7 @@ import typer
 
 from flexid.cli.exit_status import ExitStatus
 from flexid.cli.options import AsJson, out_option
-from flexid.cli.output import hand_over, output, print_warnings
+from flexid.cli.output import as_typed, hand_over, output, print_warnings
 
 EXAMPLES = (
     "compare before/estimate.json after/estimate.json",
@@ -29,7 +29,9 @@ def compare(
         Path,
         typer.Argument(metavar="B", help="Another, of which A is subtracted.", show_default=False),
     ],
-    out: Annotated[Path | None, out_option("comparison.json and comparison.png")] = None,
+    out: Annotated[
+        Path | None, out_option("comparison.json, comparison.png and report.html")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare two estimates: what has changed, and how surely.
@@ -58,9 +60,12 @@ def compare(
             from flexid.report.charts.figure import save_charts
             from flexid.report.comparison_chart import comparison_chart
             from flexid.report.documents import to_json
+            from flexid.report.page.comparison_page import comparison_page
+            from flexid.report.page.render import save_page
 
             (directory / "comparison.json").write_text(to_json(document), encoding="utf-8")
             save_charts([comparison_chart(comparison)], directory)
+            save_page(comparison_page(comparison, as_typed()), directory)
 
         print_warnings(comparison.warnings, errors)
         hand_over(

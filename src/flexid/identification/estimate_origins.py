@@ -82,7 +82,7 @@ def _facts(estimate: Identification) -> dict[str, str]:
     """Everything that an estimate was made with, as text."""
     provenance = estimate.provenance
     facts = {
-        "logs": _text([log.get("file") for log in _inputs(provenance)]),
+        "logs": _text([log.get("file") for log in inputs(provenance)]),
         "model": estimate.model,
         "flexid": _text(provenance.get("flexid_version")),
     }
@@ -102,7 +102,7 @@ def _facts(estimate: Identification) -> dict[str, str]:
 
 def _columns(provenance: Mapping[str, Any]) -> dict[str, str]:
     """How each channel was computed from the columns of the first log."""
-    first = next(_inputs(provenance), {})
+    first = next(inputs(provenance), {})
     found = {}
     for channel, origin in _mapping(first.get("columns")).items():
         said = _mapping(origin)
@@ -111,7 +111,7 @@ def _columns(provenance: Mapping[str, Any]) -> dict[str, str]:
     return found
 
 
-def _inputs(provenance: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+def inputs(provenance: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """Each log; what a file says of them may be anything."""
     inputs = provenance.get("inputs")
     if isinstance(inputs, list | tuple):
@@ -119,7 +119,7 @@ def _inputs(provenance: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def _hashes(provenance: Mapping[str, Any]) -> set[str]:
-    return {str(log["sha256"]) for log in _inputs(provenance) if log.get("sha256")}
+    return {str(log["sha256"]) for log in inputs(provenance) if log.get("sha256")}
 
 
 def _known(estimate: Identification) -> Mapping[str, Any]:

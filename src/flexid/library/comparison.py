@@ -112,6 +112,25 @@ class EstimateComparison(Answer):
 
         return draw(comparison_chart(self.result))
 
+    def report(self, path: "str | PathLike[str]") -> None:
+        """Write a page to send: one HTML file with the verdict, the differences and the figure.
+
+        Parameters
+        ----------
+        path : path
+            The file, such as ``"report.html"``; one that is there is replaced.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written.
+        """
+        from flexid.report.documents import write_document
+        from flexid.report.page.comparison_page import comparison_page
+        from flexid.report.page.render import page_html
+
+        write_document(as_path("report", "path", path), page_html(comparison_page(self.result)))
+
     def _document(self) -> Mapping[str, Any]:
         from flexid.report.comparison_document import comparison_document
 

@@ -10,6 +10,7 @@ from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, M
 from flexid.report.comparison_table import largest, shortened
 
 _COLUMNS = 2
+_MARGIN = 0.06  # of what is shown, to either side
 _COLOURS: dict[Outcome, Colour] = {
     "changed": "red",
     "contradictory": "red",
@@ -43,13 +44,18 @@ def _panel(d: Difference) -> Panel:
     relative = isfinite(d.percent)
     of_b = _COLOURS.get(d.outcome, "green")
     marks: list[Mark] = [Level("", 0.0, "x", "grey", "dotted")] if relative else []
-    scale = d.a if relative else None
-    marks += _interval(0.0, "blue", *_numbers(d.a, scale))
-    marks += _interval(1.0, of_b, *_numbers(d.b, scale))
+    of_a, of_other = (_numbers(value, d.a if relative else None) for value in (d.a, d.b))
+    marks += [*_interval(0.0, "blue", *of_a), *_interval(1.0, of_b, *of_other)]
+    low, high = min(*of_a, *of_other), max(*of_a, *of_other)
+    margin = _MARGIN * (high - low)
     outcome = f"no change larger than {largest(d)}" if d.outcome == "no change" else d.outcome
     return Panel(
         f"{d.name}\n{outcome}",
-        Axis("relative to A" if relative else d.name, "%" if relative else d.unit),
+        Axis(
+            "relative to A" if relative else d.name,
+            "%" if relative else d.unit,
+            limits=(low - margin, high + margin),
+        ),
         Axis("", categories=("A", "B")),
         tuple(marks),
     )

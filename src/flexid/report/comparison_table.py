@@ -21,6 +21,9 @@ OUTCOME_COLOURS: dict[Outcome, str] = {
     "not compared": "",
 }
 
+PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"
+
+_NONE = Cell(("–",))
 _LONGEST = 60  # characters of a setting
 
 
@@ -34,19 +37,21 @@ def comparison_parts(comparison: Comparison) -> Iterator[Part]:
     for side, label in zip("AB", comparison.labels, strict=True):
         yield Text(f"{side}: {label}")
     yield Text()
-    yield from _differences("Physical parameters", comparison.parameters)
-    yield from _differences("Coefficients", comparison.coefficients)
+    for title, differences in (
+        (PARAMETERS, comparison.parameters),
+        (COEFFICIENTS, comparison.coefficients),
+    ):
+        if differences:
+            yield differences_table(title, differences)
+            yield from (Text(f"  {line}") for line in remarks(differences))
+            yield Text()
     if comparison.settings:
-        table = Table("Made otherwise", (Column(""), Column("A"), Column("B", wraps=True)))
-        for name, pair in comparison.settings.items():
-            table.add(name, *map(shortened, pair))
-        yield table
+        yield settings_table(comparison)
     yield from map(Text, comparison_summary(comparison))
 
 
-def _differences(title: str, differences: Mapping[str, Difference]) -> Iterator[Part]:
-    if not differences:
-        return
+def differences_table(title: str, differences: Mapping[str, Difference]) -> Table:
+    """Both values of each number, what is between them, and the verdict on that."""
     columns = (
         Column("name"),
         *numbers("A", "B"),
@@ -60,14 +65,38 @@ def _differences(title: str, differences: Mapping[str, Difference]) -> Iterator[
         change, interval = _change(d)
         outcome = Cell(outcome_texts(d), OUTCOME_COLOURS[d.outcome])
         table.add(d.name, _value(d.a), _value(d.b), d.unit, change, interval, outcome)
-    yield table
+    return table
+
+
+def lead_table(differences: Mapping[str, Difference]) -> Table:
+    """What is between both values of each number, and the verdict on that in a word."""
+    columns = (Column("name"), *numbers("B - A", "95 % interval"), Column("unit"))
+    table = Table("What is between both", (*columns, Column("verdict")))
+    for d in differences.values():
+        relative = isfinite(d.percent)
+        shown = (d.percent, *d.percent_interval) if relative else (d.value, *d.interval)
+        change, interval = value_cells(*shown) if d.compared else (_NONE, _NONE)
+        verdict = Cell((d.outcome,), OUTCOME_COLOURS[d.outcome])
+        table.add(d.name, change, interval, "%" if relative else d.unit, verdict)
+    return table
+
+
+def remarks(differences: Mapping[str, Difference]) -> Iterator[str]:
+    """Why something is not compared, or what stands for a number that one model does without."""
     for d in differences.values():
         if d.reason and d.a is not None and d.b is not None:
-            yield Text(f"  {d.name}: {d.reason}")
+            yield f"{d.name}: {d.reason}"
         elif d.without and d.compared:
             sides = " and ".join(d.without)
-            yield Text(f"  {d.name}: {sides} does without it; what it could be there is compared")
-    yield Text()
+            yield f"{d.name}: {sides} does without it; what it could be there is compared"
+
+
+def settings_table(comparison: Comparison) -> Table:
+    """What was asked for, chosen or used otherwise."""
+    table = Table("Made otherwise", (Column(""), Column("A"), Column("B", wraps=True)))
+    for name, pair in comparison.settings.items():
+        table.add(name, *map(shortened, pair))
+    return table
 
 
 def _value(value: ValueEstimate | None) -> Cell:

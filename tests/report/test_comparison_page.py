@@ -1,0 +1,124 @@
+"""The page of a comparison: its first screen answers, and hostile names do nothing."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+
+import pytest
+
+import flexid
+from browser import Watched, serious_faults
+from flexid.identification.comparison import compare_estimates
+from flexid.report.page.comparison_page import comparison_page
+from flexid.report.page.layout import Command, Points
+from made_estimates import TRUE, exact, with_parameter
+
+STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
+HOSTILE = '"></script><img src=x onerror=alert(1)>'
+
+
+def hostile():
+    """An estimate in which every text from outside is markup."""
+    b = replace(exact(STIFFER, "b"), warnings=(HOSTILE,))
+    b = with_parameter(b, "motor_inertia", verdict="undetermined", reason=HOSTILE)
+    log = {"file": HOSTILE, "sha256": HOSTILE}
+    return replace(
+        b, provenance={"flexid_version": HOSTILE, "settings": {HOSTILE: HOSTILE}, "inputs": [log]}
+    )
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """The page of a drive that has become stiffer, whose log has a hostile name, alone."""
+    path = tmp_path_factory.mktemp("alone") / "report.html"
+    a, b = flexid.JointEstimate(exact(TRUE, "a")), flexid.JointEstimate(hostile())
+    flexid.compare(a, b).report(path)
+    return path
+
+
+@pytest.fixture
+def page(browser, path):
+    """The page in a browser, and what was seen of it."""
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.watched = Watched(page)
+    page.goto(path.as_uri())
+    page.wait_for_selector(".chart-plot canvas")
+    yield page
+    page.close()
+
+
+def test_it_asks_for_nothing_and_runs_nothing(page):
+    """Assert that markup from outside is text, and that no request is made but for the page."""
+    page.wait_for_timeout(200)
+    assert page.watched.requests == [page.url]
+    assert page.watched.complaints == []
+    assert page.locator("img").count() == 0
+    assert HOSTILE in page.locator("#warnings").inner_text()
+    assert HOSTILE in page.locator("#origin").inner_text()
+    assert HOSTILE in page.locator("#settings").inner_text()
+    assert HOSTILE in page.locator("#values").inner_text()
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+def test_the_first_screen_answers(page, width, height):
+    """Assert that what has changed, and what to do, are seen without scrolling."""
+    page.set_viewport_size({"width": width, "height": height})
+    words = page.locator(".answer .word")
+    assert words.all_inner_texts() == ["Yes", "Record B once more"]
+    for word in words.all():
+        box = word.bounding_box()
+        assert 0.0 <= box["y"] <= height - box["height"]
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_no_serious_fault(page):
+    """Assert that axe-core finds no serious fault, light and dark, wide and narrow."""
+    for scheme, width in (("light", 1280), ("dark", 390)):
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size({"width": width, "height": 800})
+        assert serious_faults(page) == []
+
+
+def word(a, b):
+    """The answer to whether anything has changed, with what it means."""
+    answer = comparison_page(compare_estimates(a, b)).answers[0]
+    return answer.word, answer.tone
+
+
+def test_each_outcome_has_its_word():
+    """Assert that change, none, doubt, lack and contradiction are told apart at a glance."""
+    a, same, stiffer = exact(TRUE, "a"), exact(TRUE, "b"), exact(STIFFER, "b")
+    assert word(a, same) == ("Nothing is seen", "good")
+    assert word(a, stiffer) == ("Yes", "bad")
+    p = same.parameters["gravity_torque"]
+    doubtful = with_parameter(same, p.name, value=p.value + 2.2 * 2**0.5 * p.std)
+    assert word(a, doubtful) == ("Perhaps", "fair")
+    unknown = with_parameter(same, p.name, verdict="undetermined", reason="contradicted")
+    assert word(a, unknown) == ("Not all of it is known", "fair")
+    assert word(a, exact(STIFFER, "a")) == ("No", "bad")
+    again = replace(exact(TRUE, "a"), provenance={**a.provenance, "settings": {"hold": "zero"}})
+    assert word(a, again) == ("Yes", "good")
+
+
+def test_the_command_repeats_it():
+    """Assert that files are named so that a shell takes them, and that memory has no command."""
+    a, b = exact(TRUE, "a"), exact(STIFFER, "b")
+
+    def commands(*labels):
+        page = comparison_page(compare_estimates(a, b, *labels))
+        (origin,) = [section for section in page.sections if section.name == "origin"]
+        return [item.text for item in origin.content if isinstance(item, Command)]
+
+    assert commands() == []
+    (command,) = commands(("my drive/estimate.json", "b.json"))
+    assert shlex.split(command) == ["flexid", "compare", "my drive/estimate.json", "b.json"]
+
+
+def test_what_is_not_compared_is_explained():
+    """Assert that the reason stands below both values."""
+    b = with_parameter(exact(TRUE, "b"), "joint_stiffness", verdict="undetermined", reason="odd")
+    page = comparison_page(compare_estimates(exact(TRUE, "a"), b))
+    (values,) = [section for section in page.sections if section.name == "values"]
+    (said,) = [item for item in values.content if isinstance(item, Points)]
+    assert [*said.lines] == ["joint_stiffness: in B odd"]
