@@ -68,7 +68,7 @@ def estimate_of(fit, log="a log", **settings):
         ends = interval(value, std, freedom)
         coefficients[name] = CoefficientEstimate(
             name,
-            COEFFICIENT_UNITS[name].format(input="(N m)"),
+            COEFFICIENT_UNITS[name.partition("[")[0]].format(input="(N m)"),
             value,
             std,
             ends,

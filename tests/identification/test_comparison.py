@@ -51,6 +51,10 @@ def test_two_samples_as_scipy_tests_them():
     assert found.probability == pytest.approx(truth.pvalue, rel=1e-9)
     scale = 100.0 / before.mean()
     assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
+    covariances = (np.array([[a.std**2]]), np.array([[b.std**2]]))
+    alone = hotelling(("x",), np.array([found.value]), covariances, (11.0, 24.0))
+    assert alone is not None
+    assert alone.probability == pytest.approx(truth.pvalue, rel=1e-9)
 
 
 def test_a_ratio_has_its_interval_on_the_logarithm():
@@ -322,6 +326,10 @@ def test_values_of_one_log_each_are_not_compared():
     found = compare_estimates(made[0], made[1])
     assert found.parameters["motor_offset_torque[1]"].reason == "each log has its own"
     assert found.agree
+    of_logs = [drawn(rng, {**TRUE, "alpha_offset[1]": 0.3, "alpha_offset[2]": 0.4}) for _ in "ab"]
+    together = compare_estimates(of_logs[0], of_logs[1]).together
+    assert together is not None
+    assert together.names == tuple(TRUE)
 
 
 def test_other_models_share_what_means_the_same():
