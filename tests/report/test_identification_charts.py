@@ -174,7 +174,8 @@ def test_what_is_left_is_compared_with_the_noise():
 def test_every_fit_has_its_residual_beside_it():
     """Assert that below each channel, the deflection too, stands what the free run leaves of it."""
     chart = fit_chart(made_result())
-    assert [panel.y.label for panel in chart.panels] == ["position", "residual"] * 3
+    names = [panel.y.label for panel in chart.panels]
+    assert names == ["position", "residual", "position", "residual", "deflection", "residual"]
     assert [panel.title for panel in chart.panels[-2:]] == [
         "deflection: fit not tested (at rest)",
         "deflection: residual",
@@ -182,6 +183,8 @@ def test_every_fit_has_its_residual_beside_it():
     twice = [level.value for level in marks(chart.panels[-1], Level)]
     assert twice == pytest.approx([-2e-4, 2e-4])  # of the deflection, which the result knows
     assert "the link position to 99.10 % and the motor position to 98.2 %" in chart.says
+    link = fit_chart(replace(made_result(), model="link"))
+    assert marks(link.panels[-1], Level) == []  # the motor's noise is not in it
     still = replace(VALIDATION, fit_percent={"motor_position": np.nan})
     assert "do not test" in fit_chart(replace(made_result(), validation=still)).says
 

@@ -65,7 +65,7 @@ def _panels(
     levels = [] if noise is None else [-2.0 * noise, 2.0 * noise]
     twice = [Level("twice the encoders' noise", edge, "y", "ink", "dashed") for edge in levels]
     return (
-        Panel(title, time, Axis("position", "rad", limits=frame), tuple(motion)),
+        Panel(title, time, Axis(label.split()[-1], "rad", limits=frame), tuple(motion)),
         Panel(
             f"{label}: residual",
             time,

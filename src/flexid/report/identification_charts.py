@@ -34,8 +34,8 @@ def identification_charts(result: Identification) -> tuple[Chart, ...]:
 def fit_chart(result: Identification) -> Chart:
     """Free run of the model over the held-out data, channel by channel, and its residual."""
     deviation = result.compliance.deflection_noise
-    known = 0.0 < deviation < np.inf and "deflection" in result.validation.fit_percent
-    noise = {"deflection": deviation} if known else {}
+    flexible = result.model == "flexible"  # a link's deflection has no noise of the motor's encoder
+    noise = {"deflection": deviation} if flexible and 0.0 < deviation < np.inf else {}
     title = "Free run of the model over data kept out of the fit"
     return free_run_chart("fit", title, result.validation, noise, "time")
 

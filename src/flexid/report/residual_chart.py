@@ -29,7 +29,7 @@ def residual_chart(validation: Validation) -> Chart:
     found = f": here {', '.join(outside)}" if outside else ""
     says = (
         "Where only noise is left, a twentieth of the autocorrelation lies outside the grey band"
-        f"{found}. More is what the model leaves out."
+        f"{found}. More comes from what the model leaves out, or from noise of its input."
     )
     title = "What the model leaves, over time and correlated with itself"
     return Chart("residuals", title, says, tuple(panels), columns=2)
