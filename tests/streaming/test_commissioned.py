@@ -108,6 +108,15 @@ def test_a_filter_that_the_samples_are_too_few_for_is_slowed():
     assert options.filter_rate == pytest.approx(0.125 / 0.02)
 
 
+def test_a_slow_stream_goes_on_from_its_checkpoint(tmp_path: Path):
+    """Assert that a sample time that is measured a little otherwise makes no other filter."""
+    first, again = (
+        Choices().options("flexible", "N m", h, from_deflection=False) for h in (0.02, 0.020001)
+    )
+    save_session(watched(stream(), first), tmp_path / "state.json")
+    assert opened_session(again, tmp_path / "state.json").options == first
+
+
 def test_the_log_that_was_identified_agrees_with_its_estimate(result):
     """Assert that both estimators say the same of one log."""
     options = Choices(estimate=commissioned(result)).options(
@@ -205,12 +214,26 @@ def test_what_is_known_otherwise_is_contradicted():
         ({"known": {"motor_inertia": -1.0}}, "motor_inertia"),
         ({"known": {"motor_inertia": 1.0}, "input_unit": "A"}, "needs a torque"),
         ({"terms": ("spring_hysteresis",)}, "'spring_hysteresis' is unknown"),
+        ({"terms": ("backlash",)}, "needs a backlash_width, which an estimate has"),
     ],
 )
 def test_what_cannot_be_known(options: dict, words: str):
     """Assert that a name that this model has not is refused, with those that it has."""
     with pytest.raises(SettingError, match=words):
         replace(OPTIONS, **options)
+
+
+def test_widths_of_shapes_come_with_an_estimate():
+    """Assert that a term whose shape an estimate found is learnt with that width."""
+    made = Commissioned(
+        "flexible", ("gravity", "backlash"), "linear", shapes={"backlash_width": 0.02}
+    )
+    options = Choices(estimate=replace(made, input_unit="N m")).options(
+        "flexible", "N m", H, from_deflection=False
+    )
+    assert options.system.constants["backlash_width"] == 0.02
+    low, high = watched(stream(), options).coefficients["theta_backlash"].interval
+    assert low < 0.0 < high
 
 
 def test_everything_may_be_known():

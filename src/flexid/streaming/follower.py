@@ -19,6 +19,8 @@ from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
 from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, LineReader, sample_time_of
 
+_SAME = 1e-3  # relative difference of sample times of one stream
+
 
 def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
     """A session from a checkpoint, if there is one, or a new one.
@@ -37,9 +39,13 @@ def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
             )
         return Session(options)
     session = read_session(checkpoint)
-    # What was measured from time stamps differs a little from one stream to the next.
-    close = abs(session.options.sample_time / options.sample_time - 1.0) < 1e-3
-    given = replace(options, sample_time=session.options.sample_time) if close else options
+    # What was measured from time stamps, or follows from that, differs a little from one stream to
+    # the next.
+    measured = {name: getattr(session.options, name) for name in ("sample_time", "filter_rate")}
+    close = {
+        name: was for name, was in measured.items() if abs(was / getattr(options, name) - 1) < _SAME
+    }
+    given = replace(options, **close)
     if session.options != given:
         was, now = session.options.document, given.document
         names = ", ".join(f"{name} {was[name]!r}" for name in was if was[name] != now[name])

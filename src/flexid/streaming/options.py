@@ -12,7 +12,7 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.joint import Joint, Kind, joint_of
 from flexid.identification.settings import Settings
 from flexid.identification.stated import Stated, stated
-from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, flexible_joint
+from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
 from flexid.models.row_alone import row_alone
@@ -117,6 +117,11 @@ class WatchOptions:
         pairs = {name: (float(was), float(half)) for name, (was, half) in self.reference.items()}
         object.__setattr__(self, "reference", pairs)
         _ = self.stated  # raises
+        missing = [name for name in SHAPES if name in self.system.constants.keys() - self.shapes]
+        if missing:
+            raise SettingError(
+                "terms", f"one of them needs a {missing[0]}, which an estimate has: give one"
+            )
 
     @cached_property
     def stated(self) -> Stated:
