@@ -1,6 +1,7 @@
 """``flexid identify`` from a file on disk to the printed table."""
 
 import json
+import re
 import tomllib
 
 import numpy as np
@@ -176,10 +177,14 @@ def test_bounded_stiffness(flexid, examples, bounds, value, verdict, reason):
 def test_small_single_sine_is_undetermined(flexid, tmp_path):
     """Assert that a log with gravity and stiffness confused exits 1 and calls no value known.
 
-    None is wrong, and gravity may be any.
+    None is wrong, and gravity may be any. The page says what to record.
     """
-    outcome = flexid("identify", steady_sine(tmp_path / "small.csv", 0.1, 5.0), "--json")
+    log = steady_sine(tmp_path / "small.csv", 0.1, 5.0)
+    outcome = flexid("identify", log, "--json", "--out", tmp_path / "out")
     assert outcome.status == 1
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Record another motion" in page
+    assert re.search(r"<li>(Add a sine of|No single sine|By rule of thumb)", page)
     document = json.loads(outcome.stdout)
     for name, estimate in document["coefficients"].items():
         lower, upper = estimate["interval"]

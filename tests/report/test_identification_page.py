@@ -5,11 +5,13 @@ from __future__ import annotations
 import shlex
 from dataclasses import asdict, replace
 
+import numpy as np
 import pytest
 from made_result import made_result
 
 import flexid
 from browser import Watched, serious_faults
+from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.result import ModelError
 from flexid.identification.settings import Settings
 from flexid.report.identification_charts import identification_charts
@@ -160,27 +162,32 @@ def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
 @pytest.mark.parametrize(
     ("result", "word", "tone", "said"),
     [
-        (verdicts("determined"), "Yes", "good", "All 1 are determined."),
-        (verdicts("determined", warnings=("w",)), "With care", "fair", "All 1 are determined."),
+        (verdicts("determined"), "Yes", "good", "The only one is determined."),
+        (
+            verdicts("determined", warnings=("w",)),
+            "With care",
+            "fair",
+            "The only one is determined.",
+        ),
         (
             verdicts("determined", coefficient="weak"),
             "With care",
             "fair",
-            "All 1 are determined, but not alpha_coulomb.",
+            "The only one is determined, but not alpha_coulomb.",
         ),
         (
             verdicts("determined", "weak"),
             "With care",
             "fair",
-            "Of 2, 1 are determined, 1 weakly.",
+            "Of 2: 1 determined, 1 weak.",
         ),
         (
             verdicts("determined", "weak", "undetermined"),
             "Not all of them",
             "bad",
-            "Of 3, 1 are determined, 1 weakly, 1 not.",
+            "Of 3: 1 determined, 1 weak, 1 undetermined.",
         ),
-        (verdicts("undetermined"), "No", "bad", "Of 1, 0 are determined, 1 not."),
+        (verdicts("undetermined"), "No", "bad", "The only one is not determined."),
     ],
 )
 def test_trust_follows_verdicts_and_warnings(result, word, tone, said):
@@ -208,6 +215,29 @@ def test_the_next_step_follows_what_is_lacking(result, word, command):
     assert answer.word == word
     (found,) = [item for item in answer.content if isinstance(item, Command)]
     assert found.text == command
+
+
+def test_the_confounded_pair_is_named():
+    """Assert that of rows that are hardly excited the pair that correlates most is named."""
+    bad = excitation_of_gram("link", ["a", "b"], np.array([[1.0, 0.9999], [0.9999, 1.0]]))
+    good = excitation_of_gram("motor", ["c", "d"], np.array([[1.0, 0.3], [0.3, 1.0]]))
+    answer = next_step(verdicts("weak", excitation={"motor": good, "link": bad}), "")
+    (reasons,) = [item for item in answer.content if isinstance(item, Points)]
+    assert reasons.lines[1:] == ["a and b are confused most: they correlate by 1.000"]
+    answer = next_step(verdicts("weak", excitation={"motor": good}), "")
+    (reasons,) = [item for item in answer.content if isinstance(item, Points)]
+    assert len(reasons.lines) == 1
+
+
+def test_advice_takes_the_commands_place():
+    """Assert that what to record stands on the first screen, and all of it in a section."""
+    result = verdicts("weak")
+    answer = next_step(result, "", ("Add a sine.", "Or record 20 s."))
+    assert "Add a sine." in [str(item) for item in answer.content]
+    assert not any(isinstance(item, Command) for item in answer.content)
+    page = identification_page(result, (), advice=("Add a sine.", "Or record 20 s."))
+    (section,) = [section for section in page.sections if section.name == "next"]
+    assert section.content[0] == Points(("Add a sine.", "Or record 20 s."))
 
 
 def test_the_worst_is_named_first():

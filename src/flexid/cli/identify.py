@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from flexid.identification.result import Identification
     from flexid.identification.settings import Settings
+    from flexid.recording.recording import Log
 
 EXAMPLES = (
     "identify examples/flexible_joint.csv --out results",
@@ -63,9 +64,9 @@ def identify(
         if stream:
             from flexid.cli.streaming import identify_with_bar
 
-            result = identify_with_bar(logs, columns, settings, errors)
+            result, read = identify_with_bar(logs, columns, settings, errors), []
         else:
-            result = _identify_in_memory(logs, columns, settings, errors)
+            result, read = _identify_in_memory(logs, columns, settings, errors)
         document = identification_document(result)
 
         def show() -> None:
@@ -82,8 +83,10 @@ def identify(
                 (directory / "estimate.json").write_text(to_json(document), encoding="utf-8")
                 charts = identification_charts(result)
                 save_charts(charts, directory)
+                advice = _advice(result, read, settings)
                 stored = shlex.quote(str(Path(str(out)) / "estimate.json"))
-                save_page(identification_page(result, charts, as_typed(), stored), directory)
+                page = identification_page(result, charts, as_typed(), stored, advice)
+                save_page(page, directory)
 
         print_warnings(result.warnings, errors)
         hand_over(document, show, write, as_json=as_json, directory=directory)
@@ -91,17 +94,25 @@ def identify(
         raise typer.Exit(ExitStatus.LACKING)
 
 
+def _advice(result: "Identification", logs: "list[Log]", settings: "Settings") -> list[str]:
+    """What motion would determine more, where something is lacking: it takes some seconds."""
+    if result.verdict == "determined" or not logs:
+        return []
+    from flexid.experiment_design.excitation_report import look_into
+    from flexid.report.excitation_table import advice_lines
+
+    found = look_into(result, logs, settings)
+    return [*advice_lines(found.advice, found.input_unit)]
+
+
 def _identify_in_memory(
     logs: list[Path], columns: Path | None, settings: "Settings", errors: "Console"
-) -> "Identification":
+) -> "tuple[Identification, list[Log]]":
     from flexid.identification.identify import identify as run
     from flexid.recording.read import read_log
 
     with errors.status(
         "reading (the first run on a machine compiles for up to a minute)"
     ) as status:
-        return run(
-            [read_log(log, columns) for log in logs],
-            settings,
-            lambda step: status.update(f"identifying: {step}"),
-        )
+        read = [read_log(log, columns) for log in logs]
+        return run(read, settings, lambda step: status.update(f"identifying: {step}")), read

@@ -80,7 +80,25 @@ def examine(
     ConvergenceError
         If the model cannot be fitted from any start.
     """
-    result = identify(logs, settings, progress)
+    return look_into(identify(logs, settings, progress), logs, settings, progress)
+
+
+def look_into(
+    result: Identification, logs: Sequence[Log], settings: Settings, progress: Progress = silent
+) -> ExcitationReport:
+    """Say the same of logs that are identified already.
+
+    Parameters
+    ----------
+    result : Identification
+        What `identify` found in the logs.
+    logs, settings, progress
+        As of `examine`.
+
+    Returns
+    -------
+    ExcitationReport
+    """
     recordings, _ = prepare(logs, settings.validation_share, settings.model)
     joint = joint_of(result.model)
     data = data_of(joint, recordings.whole, recordings.groups)

@@ -45,15 +45,20 @@ def _lacking(result: Identification) -> list[ValueEstimate]:
 def _counted(result: Identification) -> str:
     """How many parameters are determined, weakly or not at all."""
     verdicts = [p.verdict for p in result.parameters.values()]
-    determined, weak = verdicts.count("determined"), verdicts.count("weak")
-    if determined == len(verdicts):
+    every, determined, weak = len(verdicts), verdicts.count("determined"), verdicts.count("weak")
+    if determined == every:
         beneath = _named([c.name for c in _lacking(result)])
-        return f"All {determined} are determined" + (f", but not {beneath}." if beneath else ".")
-    weakly = f", {weak} weakly" if weak else ""
-    lost = len(verdicts) - determined - weak
-    return f"Of {len(verdicts)}, {determined} are determined{weakly}" + (
-        f", {lost} not." if lost else "."
-    )
+        return f"{_all(every)} determined" + (f", but not {beneath}." if beneath else ".")
+    if determined + weak == 0:
+        return (
+            "The only one is not determined." if every == 1 else f"None of {every} is determined."
+        )
+    parts = {"determined": determined, "weak": weak, "undetermined": every - determined - weak}
+    return f"Of {every}: {', '.join(f'{count} {name}' for name, count in parts.items() if count)}."
+
+
+def _all(every: int) -> str:
+    return "The only one is" if every == 1 else f"All {every} are"
 
 
 def _named(names: Sequence[str]) -> str:
@@ -80,8 +85,18 @@ def _tested(result: Identification) -> Iterator[str]:
         yield f"What the model leaves over is {excess:.3g} times the sensors' noise."
 
 
-def next_step(result: Identification, estimate: str) -> Answer:
-    """What to do with the estimate, or what is lacking and which command says what to add."""
+def next_step(result: Identification, estimate: str, advice: Sequence[str] = ()) -> Answer:
+    """What to do with the estimate, or what is lacking and what would mend that.
+
+    Parameters
+    ----------
+    result : Identification
+        What was found.
+    estimate : str
+        Where it is stored.
+    advice : sequence of str, optional
+        What to record next; a command that says it takes its place.
+    """
     question, lacking = "What do I do next?", _lacking(result)
     if not lacking:
         said = Text("This log needs nothing more. On one that the estimate has never seen:")
@@ -92,14 +107,17 @@ def next_step(result: Identification, estimate: str) -> Answer:
     if result.model_error.share > 0.0:
         word, asked = "Look for what the model lacks", "Whether another motion would help, says"
         reasons.append("the residuals hold more than the sensors' noise, which widens intervals")
-    said = [Points([*reasons, *_confounded(result)]), Text(asked)]
-    return Answer(question, word, "", [*said, Command(excitation_command(result))])
+    said = Points([*reasons, *_confounded(result)])
+    if advice:
+        told = [Text(advice[0]), Link("What to record next", "next")]
+        return Answer(question, word, "", [said, *told])
+    return Answer(question, word, "", [said, Text(asked), Command(excitation_command(result))])
 
 
 def _confounded(result: Identification) -> Iterator[str]:
     """The two coefficients that the motion confuses most, where it confuses any."""
-    worst = max(result.excitation.values(), key=lambda e: e.condition_number, default=None)
-    if worst is not None and worst.correlated and worst.condition_number > WEAK_CONDITION:
+    rows = (e for e in result.excitation.values() if e.condition_number > WEAK_CONDITION)
+    worst = max((e for e in rows if e.correlated), key=lambda e: e.correlation, default=None)
+    if worst is not None:
         first, second = worst.correlated
-        pair = f"{first} and {second} correlate by {worst.correlation:.3f}"
-        yield f"{pair}, so this motion hardly tells one from the other"
+        yield f"{first} and {second} are confused most: they correlate by {worst.correlation:.3f}"

@@ -33,7 +33,12 @@ from flexid.report.page.layout import (
     Warned,
     drawn,
 )
-from flexid.report.page.origin import chosen_facts, identification_command, input_facts
+from flexid.report.page.origin import (
+    chosen_facts,
+    excitation_command,
+    identification_command,
+    input_facts,
+)
 
 _TITLES = {
     "flexible": "Flexible joint",
@@ -55,6 +60,7 @@ def identification_page(
     charts: Sequence[Chart],
     command: str = "",
     estimate: str = "estimate.json",
+    advice: Sequence[str] = (),
 ) -> Page:
     """What there is to say of an identification.
 
@@ -68,21 +74,27 @@ def identification_page(
         What repeats it; from the settings if not given.
     estimate : str, optional
         Where the estimate is stored, for the commands that read it.
+    advice : sequence of str, optional
+        What motion would determine more, where that was asked: `advice_lines`.
     """
-    sections = _sections(result, charts, command or identification_command(result))
+    sections = _sections(result, charts, command or identification_command(result), advice)
     return Page(
         "identification",
         _TITLES[result.model],
         _subject(result),
         parameters_table(result),
-        (trust(result), next_step(result, estimate)),
+        (trust(result), next_step(result, estimate, advice)),
         [section for section in sections if section.content],
         (_NOTE,),
     )
 
 
-def _sections(result: Identification, charts: Sequence[Chart], command: str) -> Iterator[Section]:
+def _sections(
+    result: Identification, charts: Sequence[Chart], command: str, advice: Sequence[str]
+) -> Iterator[Section]:
     yield Section("warnings", "Warnings", [*map(Warned, result.warnings)])
+    asked = [Points(advice), Command(excitation_command(result))] if advice else []
+    yield Section("next", "What to record next", asked)
     predicted = [*prediction_lines(result), f"Compliance: {compliance_line(result)}"]
     yield Section("fit", "Measured and predicted", [*drawn(charts, "fit"), Points(predicted)])
     left = Points([*residual_lines(result)])
