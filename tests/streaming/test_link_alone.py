@@ -4,9 +4,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moving_joint import LINK, MOTOR, TIME, TORQUE, TRUTH, H, all_hold, same, stream, watched
+from moving_joint import (
+    LINK,
+    MOTOR,
+    TIME,
+    TORQUE,
+    TRUTH,
+    H,
+    all_hold,
+    same,
+    stream,
+    torque,
+    watched,
+)
 
 from flexid.errors import RecordingError, SettingError
+from flexid.models.flexible_joint import flexible_joint
+from flexid.simulation.free_run import free_run
 from flexid.streaming.channels import chosen_channels
 from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.choices import Choices
@@ -40,6 +54,18 @@ def test_damping_is_seen_in_the_motor_s_velocity():
     """Assert that a spring without damping gets none: its interval holds zero, and is narrow."""
     low, high = watched(motion(), DAMPED).coefficients["theta_damping"].interval
     assert low < 0.0 < high < low + 0.05
+
+
+def test_damping_is_found():
+    """Assert that the interval of a damping that is there holds it: the velocity has its size."""
+    damped = {"theta_damping": 0.5, "alpha_damping": 0.5 / 0.3}
+    time = H * np.arange(4000)
+    system = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
+    states = free_run(system, TRUTH | damped, np.zeros(4), torque(time)[:, None], H)
+    positions = states[:, ::2] + 1e-5 * np.random.default_rng(3).standard_normal((len(time), 2))
+    session = watched(np.column_stack((time, positions)), DAMPED)
+    low, high = session.coefficients["theta_damping"].interval
+    assert low < 0.5 < high < low + 0.02
 
 
 @pytest.mark.parametrize("size", [1, 7, 333])

@@ -20,7 +20,8 @@ CHOICES = Choices(OPTIONS.terms, "linear", 20.0, np.inf, 0.1, H)
 
 def written(path: Path, samples: np.ndarray) -> Path:
     """The samples as a Parquet file."""
-    pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()}).write_parquet(path)
+    frame = pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()})
+    frame.write_parquet(path, row_group_size=130)  # what is read at once
     return path
 
 
@@ -38,9 +39,7 @@ def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.Mo
     """Assert that no more rows than a block's are read at once, and none is lost between two."""
     samples = stream(3.0)
     samples[700:705, TIME] -= 0.5  # late ones, at the end of a block and after it
-    path = tmp_path / "log.parquet"
-    frame = pl.DataFrame({name: samples[:, column] for name, column in NAMES.items()})
-    frame.write_parquet(path, row_group_size=130)
+    path = written(tmp_path / "log.parquet", samples)
     monkeypatch.setattr(incoming, "BLOCK", 100)
     replay, found = Replay(path, None, at_once=True), []
     while (part := replay.read(last=False)) is not None:
@@ -115,6 +114,27 @@ def test_its_own_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: in
         assert samples[taken - 1, TIME] <= clock[0] - 100.0 + 1e-9
     assert taken == len(samples)
     assert clock[0] - 100.0 == pytest.approx(1.1, abs=0.11)
+
+
+def test_another_clock_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that samples of a clock that was set back come at once, in whatever block they are."""
+    clock = [100.0]
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    monkeypatch.setattr(incoming, "BLOCK", 70)
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "sleep", sleep)
+    samples = stream(1.0)
+    samples[256:, TIME] -= 0.5  # within a block, some of which is due later
+    replay = Replay(written(tmp_path / "log.parquet", samples), None, at_once=False)
+    came = np.empty(0)
+    while (found := replay.read(last=False)) is not None:
+        came = np.append(came, np.full(len(found), clock[0] - 100.0))
+    due = np.maximum.accumulate(samples[:, TIME])
+    assert (came >= due - 1e-9).all()
+    assert (came <= due + 0.11).all()
 
 
 def test_what_cannot_be_played(tmp_path: Path):
