@@ -13,7 +13,7 @@ _CHROMIUM = "/usr/bin/chromium"
 
 
 def main(folder: Path) -> None:
-    """Open the studio with the example log, identify it, and picture what is found."""
+    """Open the studio with the example log, and picture what is found, and Play."""
     with running(LOG) as (_, address), sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=_CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1120, "height": 1000})
@@ -22,6 +22,11 @@ def main(folder: Path) -> None:
         page.evaluate("document.querySelector('#run .step').scrollIntoView()")
         page.wait_for_timeout(500)
         page.screenshot(path=folder / "studio-identify.png")
+        page.goto(f"{address}?room=play&reading=1,1,3&pin=yes")
+        page.wait_for_selector("#play-figures table", timeout=300_000)
+        page.evaluate("document.querySelector('#room-play .step').scrollIntoView()")
+        page.wait_for_timeout(500)
+        page.screenshot(path=folder / "studio-play.png")
         browser.close()
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from flexid.recording.overview import FileOverview
     from flexid.studio.window import Window
 
+ROOM = "identify"
 EXPORTS = {
     "c99": "the online estimator in C99",
     "fmu": "plant and estimator as FMUs",
@@ -56,6 +57,10 @@ class IdentifyRoom:
         self._choices = replace(self._choices, ran=False)
         self._take(path)
 
+    async def enter(self) -> None:
+        """Show the room."""
+        await self._window.address(ROOM, self._choices.query)
+
     async def choose(self, values: object) -> None:
         """Take what stands in the forms, and check the log anew."""
         await self._set(values)
@@ -93,7 +98,7 @@ class IdentifyRoom:
             and self._choices.sources == _guessed(found)
         ):
             self._choices = replace(self._choices, sources={})  # a link need not say so
-        await self._window.address(self._choices.query)
+        await self._window.address(ROOM, self._choices.query)
 
     def _take(self, path: Path) -> None:
         for name in ("check", "run", "export"):
@@ -129,7 +134,7 @@ class IdentifyRoom:
             inputs=INPUTS,
             by_name=not self._choices.sources,
         )
-        await window.address(self._choices.query)
+        await window.address(ROOM, self._choices.query)
         window.start("check", self._check(), "check")
 
     def _keep_sources(self, found: FileOverview) -> None:
@@ -188,7 +193,7 @@ class IdentifyRoom:
             mapped=choices.column_map is not None,
         )  # fmt: skip
         await window.draw("result-charts", found.charts)
-        await window.address(choices.query)
+        await window.address(ROOM, choices.query)
 
     async def _export(self, target: str) -> None:
         window = self._window

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexid.errors import FlexidError
+from flexid.studio import identify_room, play_room
 from flexid.studio.identify_room import IdentifyRoom
+from flexid.studio.play_room import PlayRoom
 
 if TYPE_CHECKING:
     from flexid.studio.window import Window
@@ -25,15 +27,17 @@ class Rooms:
     def __init__(self, window: Window) -> None:
         self.window = window
         self._identify = IdentifyRoom(window)
+        self._play = PlayRoom(window)
 
     async def handle(self, request: Mapping[str, object]) -> None:
         """Do what the page asks for; what is not known is not done."""
-        values = request.get("values")
+        values, target = request.get("values"), request.get("target")
         try:
             match request.get("kind"):
                 case "open":
-                    await self.window.opened()
-                    await self._identify.open(values)
+                    await self._open(values)
+                case "room":
+                    await self._enter(target)
                 case "columns" | "settings":
                     await self._identify.choose(values)
                 case "run":
@@ -41,11 +45,42 @@ class Rooms:
                 case "cancel":
                     await self._identify.cancel()
                 case "export":
-                    self._identify.export(request.get("target"))
+                    self._identify.export(target)
+                case "play":
+                    await self._play.change(values)
+                case "pin":
+                    await self._play.pin()
+                case "unpin":
+                    await self._play.unpin()
+                case "reset":
+                    await self._play.reset()
                 case _:
                     pass
         except FlexidError:
             pass  # it has been shown
+
+    async def _open(self, values: object) -> None:
+        """Begin with what an address holds."""
+        await self.window.opened()
+        room = values.get("room") if isinstance(values, Mapping) else None
+        if room == play_room.ROOM:
+            await self._identify.open({})
+            try:
+                self._play.read(values)
+            except FlexidError as error:
+                await self.window.show("log-problem", "problem.html", text=str(error))
+            else:
+                await self._enter(room)
+        else:
+            await self._identify.open(values)
+
+    async def _enter(self, room: object) -> None:
+        if room == play_room.ROOM:
+            await self.window.enter(play_room.ROOM)
+            await self._play.enter()
+        else:
+            await self.window.enter(identify_room.ROOM)
+            await self._identify.enter()
 
     def uploaded(self, path: Path) -> None:
         """Go on with a log that was sent."""

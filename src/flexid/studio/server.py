@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 PORT = 8765
 MOST_WINDOWS = 40
-_LONG, _SHORT = 2, 1  # processes
+_LONG, _SHORT, _PLAY = 2, 1, 1  # processes
 
 
 def need_packages() -> None:
@@ -60,13 +60,14 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
     from flexid.studio.window import Offer
     from flexid.studio.workers import Workers
 
-    offer = Offer(log, Workers(_LONG), Workers(_SHORT))
+    offer = Offer(log, Workers(_LONG), Workers(_SHORT), Workers(_PLAY))
     windows: dict[str, Rooms] = {}
     page = Path(__file__).parent / "page" / "studio.html"
     app = shiny.App(page, _server(offer, windows))
     app.sanitize_errors = True
     app.on_shutdown(offer.long.end)
     app.on_shutdown(offer.short.end)
+    app.on_shutdown(offer.play.end)
     app.starlette_app.routes[:0] = [
         Route("/assets/{name}", _asset),
         Route("/upload/{key}", _upload(windows), methods=["POST"]),

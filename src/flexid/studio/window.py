@@ -27,13 +27,14 @@ class Offer:
     ----------
     log : Path or None
         The log that was named on the command line.
-    long, short : Workers
-        Processes for identifications and exports, and for what takes a moment.
+    long, short, play : Workers
+        Processes for identifications and exports, for looking at logs, and for runs of Play.
     """
 
     log: Path | None
     long: Workers
     short: Workers
+    play: Workers
 
 
 class Window:
@@ -53,6 +54,7 @@ class Window:
         self.folder = Path(tempfile.mkdtemp(prefix="flexid-studio-"))
         self.files: dict[str, Path] = {}
         self._send = send
+        self._room = "identify"
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._said: set[asyncio.Future[None]] = set()
 
@@ -79,9 +81,29 @@ class Window:
 
         return said
 
-    async def address(self, query: str) -> None:
-        """Put the settings into the address."""
-        await self._send({"kind": "address", "query": query})
+    async def address(self, room: str, query: str) -> None:
+        """Put the settings of a room into the address, if the window is in it."""
+        if room == self._room:
+            await self._send({"kind": "address", "query": query})
+
+    async def enter(self, room: str) -> None:
+        """Show a room."""
+        self._room = room
+        await self._send({"kind": "room", "room": room})
+
+    async def played(self) -> None:
+        """Let the page ask for the next run."""
+        await self._send({"kind": "played"})
+
+    async def brief(
+        self, workers: Workers, job: Callable[..., Any], *arguments: Any, place: str
+    ) -> Any:
+        """Do a job that takes a moment, beside the log; one that is cancelled runs to its end."""
+        work = asyncio.ensure_future(
+            workers.run(job, *arguments, folder=self.folder, said=self.saying(place))
+        )
+        work.add_done_callback(lambda done: done.cancelled() or done.exception())
+        return await asyncio.shield(work)
 
     def start(self, name: str, work: Coroutine[Any, Any, None], place: str) -> None:
         """Begin some work instead of what has the same name; its errors are shown in a place."""

@@ -23,6 +23,7 @@
   const show = ({ place: id, html }) => {
     const target = place(id);
     if (target) target.innerHTML = html;
+    if (id === "play-controls") target.querySelectorAll("input[type=range]").forEach(label);
   };
 
   const newFigure = (target, name) => {
@@ -47,7 +48,46 @@
     for (const child of there.values()) child.remove();
   };
 
+  // The sliders: one run at a time, and after it the latest that was asked for.
+  let playing = false;
+  let waiting = false;
+
+  const shown = (slider) => {
+    const value = Number("log" in slider.dataset ? 10 ** slider.value : slider.value);
+    return String(Number(value.toPrecision(4)));
+  };
+
+  const label = (slider) => {
+    const text = `${shown(slider)} ${slider.dataset.unit}`.trim();
+    slider.parentElement.querySelector("output").textContent = text;
+    slider.setAttribute("aria-valuetext", text);
+  };
+
+  const play = () => {
+    waiting = playing;
+    if (playing) return;
+    playing = true;
+    const found = Object.fromEntries(new FormData(place("play-form")));
+    for (const slider of document.querySelectorAll("#play-form input[type=range]"))
+      found[slider.name] = shown(slider);
+    ask("play", { values: found });
+  };
+
+  const played = () => {
+    playing = false;
+    if (waiting) play();
+  };
+
+  const enter = (room) => {
+    for (const name of ["identify", "play"]) {
+      place(`room-${name}`).hidden = name !== room;
+      document.querySelector(`nav [data-target=${name}]`).setAttribute("aria-pressed", name === room);
+    }
+  };
+
   const answers = {
+    played,
+    room: (message) => enter(message.room),
     opened: (message) => {
       key = message.key;
       place("file").disabled = false;
@@ -59,6 +99,7 @@
   };
 
   const upload = async (file) => {
+    if (!key) return; // dropped before there is a window
     const state = place("log-state");
     place("log-problem").textContent = "";
     state.textContent = `Sending ${file.name} ...`;
@@ -101,11 +142,15 @@
     });
     document.addEventListener("submit", (event) => {
       event.preventDefault();
-      ask(event.target.id === "run-form" ? "run" : event.target.dataset.kind, { values: values() });
+      if (event.target.id === "run-form") ask("run", { values: values() });
     });
     document.addEventListener("click", (event) => {
       const button = event.target.closest("button[data-kind]");
       if (button) ask(button.dataset.kind, { target: button.dataset.target });
+    });
+    place("play-form").addEventListener("input", (event) => {
+      if (event.target.type === "range") label(event.target);
+      play();
     });
   };
 

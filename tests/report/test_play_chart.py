@@ -1,0 +1,60 @@
+"""A run of the paper's closed loop beside another, as a chart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexid.report.charts.description import Line
+from flexid.report.play_chart import Played, play_chart
+
+
+def played(scale: float) -> Played:
+    """Return a run whose errors fall, with a zero among them."""
+    time = np.linspace(0.0, 30.0, 3001)
+    falling = scale * np.exp(-time)
+    falling[300:340] = 0.0
+    moments = np.linspace(2.0, 30.0, 40)
+    return Played(
+        time,
+        falling,
+        {"theta1": falling, "alpha1": 2 * falling},
+        falling**2,
+        moments,
+        {"link": 3.0 + moments},
+        1.0,
+        2.0,
+    )
+
+
+def test_a_pinned_run_is_dashed_and_lies_behind():
+    """Assert that both are drawn in one scale, and the legend names each line once."""
+    chart = play_chart(played(1.0), played(2.0))
+    lines = [m for m in chart.panels[1].marks if isinstance(m, Line)]
+    assert [(line.label, line.dash) for line in lines] == [
+        ("", "dashed"),
+        ("", "dashed"),
+        ("θ₁", "solid"),
+        ("α₁", "solid"),
+    ]
+    assert lines[0].colour == lines[2].colour
+
+
+def test_zero_is_a_gap_on_a_logarithmic_axis():
+    """Assert that what vanishes is left out rather than drawn at some small number."""
+    (line,) = play_chart(played(1.0), None).panels[0].marks
+    assert isinstance(line, Line)
+    assert np.isnan(line.y).any()
+    assert np.nanmin(line.y) > 0.0
+
+
+def test_a_stretch_shows_its_largest_value():
+    """Assert that an error that passes zero is shown by its size."""
+    (line,) = play_chart(played(1.0), None).panels[0].marks
+    assert isinstance(line, Line)
+    assert line.y[0] == 1.0
+    assert len(line.y) <= 160
+
+
+def test_without_runs_there_are_panels():
+    """Assert that a chart of runs that diverged keeps its place."""
+    assert len(play_chart(None, None).panels) == 4

@@ -1,0 +1,82 @@
+"""The room in which the paper's closed loop is played, in a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+from browser import Watched, serious_faults
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+LONG = 120_000  # ms, in which a kernel may have to be compiled
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """Return a window of its own."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
+    opened = context.new_page()
+    opened.set_default_timeout(LONG)
+    yield opened
+    context.close()
+
+
+def cell(page: Page, column: int) -> str:
+    """The tracking error of this run, or of the pinned one."""
+    return page.inner_text(f"#play-figures tbody tr:first-child td:nth-child({column + 1})")
+
+
+def test_the_misprint_is_one_click_away(page: Page, empty_address: str):
+    """Assert that the other reading is a click, beside the first, and that a link repeats it."""
+    watched = Watched(page)
+    page.goto(empty_address)
+    page.wait_for_selector("#file:enabled")
+    page.click("nav >> text=Play")
+    page.wait_for_selector("#play-figures table")
+    assert cell(page, 1) == cell(page, 2) == "0.00082 rad"
+    page.check("input[value='1,1,3']")
+    page.wait_for_selector("#play-figures td:has-text('0.27 rad')")
+    assert cell(page, 2) == "0.00082 rad"
+    page.locator("#play-charts canvas").nth(3).wait_for()
+    assert serious_faults(page) == []
+    again = page.url
+    page.goto("about:blank")
+    page.goto(again)
+    page.wait_for_selector("#play-figures td:has-text('0.27 rad')")
+    assert page.is_checked("input[value='1,1,3']")
+    assert page.is_hidden("#room-identify")
+    assert watched.complaints == []
+
+
+def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
+    """Assert that keys move a slider, that what they give can be pinned, and Table I comes back."""
+    page.goto(f"{empty_address}?room=play&pin=none")
+    page.wait_for_selector("#play-figures table")
+    assert cell(page, 2) == ""
+    page.focus("input[name=k]")
+    for _ in range(15):
+        page.keyboard.press("ArrowLeft")
+    page.wait_for_selector("#play-figures td:not(:has-text('0.00082 rad'))")
+    page.wait_for_url("**k=**")
+    label = page.get_attribute("input[name=k]", "aria-valuetext")
+    assert label is not None
+    assert label.endswith("1/s")
+    assert float(label.split()[0]) < 50.0
+    page.click("text=Pin this run")
+    page.wait_for_url("**pin.k=**")
+    page.click("text=Table I >> nth=-1")
+    page.wait_for_selector("#play-figures td:has-text('0.00082 rad')")
+    assert "k=" not in page.url
+
+
+def test_a_hostile_address_does_nothing(page: Page, empty_address: str):
+    """Assert that values that cannot be meant are refused where one sees it."""
+    page.goto(f"{empty_address}?room=play&k=%3Cscript%3Ealert(1)%3C/script%3E")
+    page.wait_for_selector("#log-problem .problem")
+    assert "give a number from 5 to 200" in page.inner_text("#log-problem")
+    page.goto(f"{empty_address}?room=play&joint_stiffness=-1e300")
+    page.wait_for_selector("#log-problem .problem")
