@@ -141,10 +141,15 @@ def _descriptions() -> dict[str, Callable[[], Target]]:
 
 def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
     from flexid.experiment_design.drive_file import read_drive
+    from flexid.identification.comparison import compare_estimates
     from flexid.identification.estimate_file import read_estimate, stored_identification
     from flexid.identification.validate_estimate import validate_estimate
     from flexid.recording.frame import table_of_arrays
     from flexid.recording.read import log_of_table
+    from flexid.report.comparison_table import comparison_parts
+    from flexid.report.page.comparison_page import comparison_page
+    from flexid.report.page.render import page_html
+    from flexid.report.terminal import laid_out
 
     files = (estimate, json.dumps(json.loads(estimate), indent=0).encode())
     drive = ROOT / "examples" / "drive.toml"
@@ -156,8 +161,16 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
         log = log_of_table(table_of_arrays(fuzz_files.log_columns(400)))
         return of(lambda path: validate_estimate(path, [log]))
 
+    other = stored_identification(read_estimate({**json.loads(estimate), "provenance": {}}))
+
+    def compared(path: Path) -> object:
+        """Compare with what was not mutated, print it and make its page."""
+        found = compare_estimates(other, stored_identification(read_estimate(path)))
+        return [*laid_out(comparison_parts(found), 80)], page_html(comparison_page(found))
+
     return {
         "estimate": lambda: of(lambda path: stored_identification(read_estimate(path))),
+        "estimate, compared": lambda: of(compared),
         "estimate, validated": validated,
         "estimate for a design": lambda: of(lambda path: read_drive(drive, path)),
     }

@@ -15,7 +15,13 @@ from flexid.errors import RecordingError
 NAMES = ("log, text", "log, Parquet", "log, MATLAB", "log, MATLAB 7.3", "log, HDF5")
 NAMES += ("log, MCAP", "log, ROS 1 bag", "log, ROS 2 bag")
 NAMES += ("column map", "drive file", "experiment file", "model file")
-NAMES += ("estimate", "estimate for a design", "watch, text", "watch, checkpoint")
+NAMES += (
+    "estimate",
+    "estimate, compared",
+    "estimate for a design",
+    "watch, text",
+    "watch, checkpoint",
+)
 
 
 @pytest.fixture(scope="module")

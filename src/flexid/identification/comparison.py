@@ -15,7 +15,7 @@ are compared (Holm): where nothing has changed, one comparison in twenty names a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import hypot, isfinite, log, nan, pi
+from math import hypot, inf, isfinite, log, nan, pi
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -300,7 +300,10 @@ def _open(value: ValueEstimate) -> bool:
     A value whose interval is merely wide is compared: the interval of the difference is as wide.
     """
     half = 0.5 * (value.interval[1] - value.interval[0])
-    if not (isfinite(half) and isfinite(value.value) and value.degrees_of_freedom > 0.0):
+    known = isfinite(half) and isfinite(value.value) and 0.0 < value.std < inf
+    if not (known and value.degrees_of_freedom > 0.0):
+        return True
+    if value.logarithmic and value.value <= 0.0:  # no file of flexid has that
         return True
     wide = half > THRESHOLDS.weak_width * abs(value.value)
     return value.verdict == "undetermined" and not wide
@@ -331,7 +334,7 @@ def _by_difference(
 
 def _by_ratio(blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing) -> Difference:
     """With an interval that is symmetrical about the logarithm of the ratio."""
-    logarithm = log(b.value / a.value)
+    logarithm = log(b.value) - log(a.value)
     spread = _spread(a.std / a.value, b.std / b.value, a, b, logs)
     with np.errstate(over="ignore"):
         low, high = np.expm1([logarithm - spread.reach, logarithm + spread.reach]).tolist()

@@ -161,7 +161,8 @@ def _known(fit: Estimate, name: str) -> bool:
 
 
 def _one_unit(a: Identification, b: Identification, name: str) -> bool:
-    return a.coefficients[name].unit == b.coefficients[name].unit
+    first, second = a.coefficients.get(name), b.coefficients.get(name)
+    return first is not None and second is not None and first.unit == second.unit
 
 
 def _ordered(fit: Estimate, names: Sequence[str]) -> Estimate:
