@@ -1,10 +1,10 @@
 """One blind trial: a log, and the truth that made it. Nothing here imports flexid."""
 
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,8 @@ from benchmarks.trials.sensors import (
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 
 _TABLE_STEP = 1e-4  # s, of a smooth torque
-_COARSE, _FINE = 2.5e-4, 5e-5  # s, steps while the amplitude is sought, and for the log
-_TRIES, _MOTIONS, _PLAYS = 500, 4, 7
+_COARSE, FINE = 2.5e-4, 5e-5  # s, steps while the amplitude is sought, and for the log
+TRIES, _MOTIONS, _PLAYS = 500, 4, 7
 _FARTHEST = 2.2  # rad from hanging straight down: no link goes over the top
 _FASTEST = 60.0  # rad/s
 _LARGEST_DEFLECTION = 0.1  # rad, root mean square
@@ -107,6 +107,16 @@ class Run:
     torque: FloatArray
 
 
+class Recorded(NamedTuple):
+    """A log, the drive, and how it was moved and measured."""
+
+    trial: Trial
+    drive: Drive
+    sensors: Sensors
+    play: Play
+    size: Size
+
+
 def make_trial(family: str, seed: int) -> Trial:
     """Draw a log; the same for the same family and seed.
 
@@ -127,66 +137,15 @@ def make_trial(family: str, seed: int) -> Trial:
     """
     chosen = FAMILIES[family]
     rng = np.random.default_rng((seed, zlib.crc32(family.encode())))
-    for _ in range(_TRIES):
-        recorded = _recorded(rng, family, seed, chosen.draw(rng))
+    for _ in range(TRIES):
+        recorded = record(rng, family, seed, chosen.draw(rng))
         if recorded is not None:
-            return recorded[0]
+            return recorded.trial
     raise RuntimeError(f"{family} {seed}: no motion found")
 
 
-def make_repeated(family: str, seed: int, changes: Sequence[Mapping[str, float]]) -> list[Trial]:
-    """Draw logs of one drive, each with a motion, encoders and noise of its own.
-
-    Parameters
-    ----------
-    family : str
-        Out of `FAMILIES`.
-    seed : int
-    changes : sequence of mapping of str to float
-        For each log, by which factor fields of `Drive` are other than they were.
-
-    Returns
-    -------
-    list of Trial
-
-    Raises
-    ------
-    RuntimeError
-        If no drive and motion go together.
-    """
-    chosen = FAMILIES[family]
-    rng = np.random.default_rng((seed, zlib.crc32(family.encode()), 1))
-    for _ in range(_TRIES):
-        draft = chosen.draw(rng)
-        first = _recorded(rng, family, seed, draft)
-        if first is None:
-            continue
-        logs = [_again(rng, family, seed, _settled(draft, first[1]), change) for change in changes]
-        if None not in logs:
-            return [log for log in logs if log is not None]
-    raise RuntimeError(f"{family} {seed}: no motions found")
-
-
-def _again(
-    rng: np.random.Generator, family: str, seed: int, draft: Draft, change: Mapping[str, float]
-) -> Trial | None:
-    factors = {name: getattr(draft.base, name) * factor for name, factor in change.items()}
-    changed = replace(draft, base=draft.base._replace(**factors))
-    recorded = _recorded(rng, family, seed, changed)
-    return None if recorded is None else recorded[0]
-
-
-def _settled(draft: Draft, drive: Drive) -> Draft:
-    """The same where nothing of the drive depends on the size of its motion any more."""
-    return replace(
-        draft, base=drive, of_torque={}, cubic=0.0, hysteresis=0.0, bend=0.0, presliding=0.0
-    )
-
-
-def _recorded(
-    rng: np.random.Generator, family: str, seed: int, draft: Draft
-) -> tuple[Trial, Drive] | None:
-    """A log of a drive, and what the drive was; None if no motion goes with it."""
+def record(rng: np.random.Generator, family: str, seed: int, draft: Draft) -> Recorded | None:
+    """A log of a drive; None if no motion goes with it."""
     sensors = draw_sensors(rng, draft)
     for _ in range(_MOTIONS):
         play, size = _draw_play(rng, draft, sensors)
@@ -199,10 +158,10 @@ def _recorded(
             sensors = faint(draft, sensors, size.deflection / draft.faint)
             noise = draw_noise(rng, draft, sensors)
         times = sensors.instants + sensors.sample_time * noise.jitter
-        run = _run(draft, drive, play, times, noise, size.torque, _FINE)
+        run = run_play(draft, drive, play, times, noise, size.torque, FINE)
         if _accepted(draft, drive, sensors, run):
-            trial = _trial(rng, family, seed, draft, drive, sensors, play, size, noise, run)
-            return trial, drive
+            trial = trial_of(rng, family, seed, draft, drive, sensors, play, size, noise, run)
+            return Recorded(trial, drive, sensors, play, size)
     return None
 
 
@@ -247,7 +206,7 @@ def _sized(
             bristle_damping=0.0,
         )
         held = Play(play.motion, play.amplitude, play.law, "zero")
-        run = _run(draft, drive, held, sensors.instants, noise, 0.0, _COARSE)
+        run = run_play(draft, drive, held, sensors.instants, noise, 0.0, _COARSE)
         kept = run.states[sensors.before :]
         if not np.all(np.isfinite(kept)) or np.abs(kept).max() > 1e3:
             return None
@@ -278,7 +237,7 @@ def _size(states: FloatArray, torque: FloatArray) -> Size:
     )
 
 
-def _run(
+def run_play(
     draft: Draft,
     drive: Drive,
     play: Play,
@@ -344,7 +303,7 @@ def _accepted(draft: Draft, drive: Drive, sensors: Sensors, run: Run) -> bool:
     )
 
 
-def _trial(
+def trial_of(
     rng: np.random.Generator,
     family: str,
     seed: int,

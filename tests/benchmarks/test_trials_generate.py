@@ -11,6 +11,7 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import HEADER, make_trial
 from benchmarks.trials.integrator import Drive
 from benchmarks.trials.plain_least_squares import plain_least_squares
+from benchmarks.trials.repeated import make_repeated
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,7 +30,7 @@ def columns(trial):
 def test_the_generator_does_not_import_flexid():
     """Assert that a log is drawn without a line of flexid."""
     code = (
-        "import sys, benchmarks.trials.generate\n"
+        "import sys, benchmarks.trials.repeated\n"
         "assert not [name for name in sys.modules if name.split('.')[0] == 'flexid']"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
@@ -42,6 +43,20 @@ def test_a_seed_is_a_log(family):
     np.testing.assert_array_equal(columns(first), columns(again))
     assert first.truth == again.truth
     assert first.truth != other.truth
+
+
+def test_one_drive_is_recorded_again():
+    """Assert that drive and friction stay, but for what is changed, and that motions are others."""
+    first, other, stiffer, again = make_repeated("coulomb", 1, [{}, {}, {"joint_stiffness": 1.05}])
+    assert other.truth == first.truth
+    changed = {name: stiffer.truth[name] / value for name, value in first.truth.items() if value}
+    assert changed.pop("joint_stiffness") == pytest.approx(1.05)
+    assert set(changed.values()) == {1.0}
+    assert len(other.time) != len(first.time) or np.any(other.torque != first.torque)
+    assert again.truth == first.truth
+    np.testing.assert_array_equal(again.torque, first.torque)
+    apart = again.link_position - first.link_position
+    assert 0.0 < np.abs(apart).max() < 0.01 * np.ptp(first.link_position)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
