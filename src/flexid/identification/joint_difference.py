@@ -129,23 +129,24 @@ def hotelling(
         None where there are too few degrees of freedom for so many differences.
     """
     count = len(names)
-    whole = covariances[0] + covariances[1]
-    scale = np.sqrt(np.diag(whole))
+    scale = np.sqrt(np.diag(covariances[0]) + np.diag(covariances[1]))
     if not (np.isfinite(scale).all() and (scale > 0.0).all()):
         return None
-    units = np.outer(scale, scale)
-    try:
-        shares = [np.linalg.solve(whole / units, covariance / units) for covariance in covariances]
-        statistic = float(difference / scale @ np.linalg.solve(whole / units, difference / scale))
-    except np.linalg.LinAlgError:
-        return None
+    with np.errstate(all="ignore"):  # what is no number is refused below
+        parts = [covariance / scale / scale[:, None] for covariance in covariances]
+        distances = difference / scale
+        try:
+            shares = [np.linalg.solve(parts[0] + parts[1], part) for part in parts]
+            statistic = float(distances @ np.linalg.solve(parts[0] + parts[1], distances))
+        except np.linalg.LinAlgError:
+            return None
     spent = sum(
         (float(np.trace(share @ share)) + float(np.trace(share)) ** 2) / freedom
         for share, freedom in zip(shares, degrees_of_freedom, strict=True)
     )
     freedom = (count + count**2) / spent if spent > 0.0 else np.inf
     left = freedom - count + 1.0
-    if not left >= 1.0 or not statistic >= 0.0:
+    if not (left >= 1.0 and 0.0 <= statistic < np.inf):
         return None
     ratio = left / freedom if np.isfinite(freedom) else 1.0
     chance = float(fdtrc(count, min(left, _MANY), statistic * ratio / count))

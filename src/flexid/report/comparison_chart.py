@@ -26,19 +26,20 @@ def comparison_chart(comparison: Comparison) -> Chart:
     comparison : Comparison
         Of two estimates.
     """
-    compared = [d for d in comparison.decisive.values() if d.compared]
+    panels = (_panel(d) for d in comparison.decisive.values() if d.compared)
     return Chart(
         "comparison",
         f"A: {shortened(comparison.labels[0])}; B: {shortened(comparison.labels[1])}",
         "Each panel has one number of both estimates with its 95 % interval, relative to A's "
         "value; its title says what the difference may be.",
-        tuple(map(_panel, compared)),
+        tuple(panel for panel in panels if panel is not None),
         columns=_COLUMNS,
         linked=False,
     )
 
 
-def _panel(d: Difference) -> Panel:
+def _panel(d: Difference) -> Panel | None:
+    """One number of both estimates; None if it is too large to be drawn."""
     assert d.a is not None
     assert d.b is not None
     relative = isfinite(d.percent)
@@ -48,6 +49,8 @@ def _panel(d: Difference) -> Panel:
     marks += [*_interval(0.0, "blue", *of_a), *_interval(1.0, of_b, *of_other)]
     low, high = min(*of_a, *of_other), max(*of_a, *of_other)
     margin = _MARGIN * (high - low)
+    if not isfinite(margin):
+        return None
     outcome = f"no change larger than {largest(d)}" if d.outcome == "no change" else d.outcome
     return Panel(
         f"{d.name}\n{outcome}",
