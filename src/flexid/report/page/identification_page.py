@@ -35,7 +35,6 @@ from flexid.report.page.layout import (
 )
 from flexid.report.page.origin import (
     chosen_facts,
-    excitation_command,
     identification_command,
     input_facts,
 )
@@ -93,8 +92,7 @@ def _sections(
     result: Identification, charts: Sequence[Chart], command: str, advice: Sequence[str]
 ) -> Iterator[Section]:
     yield Section("warnings", "Warnings", [*map(Warned, result.warnings)])
-    asked = [Points(advice), Command(excitation_command(result))] if advice else []
-    yield Section("next", "What to record next", asked)
+    yield Section("next", "What to record next", [Points(advice)] if advice else [])
     predicted = [*prediction_lines(result), f"Compliance: {compliance_line(result)}"]
     yield Section("fit", "Measured and predicted", [*drawn(charts, "fit"), Points(predicted)])
     left = Points([*residual_lines(result)])
