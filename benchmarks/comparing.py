@@ -41,7 +41,6 @@ _NAMES = ("before", "same", *_STIFFER, "motion")  # the last with the first's mo
 HEADINGS = (
     "family",
     "in the model class",
-    "pairs",
     "another motion: intervals that miss 0",
     "answers that are wrong",
     "the same motion: intervals that miss 0",
@@ -107,7 +106,6 @@ def _line(kept: Path, family: str, seeds: Sequence[int]) -> list[str]:
     return [
         family,
         "yes" if FAMILIES[family].in_class else "no",
-        str(len(again)),
         *_wrong(again),
         *_wrong([*_comparisons(kept, family, seeds, "motion")]),
         f"{np.median(widths):.2g} %",
@@ -119,7 +117,8 @@ def _wrong(comparisons: Sequence[Comparison]) -> tuple[str, str]:
     """How often one and the same drive is said to differ: by intervals, and by answers."""
     differences = [d for c in comparisons for d in c.parameters.values() if d.compared]
     missed = sum(d.probability < 0.05 for d in differences)
-    return f"{missed} of {len(differences)}", str(sum(c.differ for c in comparisons))
+    wrong = sum(c.differ for c in comparisons)
+    return f"{missed} of {len(differences)}", f"{wrong} of {len(comparisons)}"
 
 
 def _stiffer(comparison: Comparison) -> bool:
