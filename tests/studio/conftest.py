@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
 from pathlib import Path
 
@@ -19,6 +19,15 @@ def short_log(examples: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with (examples / "flexible_joint.csv").open() as file:
         path.write_text("".join(islice(file, 4001)))
     return path
+
+
+Start = Callable[..., AbstractContextManager[str]]
+
+
+@pytest.fixture
+def start() -> Start:
+    """Return what starts a studio for a while; it yields the address."""
+    return started
 
 
 @contextmanager

@@ -73,7 +73,7 @@ def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
     assert "k=" not in page.url
 
 
-def test_a_hostile_address_does_nothing(page: Page, empty_address: str):
+def test_a_hostile_room_does_nothing(page: Page, empty_address: str):
     """Assert that values that cannot be meant are refused where one sees it."""
     page.goto(f"{empty_address}?room=play&k=%3Cscript%3Ealert(1)%3C/script%3E")
     page.wait_for_selector("#log-problem .problem")
