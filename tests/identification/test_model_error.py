@@ -131,6 +131,14 @@ def test_growth_tells_noise_of_the_torque_from_an_error(power, share):
     assert error.excess == pytest.approx(50.0, rel=1e-3)
 
 
+@pytest.mark.parametrize(("power", "share"), [(2.5, 0.0), (2.3, 1.0)])
+def test_growths_may_be_divided_by_one_threshold(power, share):
+    """Assert that both ends may be one: half or twice the usual ones are."""
+    rungs = [rung(t, 1.0 + 50.0 * t**power) for t in (1.0, 2.0, 4.0)]
+    ends = replace(LIMITS, white_growth=0.6, repeated_growth=0.6)
+    assert model_error(rungs[0], [rung(0.25, 1.0), *rungs], ends).share == share
+
+
 @pytest.mark.parametrize(("excess", "beyond"), [(1.09, False), (1.15, True)])
 def test_residuals_a_tenth_beyond_noise_may_be_noise(excess, beyond):
     """Assert that where short segments leave a tenth more than noise, so may long ones."""

@@ -57,10 +57,10 @@ def model_error(
     growth = _growth(fitted, rungs, floor, explained)
     if own <= 0.0:
         return ModelError(0.0, growth, 0.0)
-    white, repeated = thresholds.white_growth, thresholds.repeated_growth
+    between = (thresholds.white_growth, thresholds.repeated_growth)
     off = abs(growth - _WHITE)
-    share = (off - white) / (repeated - white) if np.isfinite(growth) else 1.0
-    return ModelError(own / fitted.problem.degrees_of_freedom, growth, float(np.clip(share, 0, 1)))
+    share = float(np.interp(off, between, (0.0, 1.0))) if np.isfinite(growth) else 1.0
+    return ModelError(own / fitted.problem.degrees_of_freedom, growth, share)
 
 
 def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.0) -> Estimate:
