@@ -156,7 +156,7 @@ class StoredIdentification(_Part):
     excitation: dict[str, StoredExcitation]
     residual_excess: dict[str, float]
     model_error: StoredModelError
-    link_row: StoredLinkRow | None
+    link_row: StoredLinkRow | None = None
     validation: StoredValidation
     observer: StoredObserver
     least_squares: dict[str, float]
