@@ -63,9 +63,12 @@ def test_the_rest_is_doubted_more_but_no_more_than_before(doubt, factor):
     assert found.values == pytest.approx(plain.values)
 
 
-@pytest.mark.parametrize(("std", "better"), [(1.99, True), (2.0, False), (np.inf, False)])
+@pytest.mark.parametrize(("std", "better"), [(2.25, True), (2.26, False), (np.inf, False)])
 def test_only_what_is_known_better_is_taken(std, better):
-    """Assert that the row's own values count where they are sharper: both sides of the edge."""
+    """Assert that the row's own values count where their intervals are shorter: both sides.
+
+    2 x 2.262 of nine degrees of freedom is 2.252 x 2.009 of fifty.
+    """
     assert (taken(BOTH, alone(std), 1.0) is not None) == better
 
 
@@ -73,7 +76,15 @@ def test_all_of_it_has_to_be_known_better():
     """Assert that one value known worse is enough to leave all of them."""
     worse = replace(alone(0.5), names=("theta2", "beta1"))
     assert taken(BOTH, worse, 1.0) is not None
-    assert taken(BOTH, replace(worse, covariance=np.diag([0.25, 2.1])), 1.0) is None
+    assert taken(BOTH, replace(worse, covariance=np.diag([0.25, 2.7])), 1.0) is None
+
+
+def test_the_rest_has_no_more_degrees_of_freedom_than_the_row():
+    """Assert that what rests on a variance of few degrees of freedom has no more."""
+    few = replace(alone(0.5), degrees_of_freedom=(3.0, 50.0))
+    found = taken(BOTH, few, 1.0)
+    assert found is not None
+    assert found.degrees_of_freedom == (3.0, 3.0, 0.0)
 
 
 def test_nothing_in_common_is_nothing_to_take():

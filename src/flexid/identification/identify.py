@@ -122,7 +122,9 @@ def identify(
     estimate = widened_by(reported, error).widened(hidden_covariance(reported, full, scales))
     estimate = estimate.widened(hold_covariance(reported, choice.climbed.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error))
-    estimate, row = with_link_row(estimate, reported, full, recordings, scales, error, thresholds)
+    estimate, row = with_link_row(
+        estimate, reported, rungs, full, recordings, scales, error, thresholds
+    )
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
     heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))

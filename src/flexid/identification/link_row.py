@@ -8,10 +8,11 @@ both rows together do, its values and their covariance take the place of theirs,
 the motor's, follows along the quadratic form of the fit.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segmented_motion import Timing
@@ -20,7 +21,7 @@ from flexid.identification.absence import hidden_covariance
 from flexid.identification.estimate import Estimate
 from flexid.identification.fitting import expanded, refit
 from flexid.identification.full_model import FINE, LINK, Fitted, Structure, data_of
-from flexid.identification.intervals import interval
+from flexid.identification.intervals import interval, quantile
 from flexid.identification.job import MEASURED_HOLD
 from flexid.identification.joint import link
 from flexid.identification.judgement import Thresholds
@@ -34,6 +35,7 @@ from flexid.models.terms import SMOOTHING
 def with_link_row(
     estimate: Estimate,
     reported: Fitted,
+    rungs: Sequence[Fitted],
     full: Fitted,
     recordings: SplitRecordings,
     scales: Mapping[str, float],
@@ -46,8 +48,12 @@ def with_link_row(
     ----------
     estimate : Estimate
         Of both rows, with everything in its covariance that is doubted.
-    reported, full : Fitted
-        The fit that it comes from, and that of the full model.
+    reported : Fitted
+        The fit that it comes from.
+    rungs : sequence of Fitted
+        The same over segments of growing length.
+    full : Fitted
+        The fit of the full model.
     recordings : SplitRecordings
         The data.
     scales : mapping of str to float
@@ -63,17 +69,20 @@ def with_link_row(
         The same, unless the row alone knows all of the link's coefficients better.
     row : LinkRow or None
         What the row alone gives; None where it was not asked: the fit shows no model error, there
-        is one row only, its spring has a memory, or the row alone cannot be fitted.
+        is one row only, its spring has a memory, or the row alone cannot be fitted within bounds.
     """
     structure = reported.structure
     remembered = structure.joint.remembered - structure.absent
     if structure.joint.kind != "flexible" or error.share == 0.0 or remembered:
         return estimate, None
     try:
-        fitted = _fit_alone(reported, recordings)
+        # What noise explains shows over short segments; the row's own may hold an error as well.
+        shortest, fitted = (_fit_alone(reported, each, recordings) for each in (rungs[0], reported))
     except ConvergenceError:
         return estimate, None
-    alone = widened_by(fitted, error_of(fitted, [fitted], thresholds))
+    if fitted.at_bound:
+        return estimate, None
+    alone = widened_by(fitted, error_of(fitted, [shortest, fitted], thresholds))
     usual = expanded(_alone(full.structure, reported), fitted)
     alone = alone.widened(hidden_covariance(fitted, usual, scales))
     # A stand-in in the spring is in this row as well, and so is what it may stand for.
@@ -110,14 +119,16 @@ def taken(estimate: Estimate, alone: Estimate, doubt: float) -> Estimate | None:
     places = [estimate.names.index(name) for name in shared]
     others = [alone.names.index(name) for name in shared]
     before = estimate.deviations[places]
-    if not shared or not np.all(alone.deviations[others] < before) or not np.isfinite(before).all():
+    better = _half_widths(alone)[others] < _half_widths(estimate)[places]
+    if not shared or not better.all() or not np.isfinite(before).all():
         return None
     old = estimate.covariance[np.ix_(places, places)]
     new = alone.covariance[np.ix_(others, others)]
     finite = np.where(np.isfinite(estimate.covariance), estimate.covariance, 0.0)
     gain = finite[:, places] @ scaled_inverse(old, before)[0]
     gain[places] = np.eye(len(places))
-    freedom = list(estimate.degrees_of_freedom)
+    least = min(alone.degrees_of_freedom[other] for other in others)
+    freedom = [min(own, least) for own in estimate.degrees_of_freedom]
     for place, other in zip(places, others, strict=True):
         freedom[place] = alone.degrees_of_freedom[other]
     found = Estimate(
@@ -133,14 +144,19 @@ def taken(estimate: Estimate, alone: Estimate, doubt: float) -> Estimate | None:
     return found.scaled(factors)
 
 
-def _fit_alone(reported: Fitted, recordings: SplitRecordings) -> Fitted:
-    """The link's row fitted over the same segments, from where the fit of both rows ended."""
+def _half_widths(estimate: Estimate) -> FloatArray:
+    quantiles = [quantile(freedom) for freedom in estimate.degrees_of_freedom]
+    return np.array(quantiles) * estimate.deviations
+
+
+def _fit_alone(reported: Fitted, as_long: Fitted, recordings: SplitRecordings) -> Fitted:
+    """The link's row fitted over segments as long, from where the fit of both rows ended."""
     structure = _alone(reported.structure, reported)
     data = data_of(structure.joint, recordings.whole, recordings.groups)
-    segments = divide(data.samples, reported.duration, margin=data.margin)
+    segments = divide(data.samples, as_long.duration, margin=data.margin)
     system = reported.problem.unknowns.system
     every = dict(zip(system.coefficients, reported.coefficients(0).tolist(), strict=True))
-    states = reported.minimum.point.initial_states[:, :2]
+    states = as_long.minimum.point.initial_states[:, :2]
     start = {**every, **reported.delays, **reported.by_name}
     return refit(structure, data, start, segments, FINE, states)
 
@@ -157,8 +173,8 @@ def _alone(structure: Structure, reported: Fitted) -> Structure:
         joint.with_widths(widths),
         structure.absent & own,
         Timing(MEASURED_HOLD, {LINK: reported.delays[LINK]}, sought),
-        {name: value for name, value in structure.fixed.items() if name in own},
-        {name: ends for name, ends in structure.bounds.items() if name in own},
+        {n: v for n, v in {**structure.fixed, **reported.at_bound}.items() if n in own},
+        {n: ends for n, ends in structure.bounds.items() if n in own - {*reported.at_bound}},
     )
 
 
