@@ -415,3 +415,86 @@ def test_the_joint_test_sees_what_no_single_number_shows():
     assert found.together.significant
     assert found.having("changed") == ()
     assert found.differ
+
+
+def read_from(estimate, *columns):
+    """The same, with the columns that the positions of its log came from."""
+    channels = ("motor_position", "link_position")
+    said = {c: {"columns": {x: 1.0}} for c, x in zip(channels, columns, strict=True)}
+    said["motor_torque"] = {"columns": {"u": 1.0}}
+    log = {**estimate.provenance["inputs"][0], "columns": said}
+    return replace(estimate, provenance={**estimate.provenance, "inputs": [log]})
+
+
+def test_two_axes_of_one_file_are_two_logs():
+    """Assert that a file read by other columns of the positions is another log."""
+    rng = np.random.default_rng(4)
+    a, b = drawn(rng, log="one"), drawn(rng, log="one", hold="linear")
+    first = read_from(a, "q1_motor", "q1_link")
+    assert compare_estimates(first, read_from(b, "q2_motor", "q2_link")).logs == "different"
+    for same in (read_from(b, "q1_motor", "q1_link"), read_from(b, "q1_motor", "other"), b):
+        assert compare_estimates(first, same).logs == "same"
+
+
+def test_the_joint_test_takes_what_is_compared_alone():
+    """Assert that a coefficient that is refused one by one is not tested beside the others."""
+    rng = np.random.default_rng(9)
+    a, b = drawn(rng), drawn(rng)
+    refused = replace(b.coefficients["theta2"], verdict="undetermined", reason="contradicted")
+    b = replace(b, coefficients={**b.coefficients, "theta2": refused})
+    together = compare_estimates(a, b).together
+    assert together is not None
+    assert together.names == tuple(name for name in TRUE if name != "theta2")
+
+
+def test_numbers_that_no_estimate_has():
+    """Assert that zero beside its interval has no percentage, and no width is nothing known."""
+    zero = replace(number(1.5, 0.25), value=0.0, interval=(1.0, 2.0))
+    found = compared(zero, number(1.5, 0.25))
+    assert found.compared
+    assert np.isnan(found.percent)
+    name = "motor_inertia"
+    sharp = number(2.0, 0.1, name=name, logarithmic=True)
+    sharp = replace(sharp, value=1e300, std=1e-300, interval=(1e299, 2e300))
+    assert compared(sharp, number(2.0, 0.1, name=name, logarithmic=True)).outcome == (
+        "not determined"
+    )
+
+
+def with_width(estimate, width):
+    """The same with Stribeck friction of a width."""
+    friction = number(0.5, 0.02, 30.0, name="motor_stribeck_friction")
+    friction = replace(friction, slopes={"alpha_stribeck": 1.0})
+    slopes = {"alpha_stribeck": 1.0}
+    coefficient = replace(estimate.coefficients["alpha1"], name="alpha_stribeck", slopes=slopes)
+    shapes = {"stribeck_velocity": width, "backlash_width": width}
+    return replace(
+        estimate,
+        parameters={**estimate.parameters, friction.name: friction},
+        coefficients={**estimate.coefficients, "alpha_stribeck": coefficient},
+        choices=replace(estimate.choices, shapes=shapes),
+    )
+
+
+def test_an_amplitude_goes_with_its_width():
+    """Assert that widths are shown, and that what rests on unlike ones is not compared."""
+    rng = np.random.default_rng(9)
+    a, near, far = (with_width(drawn(rng), width) for width in (0.1, 0.19, 0.21))
+    found = compare_estimates(a, near)
+    assert found.parameters["motor_stribeck_friction"].compared
+    assert found.settings["stribeck velocity"] == ("0.1 rad/s", "0.19 rad/s")
+    assert "backlash width" not in found.settings
+    found = compare_estimates(a, far)
+    d = found.parameters["motor_stribeck_friction"]
+    assert d.outcome == "not compared"
+    assert d.reason.startswith("it rests on a stribeck_velocity of 0.1 in A and of 0.21 in B")
+    assert not found.coefficients["alpha_stribeck"].compared
+    assert found.parameters["joint_stiffness"].compared
+
+
+def test_a_smoothed_friction_is_shown():
+    """Assert that the velocity over which friction changes sign stands in what was otherwise."""
+    rng = np.random.default_rng(9)
+    a, b = drawn(rng), drawn(rng)
+    b = replace(b, choices=replace(b.choices, coulomb_velocity=0.02))
+    assert compare_estimates(a, b).settings["coulomb velocity"] == ("none", "0.02 rad/s")

@@ -15,7 +15,7 @@ are compared (Holm): where nothing has changed, one comparison in twenty names a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import hypot, inf, isfinite, log, nan, pi
+from math import hypot, inf, isfinite, log, nan
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -23,11 +23,13 @@ from scipy.special import stdtr
 
 import flexid
 from flexid.errors import SettingError
+from flexid.identification.angles import ANGLES, difference
 from flexid.identification.estimate_origins import Sharing, apart, doubts, shared_logs
 from flexid.identification.intervals import CONFIDENCE, quantile
 from flexid.identification.joint_difference import JointTest, joint_test, welch
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.result import Identification, ValueEstimate
+from flexid.identification.shape_widths import reason_of, unlike_width
 
 Outcome = Literal[
     "changed",
@@ -45,9 +47,6 @@ that. Estimates of one log, which cannot have changed, are ``"contradictory"`` o
 ``"not determined"`` is what one of the logs leaves open, ``"not compared"`` what was not estimated,
 or is of another kind.
 """
-
-ANGLES = frozenset({"gravity_angle"})
-"""Parameters of which a difference is taken round the circle, and no percentage makes sense."""
 
 Values = Mapping[str, ValueEstimate]
 
@@ -206,13 +205,15 @@ def compare_estimates(
             f"logs or settings",
         )
     logs = shared_logs(a.provenance, b.provenance)
+    unlike = unlike_width(a, b)
     whole = ({**a.removed, **a.parameters}, {**b.removed, **b.parameters})
-    parameters = _differences(whole, (a.parameters, b.parameters), logs)
+    parameters = _differences(whole, (a.parameters, b.parameters), logs, unlike)
     coefficients: dict[str, Difference] = {}
     if a.model == b.model or "rigid" not in (a.model, b.model):  # names mean the same in both
         both = (a.coefficients, b.coefficients)
-        coefficients = _differences(both, both, logs)
-    together = joint_test(a, b, [*coefficients]) if logs == "different" else None
+        coefficients = _differences(both, both, logs, unlike)
+    sound = [name for name, d in coefficients.items() if d.compared]
+    together = joint_test(a, b, sound) if logs == "different" else None
     chances = [] if together is None else [together.probability]
     decided = any(d.outcome in _COMPARED for d in parameters.values())
     parameters, first = _judged(parameters, chances if decided else [], logs)
@@ -242,7 +243,10 @@ def _same(a: Identification, b: Identification) -> bool:
 
 
 def _differences(
-    known: tuple[Values, Values], reported: tuple[Values, Values], logs: Sharing
+    known: tuple[Values, Values],
+    reported: tuple[Values, Values],
+    logs: Sharing,
+    unlike: Mapping[str, str],
 ) -> dict[str, Difference]:
     """Differences of all that either model has, by name.
 
@@ -254,6 +258,8 @@ def _differences(
         What each model has.
     logs : Sharing
         Whether both were made from the same logs.
+    unlike : mapping of str to str
+        Coefficients whose shapes are of unlike widths, and why that forbids to compare them.
     """
     names = dict.fromkeys([*reported[0], *reported[1]])
     found = {}
@@ -263,11 +269,11 @@ def _differences(
         without = tuple(side for side, values in pairs if name not in values)
         unit = next(value.unit for value in (a, b) if value is not None)
         blank = Difference(name, unit, a, b, without)
-        found[name] = _filled(blank, logs)
+        found[name] = _filled(blank, logs, reason_of(unlike, a, b))
     return found
 
 
-def _filled(blank: Difference, logs: Sharing) -> Difference:
+def _filled(blank: Difference, logs: Sharing, unlike: str) -> Difference:
     """A difference with its numbers, or with the reason why it has none."""
     a, b = blank.a, blank.b
     if a is None or b is None:
@@ -275,6 +281,8 @@ def _filled(blank: Difference, logs: Sharing) -> Difference:
         return replace(blank, reason=f"{side} does without it, and does not say how large it is")
     if a.unit != b.unit:
         return replace(blank, reason=f"A has it in {a.unit}, B in {b.unit}")
+    if unlike:
+        return replace(blank, reason=unlike)
     if "[" in blank.name:
         return replace(blank, reason="each log has its own")
     for side, value in (("A", a), ("B", b)):
@@ -303,8 +311,8 @@ def _open(value: ValueEstimate) -> bool:
     known = isfinite(half) and isfinite(value.value) and 0.0 < value.std < inf
     if not (known and value.degrees_of_freedom > 0.0):
         return True
-    if value.logarithmic and value.value <= 0.0:  # no file of flexid has that
-        return True
+    if value.logarithmic and not (value.value > 0.0 and 0.0 < value.std / value.value < inf):
+        return True  # no file of flexid has that
     wide = half > THRESHOLDS.weak_width * abs(value.value)
     return value.verdict == "undetermined" and not wide
 
@@ -313,13 +321,12 @@ def _by_difference(
     blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing
 ) -> Difference:
     """With an interval that is symmetrical about the difference."""
-    value = b.value - a.value
-    if blank.name in ANGLES:
-        value = (value + pi) % (2.0 * pi) - pi
+    value = difference(blank.name, a.value, b.value)
     spread = _spread(a.std, b.std, a, b, logs)
     reach = spread.reach
     scale = abs(a.value)
-    relative = a.interval[0] * a.interval[1] > 0.0 and blank.name not in ANGLES
+    apart_from_zero = scale > 0.0 and a.interval[0] * a.interval[1] > 0.0
+    relative = apart_from_zero and blank.name not in ANGLES
     percent = 100.0 / scale if relative else nan
     return replace(
         blank,

@@ -1,20 +1,42 @@
 """Where two estimates come from: whether they share logs, and what was done otherwise."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from flexid.identification.result import Identification
+from flexid.identification.shape_widths import used_widths
+from flexid.models.flexible_joint import CONSTANT_UNITS
 
 Sharing = Literal["different", "some shared", "same"]
 """Whether two estimates were made from the same logs."""
 
 
+_POSITIONS = ("motor_position", "link_position", "deflection")
+
+
+class _Log(NamedTuple):
+    """A file, and the columns of its positions: it may hold several axes."""
+
+    sha256: str
+    columns: frozenset[str]
+
+    def is_of(self, other: "_Log") -> bool:
+        """Whether both hold one axis' noise; where columns are not named, one file is one axis."""
+        apart = self.columns and other.columns and not self.columns & other.columns
+        return self.sha256 == other.sha256 and not apart
+
+
 def shared_logs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Sharing:
-    """Whether the provenances of two estimates name the same logs, by their hashes."""
-    first, second = _hashes(a), _hashes(b)
-    if not first & second:
+    """Whether the provenances of two estimates name the same axes of the same files."""
+    first, second = _named_logs(a), _named_logs(b)
+    in_both = [
+        any(log.is_of(other) for other in others)
+        for logs, others in ((first, second), (second, first))
+        for log in logs
+    ]
+    if not any(in_both):
         return "different"
-    return "same" if first == second else "some shared"
+    return "same" if all(in_both) else "some shared"
 
 
 def apart(a: Identification, b: Identification) -> dict[str, tuple[str, str]]:
@@ -48,7 +70,7 @@ def _doubts(a: Identification, b: Identification, logs: Sharing) -> Iterator[str
             "some logs are in both estimates, which therefore err alike: the intervals allow for "
             "the worst of that, and a change may be missed"
         )
-    unnamed = [side for side, e in (("A", a), ("B", b)) if not _hashes(e.provenance)]
+    unnamed = [side for side, e in (("A", a), ("B", b)) if not _named_logs(e.provenance)]
     if unnamed:
         yield (
             f"{' and '.join(unnamed)} does not say which logs it was made from: they are taken for "
@@ -97,6 +119,10 @@ def _facts(estimate: Identification) -> dict[str, str]:
     }
     if choices.estimator == "least-squares":
         facts["filter rate"] = f"{choices.filter_rate:.4g} 1/s"
+    if choices.coulomb_velocity is not None:
+        facts["coulomb velocity"] = f"{choices.coulomb_velocity:.4g} rad/s"
+    for name, width in used_widths(estimate).items():
+        facts[name.replace("_", " ")] = f"{width:.4g} {CONSTANT_UNITS[name]}"
     return facts | _columns(provenance)
 
 
@@ -118,8 +144,18 @@ def inputs(provenance: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
         yield from filter(None, map(_mapping, inputs))
 
 
-def _hashes(provenance: Mapping[str, Any]) -> set[str]:
-    return {str(log["sha256"]) for log in inputs(provenance) if log.get("sha256")}
+def _named_logs(provenance: Mapping[str, Any]) -> set[_Log]:
+    return {
+        _Log(str(log["sha256"]), frozenset(_position_columns(log)))
+        for log in inputs(provenance)
+        if log.get("sha256")
+    }
+
+
+def _position_columns(log: Mapping[str, Any]) -> Iterator[str]:
+    channels = _mapping(log.get("columns"))
+    for position in _POSITIONS:
+        yield from map(str, _mapping(_mapping(channels.get(position)).get("columns")))
 
 
 def _known(estimate: Identification) -> Mapping[str, Any]:

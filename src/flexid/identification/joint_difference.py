@@ -80,7 +80,7 @@ def joint_test(a: Identification, b: Identification, names: Collection[str]) -> 
     a, b : Identification
         From different logs.
     names : collection of str
-        Coefficients that mean the same in both.
+        Coefficients that can be compared: they mean the same in both, in one unit.
 
     Returns
     -------
@@ -88,11 +88,7 @@ def joint_test(a: Identification, b: Identification, names: Collection[str]) -> 
         None where less than two coefficients are in both, or the logs are too short to test as
         many at once.
     """
-    common = [
-        name
-        for name in names
-        if "[" not in name and _known(a.fit, name) and _known(b.fit, name) and _one_unit(a, b, name)
-    ]
+    common = [name for name in names if _known(a.fit, name) and _known(b.fit, name)]
     if len(common) < 2:
         return None
     of_a, of_b = _ordered(a.fit, common), _ordered(b.fit, common)
@@ -159,11 +155,6 @@ def _known(fit: Estimate, name: str) -> bool:
     place = fit.names.index(name)
     variance = fit.covariance[place, place]
     return bool(0.0 < variance < np.inf and fit.degrees_of_freedom[place] > 0.0)
-
-
-def _one_unit(a: Identification, b: Identification, name: str) -> bool:
-    first, second = a.coefficients.get(name), b.coefficients.get(name)
-    return first is not None and second is not None and first.unit == second.unit
 
 
 def _ordered(fit: Estimate, names: Sequence[str]) -> Estimate:
