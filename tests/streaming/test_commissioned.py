@@ -74,7 +74,7 @@ def test_what_counts_as_a_departure(now: float, half: float, count: int):
     [
         (10.0, 8.0, "a is 20% lower than in the estimate, 8 N m where it was 10"),
         (-10.0, -12.0, "a is 20% higher than"),
-        (-10.0, 12.0, "a is 220% off, of the other sign, than"),
+        (3.1, -0.6, "a has the other sign: -0.6 N m where it was 3.1"),
         (1.0, 31.0, "a is 30 times higher than"),
     ],
 )
@@ -82,6 +82,23 @@ def test_sentences(was: float, now: float, words: str):
     """Assert that amount and direction are said."""
     (found,) = departures({"a": (was, 0.0)}, estimated(now, 0.0), widths=2.0, least=0.1)
     assert words in found.sentence
+
+
+def turned(was: float, now: float):
+    """What is said of the zero of a link's encoder."""
+    found = replace(estimated(now, 0.01)["a"], name="gravity_angle", unit="rad")
+    return departures({found.name: (was, 0.01)}, {found.name: found}, widths=2.0, least=0.1)
+
+
+def test_an_angle_departs_round_the_circle():
+    """Assert that an angle goes the shorter way, and that its limit is one in rad."""
+    assert turned(3.1, -3.1) == ()
+    assert turned(0.0, 0.09) == ()
+    (found,) = turned(3.1, -3.0)
+    assert found.sentence == (
+        "gravity_angle is 0.18 rad from that of the estimate, -3 rad where it was 3.1"
+    )
+    assert np.isnan(found.change)
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +168,32 @@ def test_what_cannot_be_held_against(result):
     open_ones = {n: replace(p, verdict="undetermined") for n, p in result.parameters.items()}
     with pytest.raises(SettingError, match="determines nothing"):
         commissioned(replace(result, parameters=open_ones))
+
+
+@pytest.mark.parametrize("part", ["value", "std", "interval"])
+def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str, tmp_path: Path):
+    """Assert that a parameter without value or interval is left out, and a session is saved."""
+    missing = {"value": np.nan, "std": np.inf, "interval": (-np.inf, 1.0)}[part]
+    stiffness = replace(result.parameters["joint_stiffness"], **{part: missing})
+    parameters = result.parameters | {"joint_stiffness": stiffness}
+    made = commissioned(replace(result, parameters=parameters))
+    assert {*TRUTH} - {*made.reference} == {"joint_stiffness"}
+    options = Choices(estimate=made).options("flexible", "N m", H, from_deflection=False)
+    save_session(opened_session(options, None), tmp_path / "state.json")
+
+
+def test_what_was_given_needs_a_value(result):
+    """Assert that a given coefficient without a value is refused."""
+    beta = replace(result.coefficients["beta1"], value=np.nan, std=0.0)
+    with pytest.raises(SettingError, match="was given beta1, and has no value"):
+        commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
+
+
+def test_no_velocity_is_refused(result):
+    """Assert that a velocity of zero is not taken for none at all."""
+    choices = Choices(coulomb_velocity=0.0, estimate=commissioned(result))
+    with pytest.raises(SettingError, match="is not positive"):
+        choices.options("flexible", "N m", H, from_deflection=False)
 
 
 def test_a_late_channel_is_warned_of(result):

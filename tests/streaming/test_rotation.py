@@ -151,3 +151,35 @@ def test_a_clock_that_begins_anew_with_the_file(log: Path):
     counts = session_of(follower).counts
     assert counts.restarts == 1
     assert counts.taken > CUT + len(again) - 30
+
+
+@pytest.mark.parametrize("n_rows", [0, 2])
+@pytest.mark.parametrize("header", [HEADER, None])
+def test_a_rotation_just_before_the_end(
+    log: Path, n_rows: int, header: str | None, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that a file too short to be understood ends nothing, and is said to be left out."""
+    clock = [0.0]
+    monkeypatch.setattr("flexid.streaming.follower.time.monotonic", lambda: clock[0])
+    follower = Follower(str(log), CHOICES, duration=1.0)
+    for _ in follower.turns(1.0):
+        if follower.session is not None and follower.session.fed == CUT and clock[0] == 0.0:
+            renamed(log, text(SAMPLES[CUT : CUT + n_rows], header))()
+            clock[0] = 2.0
+    goes_on = n_rows if header is None else 0
+    assert same(session_of(follower), watched(SAMPLES[: CUT + goes_on]))
+    left_out = [w for w in follower.warnings if "what came is left out" in w]
+    assert len(left_out) == (header is not None)
+    save_session(session_of(follower), log.with_name("state.json"))
+
+
+def test_a_short_file_at_its_end(log: Path):
+    """Assert the same of a file that is cut while it is read to its end."""
+    follower = Follower(str(log), CHOICES, stop_at_end=True)
+    done = False
+    for _ in follower.turns(1.0):
+        if follower.session is not None and follower.session.fed == CUT and not done:
+            log.write_text(text(SAMPLES[CUT : CUT + 2]))
+            done = True
+    assert same(session_of(follower), watched(SAMPLES[:CUT]))
+    assert "what came is left out" in follower.warnings[-1]

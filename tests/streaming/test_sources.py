@@ -76,6 +76,45 @@ def test_a_file_that_is_replaced(tmp_path: Path):
     source.close()
 
 
+def test_a_recorder_that_goes_on_in_the_file_that_was_renamed(tmp_path: Path):
+    """Assert that an empty file in its place, or one with a beginning, takes nothing from it."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(LINES[0])
+    source = open_source(str(path))
+    assert source.read() == LINES[0]
+    path.rename(tmp_path / "log.1")
+    path.touch()
+    assert (source.read(), source.begins) == (b"", False)
+    with (tmp_path / "log.1").open("ab") as file:
+        file.write(LINES[1])
+    assert (source.read(), source.begins) == (LINES[1], False)
+    path.write_bytes(LINES[2])
+    assert (source.read(), source.begins) == (LINES[2], True)
+    source.close()
+
+
+def test_what_came_between_two_looks_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that the file of before is read once more when the new one has something."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(LINES[0])
+    source = open_source(str(path))
+    assert source.read() == LINES[0]
+    path.rename(tmp_path / "log.1")
+    path.write_bytes(LINES[2])
+    real = os.path.samestat
+
+    def late(*stats: os.stat_result) -> bool:
+        with (tmp_path / "log.1").open("ab") as file:
+            file.write(LINES[1])
+        monkeypatch.setattr(os.path, "samestat", real)
+        return real(*stats)
+
+    monkeypatch.setattr(os.path, "samestat", late)
+    assert (source.read(), source.begins) == (LINES[1], False)
+    assert (source.read(), source.begins) == (LINES[2], True)
+    source.close()
+
+
 def test_a_file_that_ends(tmp_path: Path):
     """Assert that the end is one where that is wanted."""
     path = tmp_path / "log.csv"

@@ -6,6 +6,7 @@ from math import isfinite
 
 from rich.text import Text
 
+from flexid.identification.angles import ANGLES, difference
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
 from flexid.streaming.guard import Counts
@@ -75,7 +76,7 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
         ]
         if name in reference:
             was = reference[name][0]
-            change = f"{found.value / was - 1.0:+.1%}"
+            change = _change(name, was, found.value)
             cells += [f"{was:.5g}", Cell((change,), "red" if name in gone else "")]
         elif reference:
             cells += ["", ""]
@@ -94,6 +95,13 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
         yield Text(f"Contradiction: {sentence}.", style="red")
     for change in session.changes[-3:]:
         yield Text(f"Change: {change.sentence}.", style="red")
+
+
+def _change(name: str, was: float, now: float) -> str:
+    """What is between an estimate and the stream: in rad of an angle, else relative."""
+    if name in ANGLES:
+        return f"{difference(name, was, now):+.3g} rad"
+    return f"{now / was - 1.0:+.1%}"
 
 
 def samples_sentence(counts: Counts) -> str:

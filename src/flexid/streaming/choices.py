@@ -106,6 +106,7 @@ class Choices:
         if rate is None:
             slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
             rate = min(max(made.filter_rate, slowest / sample_time), fastest / sample_time)
+        asked = (self.coulomb_velocity, made.coulomb_velocity, COULOMB_VELOCITY)
         hold = made.hold if self.hold == "auto" and kind != "link" else self.hold
         return WatchOptions(
             sample_time,
@@ -114,7 +115,7 @@ class Choices:
             hold,  # type: ignore[arg-type] - WatchOptions checks it
             rate,
             self.memory,
-            self.coulomb_velocity or made.coulomb_velocity or COULOMB_VELOCITY,
+            next(velocity for velocity in asked if velocity is not None),
             input_unit,
             from_deflection,
             made.shapes,

@@ -7,10 +7,11 @@ what it was. Whether it has is a comparison of the two.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite, isinf
+from math import isfinite, nan
 from typing import TYPE_CHECKING, Literal
 
 from flexid.errors import SettingError
+from flexid.identification.angles import ANGLES, difference
 from flexid.models.flexible_joint import SHAPE_TERMS
 
 if TYPE_CHECKING:
@@ -105,7 +106,8 @@ def commissioned(result: "Identification") -> Commissioned:
     Raises
     ------
     SettingError
-        If a term of it has a memory, which least squares has not, or nothing is determined.
+        If a term of it has a memory, which least squares has not, nothing is determined, or
+        something that was given has no value.
     """
     from flexid.identification.rebuilt import given_coefficients, input_unit_of
 
@@ -127,13 +129,19 @@ def commissioned(result: "Identification") -> Commissioned:
         raise SettingError("estimate", "determines nothing that a stream could be compared with")
     alignment = choices.alignment
     late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
-    given = given_coefficients(result)
+    names = given_coefficients(result)
+    given = {name: c.value for name, c in result.coefficients.items() if name in names}
+    unknown = [name for name, value in given.items() if not isfinite(value)]
+    if unknown:
+        raise SettingError(
+            "estimate", f"was given {unknown[0]}, and has no value of it: identify once more"
+        )
     return Commissioned(
         result.model,
         tuple(_OF_THE_MOTOR.get(t, t) if result.model == "rigid" else t for t in choices.terms),
         "zero" if choices.hold == "zero" else "linear",
         choices.filter_rate if isfinite(choices.filter_rate) else FILTER_RATE,
-        {name: c.value for name, c in result.coefficients.items() if name in given},
+        given,
         {**choices.shapes},
         choices.coulomb_velocity,
         reference,
@@ -143,7 +151,9 @@ def commissioned(result: "Identification") -> Commissioned:
 
 
 def _is_known(found: "ParameterEstimate") -> bool:
-    return "[" not in found.name and not isinf(found.std) and found.value != 0.0
+    if "[" in found.name or not all(map(isfinite, (found.value, found.std, *found.interval))):
+        return False
+    return found.value != 0.0 or found.name in ANGLES
 
 
 @dataclass(frozen=True)
@@ -168,21 +178,23 @@ class Departure:
 
     @property
     def change(self) -> float:
-        """Relative."""
-        return self.now / self.was - 1.0
+        """Relative; NaN of an angle, which has none."""
+        return nan if self.name in ANGLES else self.now / self.was - 1.0
 
     @property
     def sentence(self) -> str:
         """By how much, for a report."""
+        unit = f" {self.unit}" if self.unit else ""
+        values = f"{self.now:.4g}{unit} where it was {self.was:.4g}"
+        if self.name in ANGLES:
+            turned = abs(difference(self.name, self.was, self.now))
+            return f"{self.name} is {turned:.2g}{unit} from that of the estimate, {values}"
+        if self.now * self.was < 0.0:
+            return f"{self.name} has the other sign: {values}"
         amount = f"{abs(self.change):.2g}" if abs(self.change) > 9.995 else ""
         share = f"{amount} times" if amount else f"{abs(self.change):.0%}"
         way = "higher" if abs(self.now) > abs(self.was) else "lower"
-        way = way if self.now * self.was > 0.0 else "off, of the other sign,"
-        unit = f" {self.unit}" if self.unit else ""
-        return (
-            f"{self.name} is {share} {way} than in the estimate, {self.now:.4g}{unit} where it was "
-            f"{self.was:.4g}"
-        )
+        return f"{self.name} is {share} {way} than in the estimate, {values}"
 
 
 def departures(
@@ -203,7 +215,8 @@ def departures(
     widths : float
         Half intervals, of both together, up to which a difference is chance.
     least : float
-        Relative difference up to which it is none.
+        Relative difference up to which it is none; of an angle the difference in rad, which is
+        how much of the largest torque it turns round.
     """
     found = []
     for name, (was, half_was) in reference.items():
@@ -211,8 +224,9 @@ def departures(
         if now is None or not isfinite(now.std):
             continue
         half = 0.5 * (now.interval[1] - now.interval[0])
-        allowed = max(widths * (half**2 + half_was**2) ** 0.5, least * abs(was))
-        excess = abs(now.value - was) / allowed if allowed > 0.0 else 0.0
+        whole = 1.0 if name in ANGLES else abs(was)
+        allowed = max(widths * (half**2 + half_was**2) ** 0.5, least * whole)
+        excess = abs(difference(name, was, now.value)) / allowed if allowed > 0.0 else 0.0
         if excess > 1.0:
             found.append(Departure(name, now.unit, was, now.value, excess))
     return tuple(sorted(found, key=lambda departure: -departure.excess))

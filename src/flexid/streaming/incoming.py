@@ -118,6 +118,11 @@ class TextSamples:
         if data is None:
             self._warn_of_rest()
         if cells is None:
+            if self._lines.left_out:
+                self._warn(
+                    f"{self.name}: it ended before it had a header and three samples once more, "
+                    f"and what came is left out"
+                )
             return np.empty((0, 0))
         if self._columns is None:
             assert self._lines.layout is not None

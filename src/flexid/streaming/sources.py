@@ -124,8 +124,8 @@ class GrowingFile:
         """What was written since."""
         self.begins = False
         found = self._read_on()
-        if not found and not self._stop_at_end and self._is_replaced():
-            found = self._read_on()
+        if not found and not self._stop_at_end:
+            found = self._read_next()
         if found:
             self._last = (self._last + found)[-_COMPARED:]
             return found
@@ -149,19 +149,29 @@ class GrowingFile:
         self._last = b""
         self.begins = True
 
-    def _is_replaced(self) -> bool:
-        """Whether another file stands there now; then it is opened."""
+    def _read_next(self) -> bytes:
+        """What another file holds that stands there now, once our own has been read to its end.
+
+        A recorder writes into its file for a while after that was renamed, and logrotate makes an
+        empty one in its place at once: only when that has something, ours gets no more.
+        """
         try:
             there, ours = self._path.stat(), os.fstat(self._file.fileno())
             if os.path.samestat(there, ours) or not stat.S_ISREG(there.st_mode):
-                return False
+                return b""
+            if not there.st_size:
+                return b""
             new = self._path.open("rb", buffering=0)
         except OSError:  # it is not there yet
-            return False
+            return b""
+        last = self._read_on()
+        if last:
+            new.close()
+            return last
         self._file.close()
         self._file = new
         self._begin()
-        return True
+        return self._read_on()
 
     def close(self) -> None:
         """Close it."""

@@ -117,6 +117,8 @@ class LineReader:
     fewest: int = HEAD_LINES
     before: Layout | None = None
     layout: Layout | None = None
+    left_out: int = 0
+    """Lines at the end that were too few to say what their columns are."""
     _rest: bytes = b""
     _head: list[bytes] = field(default_factory=list)
 
@@ -126,6 +128,8 @@ class LineReader:
 
     def cells(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
         """Cells of the lines that are complete, shape (n, n_columns); None until there is a layout.
+
+        A text that follows another and ends too soon has none: see `left_out`.
 
         Parameters
         ----------
@@ -154,7 +158,10 @@ class LineReader:
             self._head += lines
             if len(self._head) < self.fewest and not ended:
                 return None
-            if len(self._head) < FEWEST_LINES:
+            if len(self._head) < FEWEST_LINES and not self._goes_on():
+                if self.before is not None:
+                    self.left_out = len(self._head)
+                    return None
                 raise RecordingError(
                     self.source, "", "it ended before a header and three samples had come"
                 )
@@ -170,11 +177,15 @@ class LineReader:
         return self._rest
 
     def _layout(self, text: bytes) -> Layout:
-        if self.before is not None:
-            rows = _numbers(text.split(b"\n")[:1], self.before)
-            if np.isfinite(rows).all():  # no header, and not even a name among the cells
-                return replace(self.before, start=0)
+        if self.before is not None and self._goes_on():
+            return replace(self.before, start=0)
         return layout_of(self.source, text)
+
+    def _goes_on(self) -> bool:
+        """Whether the first line is a row of the text before: no name stands among its cells."""
+        if self.before is None or not self._head:
+            return False
+        return bool(np.isfinite(_numbers(self._head[:1], self.before)).all())
 
 
 def _numbers(lines: list[bytes], layout: Layout) -> FloatArray:
