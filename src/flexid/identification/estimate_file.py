@@ -172,7 +172,7 @@ def stored_identification(file: EstimateFile) -> "Identification":
         choices=_choices(stored),
         summary=tuple(stored.summary),
         warnings=tuple(stored.warnings),
-        provenance=stored.provenance,
+        provenance=file.content["provenance"],  # whole; the schema has what is read of it
         link_row=_link_row(stored.link_row),
     )
 

@@ -1,11 +1,22 @@
 """The whole of an ``estimate.json``; null stands for a number that JSON does not have."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from flexid.identification.provenance_schema import StoredProvenance
 from flexid.identification.result import Estimator, Verdict
 
+_LARGEST = 1e50  # of what a drive may be described by, in SI units
+
+
+def _of_a_drive(value: float) -> float:
+    if value and not 1.0 / _LARGEST < abs(value) < _LARGEST:
+        raise ValueError(f"{value:g} is no number that a drive has")
+    return value
+
+
+OfADrive = Annotated[float, AfterValidator(_of_a_drive)]
 Fits = dict[str, float | None]
 Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
 WithInterval = Annotated[list[float | None], Field(min_length=3, max_length=3)]
@@ -18,7 +29,7 @@ class _Part(BaseModel):
 class StoredValue(_Part):
     """A coefficient or a parameter."""
 
-    value: float | None
+    value: OfADrive | None
     std: float | None
     interval: Interval
     unit: str
@@ -33,7 +44,7 @@ class StoredFit(_Part):
     """What was fitted."""
 
     names: list[str]
-    values: list[float | None]
+    values: list[OfADrive | None]
     covariance: list[list[float | None]]
     degrees_of_freedom: list[float | None]
 
@@ -59,6 +70,18 @@ class StoredExcitation(_Part):
     correlated: list[str]
     correlation: float
 
+    @model_validator(mode="after")
+    def _one_for_each(self) -> "StoredExcitation":
+        count = len(self.coefficients)
+        if not 0 < count == len(self.singular_values) == len(self.direction):
+            raise ValueError(
+                f"singular_values and direction must have one entry for {count} coefficients, and "
+                f"there must be some"
+            )
+        if len(self.correlated) not in (0, 2):
+            raise ValueError("correlated must name two coefficients, or none")
+        return self
+
 
 class StoredModelError(_Part):
     """What speaks against the model."""
@@ -76,12 +99,25 @@ class StoredLinkRow(_Part):
     together: dict[str, WithInterval]
     taken: bool
 
+    @model_validator(mode="after")
+    def _same_names(self) -> "StoredLinkRow":
+        if {*self.alone} != {*self.together}:
+            raise ValueError("alone and together must name the same coefficients")
+        return self
+
 
 class StoredValidation(_Part):
     """Predictions of held-out data, without their runs."""
 
     fit_percent: Fits
     horizons: dict[Annotated[str, Field(pattern=r"^\d+(\.\d+)?$")], Fits]
+
+    @model_validator(mode="after")
+    def _each_channel(self) -> "StoredValidation":
+        for horizon, fits in self.horizons.items():
+            if {*fits} != {*self.fit_percent}:
+                raise ValueError(f"horizons.{horizon} must name the channels of fit_percent")
+        return self
 
 
 class StoredObserver(_Part):
@@ -153,7 +189,7 @@ class StoredIdentification(_Part):
     parameters: dict[str, StoredValue]
     removed: dict[str, StoredValue]
     fit: StoredFit
-    excitation: dict[str, StoredExcitation]
+    excitation: Annotated[dict[str, StoredExcitation], Field(min_length=1)]
     residual_excess: dict[str, float]
     model_error: StoredModelError
     link_row: StoredLinkRow | None = None
@@ -164,4 +200,18 @@ class StoredIdentification(_Part):
     choices: StoredChoices
     summary: list[str]
     warnings: list[str]
-    provenance: dict[str, Any]
+    provenance: StoredProvenance
+
+    @model_validator(mode="after")
+    def _known_names(self) -> "StoredIdentification":
+        unknown = self.least_squares.keys() - self.coefficients.keys()
+        if unknown:
+            raise ValueError(f"least_squares names {min(unknown)!r}, which is no coefficient")
+        for part in (self.coefficients, self.parameters):  # what was removed was not fitted
+            for name, found in part.items():
+                unknown = found.slopes.keys() - {*self.fit.names}
+                if unknown:
+                    raise ValueError(
+                        f"slopes of {name} name {min(unknown)!r}, which was not fitted"
+                    )
+        return self
