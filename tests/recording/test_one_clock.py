@@ -103,6 +103,15 @@ def test_a_gap_of_another_clock_is_one():
     assert set(times) == {t for t in TIMES if t <= 0.295 + 1e-12 or 0.605 - 1e-12 <= t <= fast[-1]}
 
 
+def test_a_clock_that_paused_is_no_slower():
+    """Assert that a fast clock with a long pause is not taken, and its input is filtered."""
+    fast = np.concatenate((0.001 * np.arange(20.0), 0.97 + 0.001 * np.arange(15.0)))
+    assert len(fast) < len(TIMES)
+    times, _, warnings = joined(fast, np.zeros(len(fast)), held=True)
+    assert {*times} <= {*TIMES}
+    assert any("was filtered out" in warning for warning in warnings)
+
+
 def test_the_slower_clock_is_taken():
     """Assert that nothing is made of samples that are not there: the slowest clock is the log's."""
     slow = 0.02 * np.arange(50.0)
