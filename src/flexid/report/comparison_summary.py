@@ -19,6 +19,21 @@ def comparison_summary(comparison: Comparison) -> tuple[str, ...]:
     return tuple(_sentences(comparison))
 
 
+def largest(d: Difference) -> str:
+    """The most that a difference may be, with its unit."""
+    if isfinite(d.largest_percent):
+        return f"{_rounded_up(d.largest_percent)} %"
+    return f"{_rounded_up(d.largest)} {d.unit}"
+
+
+def _rounded_up(number: float) -> str:
+    """Two digits, which promise no less than the number."""
+    if not isfinite(number):
+        return "any"
+    shown = f"{number:.2g}"
+    return shown if float(shown) >= number else f"{number * 1.05:.2g}"
+
+
 def _sentences(comparison: Comparison) -> Iterator[str]:
     compared = [d for d in comparison.decisive.values() if d.compared]
     if not compared:
@@ -46,8 +61,7 @@ def _answer(comparison: Comparison, compared: Sequence[Difference]) -> str:
     if not known:
         return f"{said}."
     worst = max(known, key=lambda d: d.largest_percent)
-    hidden = f"{worst.largest_percent:.2g} % of {worst.name}"
-    return f"{said}; the largest that may hide is one of {hidden}."
+    return f"{said}; the largest that may hide is one of {largest(worst)} of {worst.name}."
 
 
 def _perhaps(comparison: Comparison, compared: Sequence[Difference]) -> Iterator[str]:
@@ -55,10 +69,15 @@ def _perhaps(comparison: Comparison, compared: Sequence[Difference]) -> Iterator
     if perhaps:
         chance = 1.0 - CONFIDENCE ** len(compared)
         yield (
-            f"Perhaps changed: {_names(perhaps)}. With {len(compared)} intervals that hold 95 % "
-            f"each, one or more misses by chance in about {100.0 * chance:.0f} % of comparisons; "
-            f"a third log would tell."
+            f"Perhaps changed: {_names(perhaps)}. {_intervals(len(compared))} by chance in up to "
+            f"about {100.0 * chance:.0f} % of comparisons; a third log would tell."
         )
+
+
+def _intervals(count: int) -> str:
+    if count == 1:
+        return "An interval that holds 95 % misses"
+    return f"With {count} intervals that hold 95 % each, one or more misses"
 
 
 def _of_one_log(comparison: Comparison, compared: Sequence[Difference]) -> str:
@@ -66,10 +85,14 @@ def _of_one_log(comparison: Comparison, compared: Sequence[Difference]) -> str:
     begin = "Both are of the same logs, where no drive can have changed"
     if contradictory:
         return (
-            f"{begin}, and yet {_names(contradictory)} differ by more than both intervals allow: "
-            f"at least one of the two models is wrong about it."
+            f"{begin}, and yet {_names(contradictory)} {_differ(contradictory)} by more than both "
+            f"intervals allow: at least one of the two models is wrong."
         )
-    return f"{begin}: {_count(compared)} differ by no more than both intervals allow."
+    return f"{begin}: {_count(compared)} {_differ(compared)} by no more than both intervals allow."
+
+
+def _differ(differences: Sequence[Difference]) -> str:
+    return "differ" if len(differences) > 1 else "differs"
 
 
 def _all_at_once(comparison: Comparison) -> Iterator[str]:

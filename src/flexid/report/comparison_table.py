@@ -7,7 +7,7 @@ from rich.text import Text
 
 from flexid.identification.comparison import Comparison, Difference, Outcome
 from flexid.identification.result import ValueEstimate
-from flexid.report.comparison_summary import comparison_summary
+from flexid.report.comparison_summary import comparison_summary, largest
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Cell, Column, Part, Table, numbers, print_parts
 
@@ -121,21 +121,6 @@ def outcome_texts(d: Difference) -> tuple[str, ...]:
         return (d.outcome,)
     bound = largest(d)
     return f"no change larger than {bound}", f"same to {bound}"
-
-
-def largest(d: Difference) -> str:
-    """The most that a difference may be, with its unit."""
-    if isfinite(d.largest_percent):
-        return f"{_rounded_up(d.largest_percent)} %"
-    return f"{_rounded_up(d.largest)} {d.unit}"
-
-
-def _rounded_up(number: float) -> str:
-    """Two digits, which promise no less than the number."""
-    if not isfinite(number):
-        return "any"
-    shown = f"{number:.2g}"
-    return shown if float(shown) >= number else f"{number * 1.05:.2g}"
 
 
 def shortened(text: str) -> str:

@@ -76,7 +76,8 @@ def _predicts(result: EstimateValidation) -> Answer:
         return Answer(question, "Nothing moves", "bad", [Text("Every channel is at rest.")])
     tone = "bad" if not fit >= WEAK_FIT else "fair" if result.warnings else "good"
     word = f"{fit:.2f} %" if isfinite(fit) and fit > 0.0 else "Nothing"
-    content = [Text(f"Of the {channel.replace('_', ' ')} in a free run, and more of the rest.")]
+    rest = ", and more of the rest" if len(result.fit_percent) > 1 else ""
+    content = [Text(f"Of the {channel.replace('_', ' ')} in a free run{rest}.")]
     noise = {
         c: off / result.noise[c]
         for c, off in result.residuals[float("inf")].items()
