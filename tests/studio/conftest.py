@@ -38,8 +38,10 @@ def started(*arguments: object) -> Iterator[str]:
         [*command, "--port", "0", "--no-browser"], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        yield process.stdout.readline().split()[2]
-        process.terminate()
+        try:
+            yield process.stdout.readline().split()[2]
+        finally:
+            process.terminate()
 
 
 @pytest.fixture(scope="module")

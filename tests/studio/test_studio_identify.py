@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.request import Request, urlopen
@@ -16,6 +17,7 @@ from browser import Watched, serious_faults
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
+Start = Callable[..., AbstractContextManager[str]]
 LONG = 120_000  # ms, in which a kernel may have to be compiled
 
 
@@ -210,3 +212,14 @@ def test_an_identification_is_cancelled(page: Page, address: str):
     page.select_option("[name=model]", "link")
     page.click("#run-form button")
     page.wait_for_selector("#found")
+
+
+def test_a_log_is_named_from_where_the_studio_was_started(
+    page: Page, start: Start, short_log: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that a relative path leads to the log, for the windows after the first as well."""
+    monkeypatch.chdir(short_log.parent.parent)
+    with start(short_log.relative_to(Path.cwd())) as address:
+        for _ in range(2):
+            page.goto(address)
+            page.wait_for_selector("#run-form")

@@ -110,3 +110,15 @@ def test_a_cancelled_job_makes_room(tmp_path: Path):
         assert said[-1] == "b"
 
     asyncio.run(main())
+
+
+def test_a_folder_that_is_gone_is_said(tmp_path: Path):
+    """Assert that a log's folder that was deleted ends neither the process nor the wait."""
+
+    async def main() -> None:
+        async with some(1) as workers:
+            with pytest.raises(JobError, match="folder of the log cannot be entered"):
+                await workers.run(echo, "a", folder=tmp_path / "gone", said=print)
+            assert (await workers.run(echo, "a", folder=tmp_path, said=print))[0] == "a"
+
+    asyncio.run(main())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import shutil
+import tempfile
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -25,6 +27,29 @@ EXPORTS = {
 }
 
 
+@dataclass(frozen=True)
+class _Shown:
+    """A result that the page shows.
+
+    Parameters
+    ----------
+    choices : Choices
+        With which it was found.
+    folder : Path
+        That holds its files, and nothing of another run.
+    sample_time : float
+        Of the log as it was read for it, in s.
+    """
+
+    choices: Choices
+    folder: Path
+    sample_time: float
+
+    def is_of(self, choices: Choices) -> bool:
+        """Whether the columns are still read as they were for it."""
+        return self.choices.column_map == choices.column_map
+
+
 class IdentifyRoom:
     """The room of one window.
 
@@ -39,8 +64,7 @@ class IdentifyRoom:
         self._choices = Choices()
         self._log: Path | None = None
         self._overview: FileOverview | None = None
-        self._sample_time = 0.0
-        self._found: Choices | None = None
+        self._shown: _Shown | None = None
 
     async def open(self, values: object) -> None:
         """Begin with what an address holds, and with the log of the command line."""
@@ -80,8 +104,8 @@ class IdentifyRoom:
 
     def export(self, target: object) -> None:
         """Write what was found for another tool."""
-        if isinstance(target, str) and target in EXPORTS and self._found is not None:
-            self._window.start("export", self._export(target), "export-state")
+        if isinstance(target, str) and target in EXPORTS and self._shown is not None:
+            self._window.start("export", self._export(target, self._shown), "export-state")
 
     async def _set(self, values: object) -> None:
         """Take what a form holds."""
@@ -98,13 +122,16 @@ class IdentifyRoom:
             and self._choices.sources == _guessed(found)
         ):
             self._choices = replace(self._choices, sources={})  # a link need not say so
+        await self._mark()
         await self._window.address(ROOM, self._choices.query)
 
     def _take(self, path: Path) -> None:
         for name in ("check", "run", "export"):
             self._window.cancel(name)
-        self._log, self._overview, self._found = path, None, None
-        self._window.files.clear()
+        before, self._log, self._overview = self._log, path, None
+        if before not in (None, path, self._window.offer.log):
+            before.unlink(missing_ok=True)  # it was sent
+        self._keep(None, [])
         self._window.start("look", self._look(path), "log-problem")
 
     async def _look(self, path: Path) -> None:
@@ -158,55 +185,63 @@ class IdentifyRoom:
             await window.draw("check-charts", ())
             await window.show("run", "nothing.html")
             raise
-        self._sample_time = found.survey.sample_time
         await window.show("check", "check.html", survey=found.survey, found=found)
         await window.draw("check-charts", (found.chart,))
         await window.show(
             "run", "run.html", choices=self._choices, models=MODELS, holds=HOLDS, terms=ALL_TERMS
         )
-        if self._choices.ran and self._found is None:
+        if self._choices.ran and self._shown is None:
             window.start("run", self._run(), "run-state")
 
     async def _run(self) -> None:
-        window, log = self._window, self._log
+        window, log, choices = self._window, self._log, self._choices
         if log is None:
             return
-        choices = replace(self._choices, ran=True)
         begun = monotonic()
         await window.show("run-state", "run_state.html", text="Starting ...", busy=True)
-        found: jobs.Answer = await window.offer.long.run(
-            jobs.identify,
-            log.name,
-            choices,
-            str(window.folder),
-            folder=log.parent,
-            said=window.saying("run-line"),
-        )
-        self._choices = self._found = choices
-        self._sample_time = found.sample_time
-        for name in (jobs.REPORT, jobs.ESTIMATE):
-            window.files[name] = window.folder / name
-        window.files["columns.toml"] = _write_map(choices, window.folder)
+        folder = Path(tempfile.mkdtemp(prefix="run-", dir=window.folder))
+        try:
+            found: jobs.Answer = await window.offer.long.run(
+                jobs.identify, log.name, choices, str(folder),
+                folder=log.parent, said=window.saying("run-line"),
+            )  # fmt: skip
+            files = [folder / name for name in (jobs.REPORT, jobs.ESTIMATE)]
+            if choices.column_map is not None:
+                files.append(_write_map(choices, folder))
+        except BaseException:  # what is shown keeps its files
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        window.cancel("export")  # of what was shown before
+        self._keep(_Shown(choices, folder, found.sample_time), files)
+        self._choices = replace(self._choices, ran=True)
         await window.show("run-state", "done.html", seconds=monotonic() - begun)
         await window.show(
-            "result", "result.html", found=found, files=[*window.files], exports=EXPORTS,
-            mapped=choices.column_map is not None,
-        )  # fmt: skip
+            "result", "result.html", found=found, files=[*window.files], exports=EXPORTS
+        )
         await window.draw("result-charts", found.charts)
-        await window.address(ROOM, choices.query)
+        await self._mark()
+        await window.address(ROOM, self._choices.query)
 
-    async def _export(self, target: str) -> None:
+    def _keep(self, shown: _Shown | None, files: list[Path]) -> None:
+        """Offer the files of a result that is about to be shown, and delete those before."""
+        if self._shown is not None:
+            shutil.rmtree(self._shown.folder, ignore_errors=True)
+        self._shown, self._window.files = shown, {path.name: path for path in files}
+
+    async def _mark(self) -> None:
+        """Say of a result that is shown whether its columns have been changed since."""
+        if self._shown is not None:
+            template = "nothing.html" if self._shown.is_of(self._choices) else "stale.html"
+            await self._window.show("result-state", template)
+
+    async def _export(self, target: str, shown: _Shown) -> None:
         window = self._window
         await window.show("export-state", "line.html", text="Waiting ...")
         name: str = await window.offer.long.run(
-            jobs.export,
-            target,
-            self._sample_time,
-            str(window.folder),
-            folder=window.folder,
-            said=window.saying("export-state"),
-        )
-        window.files[name] = window.folder / name
+            jobs.export, target, shown.sample_time, str(shown.folder),
+            folder=shown.folder, said=window.saying("export-state"),
+        )  # fmt: skip
+        window.files[name] = shown.folder / name
         await window.show("export-state", "exported.html", name=name)
 
 

@@ -60,6 +60,7 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
     from flexid.studio.window import Offer
     from flexid.studio.workers import Workers
 
+    log = log and log.absolute()  # each process changes its folder from job to job
     offer = Offer(log, Workers(_LONG), Workers(_SHORT), Workers(_PLAY))
     windows: dict[str, Rooms] = {}
     page = Path(__file__).parent / "page" / "studio.html"
@@ -89,14 +90,18 @@ def _server(offer: Offer, windows: dict[str, Rooms]) -> Callable[..., None]:
 
         if len(windows) >= MOST_WINDOWS:
             text = f"{MOST_WINDOWS} windows are open, the most there may be: close one and reload"
-            session.on_flushed(lambda: send({"kind": "say", "place": "log-state", "text": text}))
+
+            async def refuse() -> None:
+                await send({"kind": "say", "place": "log-state", "text": text})
+
+            session.on_flushed(refuse)
             return
         window = Window(offer, send)
         rooms = windows[window.key] = Rooms(window)
 
-        def close() -> None:
+        async def close() -> None:
             del windows[window.key]
-            window.close()
+            await window.close()
 
         session.on_ended(close)
 

@@ -56,6 +56,7 @@ class Window:
         self._send = send
         self._room = "identify"
         self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._alive: set[asyncio.Task[None]] = set()
         self._said: set[asyncio.Future[None]] = set()
 
     async def opened(self) -> None:
@@ -108,7 +109,10 @@ class Window:
     def start(self, name: str, work: Coroutine[Any, Any, None], place: str) -> None:
         """Begin some work instead of what has the same name; its errors are shown in a place."""
         self.cancel(name)
-        self._tasks[name] = asyncio.create_task(self._guarded(work, place))
+        self._tasks[name] = task = asyncio.create_task(self._guarded(work, place))
+        self._alive.add(task)
+        task.add_done_callback(self._alive.discard)
+        task.add_done_callback(lambda _: work.close())  # if it was cancelled before it began
 
     def cancel(self, name: str) -> bool:
         """Cancel the work of a name; return whether there was any."""
@@ -120,9 +124,15 @@ class Window:
             await work
         except FlexidError as error:
             await self.show(place, "problem.html", text=str(error))
+        except Exception as error:  # one that nobody foresaw must not leave the page waiting
+            text = f"a defect of flexid ({type(error).__name__}: {error})"
+            await self.show(place, "problem.html", text=text)
 
-    def close(self) -> None:
-        """End all work, and forget the logs."""
-        for name in [*self._tasks]:
-            self.cancel(name)
-        shutil.rmtree(self.folder, ignore_errors=True)
+    async def close(self) -> None:
+        """End all work, and then forget the logs."""
+        try:
+            for task in self._alive:
+                task.cancel()
+            await asyncio.gather(*self._alive, return_exceptions=True)
+        finally:
+            shutil.rmtree(self.folder, ignore_errors=True)

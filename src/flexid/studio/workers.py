@@ -187,8 +187,8 @@ def _serve(connection: Connection) -> None:
             job, arguments, folder = connection.recv()
         except EOFError:
             return
-        os.chdir(folder)
         try:
+            _enter(folder)
             answer = ("done", job(lambda text: connection.send(("said", text)), *arguments))
         except FlexidError as error:
             answer = ("failed", error)
@@ -197,3 +197,13 @@ def _serve(connection: Connection) -> None:
         except Exception as error:  # an error that nobody foresaw must not end the process
             answer = ("failed", JobError(f"a defect of flexid ({type(error).__name__}: {error})"))
         connection.send(answer)
+
+
+def _enter(folder: str) -> None:
+    """Make a folder that of the process."""
+    try:
+        os.chdir(folder)
+    except OSError as error:
+        raise JobError(
+            f"the folder of the log cannot be entered ({error.strerror}): choose the log again"
+        ) from None

@@ -1,0 +1,239 @@
+"""What a window keeps of what it found, and what it does not mix up."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from math import sin
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexid.studio import jobs
+from flexid.studio.identify_room import IdentifyRoom
+from flexid.studio.jobs import Answer
+from flexid.studio.window import Offer, Window
+from flexid.studio.workers import Workers
+
+
+class Here(Workers):
+    """Jobs that are done at once, in this process: those that take long leave a trace instead."""
+
+    def __init__(self) -> None:
+        super().__init__(0)
+        self.runs = 0
+        self.hold: asyncio.Event | None = None
+        self.exported: list[float] = []
+
+    async def run(
+        self, job: Callable[..., Any], *arguments: Any, folder: Path, said: Callable[[str], None]
+    ) -> Any:
+        """Do a job."""
+        if job is jobs.identify:
+            return await self._identify(Path(arguments[2]), folder / arguments[0])
+        if job is jobs.export:
+            target, sample_time, into = arguments
+            self.exported.append(sample_time)
+            (Path(into) / f"{target}.zip").write_text((Path(into) / jobs.ESTIMATE).read_text())
+            return f"{target}.zip"
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(folder)
+            return job(said, *arguments)
+
+    async def _identify(self, into: Path, log: Path) -> Answer:
+        assert log.exists()
+        self.runs += 1
+        (into / jobs.ESTIMATE).write_text(f"run {self.runs}")
+        (into / jobs.REPORT).write_text(f"run {self.runs}")
+        if self.hold is not None:
+            await self.hold.wait()
+        return Answer("link", "determined", (), (), {}, (), (), (), "zero", (), 1e-3)
+
+
+@dataclass
+class Opened:
+    """A window without a page."""
+
+    workers: Here = field(default_factory=Here)
+    sent: list[dict[str, Any]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        offer = Offer(None, self.workers, self.workers, self.workers)
+        self.window = Window(offer, self._send)
+        self.room = IdentifyRoom(self.window)
+
+    async def _send(self, message: dict[str, Any]) -> None:
+        self.sent.append(message)
+
+    async def idle(self) -> None:
+        """Wait until nothing is under way."""
+        while running := [task for task in self.window._tasks.values() if not task.done()]:
+            await asyncio.gather(*running)
+
+    def upload(self, name: str) -> Path:
+        """Send a log."""
+        path = self.window.folder / name
+        rows = (f"{k / 1000},{sin(k / 20)},{1.1 * sin(k / 20)}\n" for k in range(400))
+        path.write_text("time,motor_position,link_position\n" + "".join(rows))
+        self.room.uploaded(path)
+        return path
+
+    def shown(self, place: str) -> str:
+        """What stands in a place of the page."""
+        return [m["html"] for m in self.sent if m["kind"] == "show" and m["place"] == place][-1]
+
+
+@asynccontextmanager
+async def opened() -> AsyncIterator[Opened]:
+    """Open a window, and close it."""
+    found = Opened()
+    try:
+        yield found
+    finally:
+        await found.window.close()
+
+
+def test_a_result_replaces_another_with_its_exports():
+    """Assert that after an export the next result is shown, and offers its own files alone."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            studio.upload("a.csv")
+            await studio.idle()
+            await studio.room.run({})
+            await studio.idle()
+            studio.room.export("mjcf")
+            await studio.idle()
+            assert "mjcf.zip" in studio.window.files
+            await studio.room.run({})
+            await studio.idle()
+            assert "Done in" in studio.shown("run-state")
+            assert sorted(studio.window.files) == ["estimate.json", "report.html"]
+            assert studio.window.files["estimate.json"].read_text() == "run 2"
+            assert "mjcf.zip" not in studio.shown("result")
+            assert len([*studio.window.folder.glob("run-*")]) == 1
+
+    asyncio.run(main())
+
+
+def test_a_cancelled_run_leaves_what_is_shown():
+    """Assert that files and exports stay those of the result on the page."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            studio.upload("a.csv")
+            await studio.idle()
+            await studio.room.run({})
+            await studio.idle()
+            studio.workers.hold = asyncio.Event()
+            await studio.room.run({})
+            while studio.workers.runs < 2:
+                await asyncio.sleep(0)
+            await studio.room.cancel()
+            await asyncio.gather(*studio.window._alive, return_exceptions=True)
+            studio.room.export("mjcf")
+            await studio.idle()
+            files = studio.window.files
+            assert {path.read_text() for path in files.values()} == {"run 1"}
+            assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
+
+    asyncio.run(main())
+
+
+def test_other_columns_do_not_change_what_was_found():
+    """Assert that a result says that its columns were changed, and is exported as it was found."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            studio.upload("a.csv")
+            await studio.idle()
+            await studio.room.run({})
+            await studio.idle()
+            names = "time", "motor_position", "link_position"
+            columns = {f"column.{name}": name for name in names}
+            await studio.room.choose({**columns, "scale.time": "10"})
+            await studio.idle()
+            assert "100 Hz" in studio.shown("check")
+            assert "have changed" in studio.shown("result-state")
+            studio.room.export("c99")
+            await studio.idle()
+            assert studio.workers.exported == [1e-3]
+            await studio.room.choose({})
+            assert studio.shown("result-state") == ""
+
+    asyncio.run(main())
+
+
+def test_a_log_that_is_sent_replaces_another():
+    """Assert that a window keeps one log that was sent, and none of what was found in others."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            first = studio.upload("a.csv")
+            await studio.idle()
+            await studio.room.run({})
+            await studio.idle()
+            second = studio.upload("b.csv")
+            await studio.idle()
+            assert not first.exists()
+            assert [*studio.window.folder.iterdir()] == [second]
+            assert studio.window.files == {}
+
+    asyncio.run(main())
+
+
+def test_the_log_of_the_command_line_is_kept(short_log: Path):
+    """Assert that a log that is sent deletes nothing that is not the studio's."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            own = Offer(short_log, studio.workers, studio.workers, studio.workers)
+            studio.window.offer = own
+            await studio.room.open({})
+            studio.upload("a.csv")
+            await studio.idle()
+            assert short_log.exists()
+
+    asyncio.run(main())
+
+
+def test_a_defect_is_shown_where_the_work_was():
+    """Assert that an error that nobody foresaw is said in a sentence."""
+
+    async def broken() -> None:
+        raise KeyError("oh")
+
+    async def main() -> None:
+        async with opened() as studio:
+            studio.window.start("run", broken(), "run-state")
+            await studio.idle()
+            assert "a defect of flexid (KeyError" in studio.shown("run-state")
+
+    asyncio.run(main())
+
+
+def test_a_window_is_closed_after_its_work():
+    """Assert that what ends late finds its folder, and that nothing is left of it."""
+    found: list[bool] = []
+
+    async def main() -> None:
+        async with opened() as studio:
+            folder = studio.window.folder
+
+            async def work() -> None:
+                try:
+                    await asyncio.sleep(60)
+                finally:
+                    await asyncio.sleep(0)
+                    found.append(folder.exists())
+                    (folder / "late").mkdir(parents=True)
+
+            studio.window.start("run", work(), "run-state")
+            await asyncio.sleep(0)
+        assert found == [True]
+        assert not folder.exists()
+
+    asyncio.run(main())
