@@ -284,3 +284,36 @@ def test_what_was_typed_is_on_the_page(estimate):
     assert command.text == "flexid identify a b --columns 'my map.toml'"
     assert isinstance(facts, Facts)
     assert ("filter rate", "20 1/s") in facts.entries
+
+
+def from_columns(**origins):
+    """Provenance of a log whose channels were computed so."""
+    usual = {"factor": 1.0, "offset": 0.0, "unit": "rad", "gear_ratio": None}
+    columns = {channel: {**usual, **origin} for channel, origin in origins.items()}
+    return {"inputs": [{"file": "a.csv", "columns": columns}]}
+
+
+NAMED = {"columns": {"q_link [deg]": 1.0}, "factor": np.pi / 180.0}
+
+
+@pytest.mark.parametrize(
+    ("origin", "mapped"),
+    [
+        (NAMED, False),
+        ({"columns": {"/arm/states.link_position": 1.0}}, False),
+        ({**NAMED, "factor": -np.pi / 180.0}, True),
+        ({**NAMED, "gear_ratio": 100.0}, True),
+        ({**NAMED, "offset": 0.1}, True),
+        ({"columns": {"q_link": 1.0, "q_motor": -1.0}}, True),
+        ({"columns": {"channel 3": 1.0}}, True),
+    ],
+)
+def test_a_column_map_is_part_of_what_repeats_it(origin, mapped):
+    """Assert that a channel that no name explains needs a map, and that this is said."""
+    result = replace(made_result(), provenance=from_columns(link_position=origin))
+    page = identification_page(result, ())
+    (section,) = [section for section in page.sections if section.name == "origin"]
+    command, *said, _ = section.content
+    assert isinstance(command, Command)
+    assert command.text.endswith("--columns MAP.toml") is mapped
+    assert [str(line).startswith("MAP.toml stands for") for line in said] == [True] * mapped

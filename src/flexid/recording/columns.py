@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from math import isclose
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.recording.channel import GEARED, INPUTS, SI_UNITS, Channel, Origin
-from flexid.recording.names import did_you_mean, folded, quoted, split_header, usual_channel
+from flexid.recording.names import (
+    LONGEST,
+    did_you_mean,
+    folded,
+    quoted,
+    split_header,
+    usual_channel,
+)
 from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
@@ -80,6 +89,47 @@ def read_channels(
                 gear = None if plan.column_map is None else plan.column_map.gear(name)
                 channels[name] = _direct(table, name, plan.found[name], gear)
     return channels, tuple(plan.warnings)
+
+
+def is_by_name(channel: str, origin: Mapping[str, Any]) -> bool:
+    """Whether a column's name alone says how a channel was computed.
+
+    Parameters
+    ----------
+    channel : str
+        Canonical name.
+    origin : mapping
+        The fields of its `Origin`.
+
+    Examples
+    --------
+    >>> usual = {"columns": {"q_link [deg]": 1.0}, "factor": 0.017453292519943295, "offset": 0.0}
+    >>> is_by_name("link_position", {**usual, "gear_ratio": None})
+    True
+    >>> is_by_name("link_position", {**usual, "gear_ratio": 100.0})
+    False
+    """
+    if [*origin["columns"].values()] != [1.0] or origin["offset"] or origin["gear_ratio"]:
+        return False
+    (header,) = origin["columns"]
+    starts = [0, *(match.end() for match in re.finditer(r"[./]", header[:LONGEST]))]
+    return any(_says(header[start:], channel, origin["factor"]) for start in starts)
+
+
+def _says(name: str, channel: str, factor: float) -> bool:
+    """Whether a name, or the end of a path, stands for a channel in a unit with this factor."""
+    bare, unit = split_header(name)
+    if _BY_FOLDED.get(folded(bare).replace("_", "")) != channel:
+        usual = usual_channel(name)
+        if usual is None or not channel.endswith(usual[0]):  # a side is not always named
+            return False
+        unit = usual[1]
+    if unit is None:
+        return factor == 1.0
+    try:
+        return isclose(scale_to_si(unit, SI_UNITS.get(channel, ()))[0], factor)
+    except UnitError:
+        return False
 
 
 def channel_columns(table: Table, columns: MapSource | None) -> list[str]:

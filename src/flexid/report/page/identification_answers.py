@@ -10,7 +10,7 @@ from rich.text import Text
 from flexid.analysis.excitation import WEAK_CONDITION
 from flexid.identification.result import Identification, ValueEstimate
 from flexid.report.page.layout import Answer, Command, Item, Link, Points, Tone
-from flexid.report.page.origin import excitation_command
+from flexid.report.page.origin import COLUMN_MAP, excitation_command, mapped
 
 _MANY = 4  # names in a sentence
 
@@ -100,7 +100,8 @@ def next_step(result: Identification, estimate: str, advice: Sequence[str] = ())
     question, lacking = "What do I do next?", _lacking(result)
     if not lacking:
         said = Text("This log needs nothing more. On one that the estimate has never seen:")
-        test = Command(f"flexid validate {estimate} NEXT.csv")
+        columns = f" --columns {COLUMN_MAP}" if mapped(result.provenance) else ""
+        test = Command(f"flexid validate {estimate} NEXT.csv{columns}")
         return Answer(question, "Test it on another log", "", [said, test])
     reasons = [f"{e.name}: {e.reason}" for e in lacking[:1] if e.reason]
     word, asked = "Record another motion", "Which one, and how large, says"

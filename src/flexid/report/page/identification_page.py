@@ -34,9 +34,11 @@ from flexid.report.page.layout import (
     drawn,
 )
 from flexid.report.page.origin import (
+    COLUMN_MAP,
     chosen_facts,
     identification_command,
     input_facts,
+    mapped,
 )
 
 _TITLES = {
@@ -45,6 +47,10 @@ _TITLES = {
     "rigid": "Rigid joint",
 }
 _INPUTS = {"N m": " and the torque", "V": " and the voltage", "A": " and the current"}
+_MAP = (
+    f"{COLUMN_MAP} stands for the column map: the channels were computed as below, which the "
+    f"columns' names alone do not say."
+)
 _NAMED = 3  # files in a heading
 
 _NOTE = (
@@ -107,7 +113,8 @@ def _sections(
     yield Section("coefficients", "Coefficients", coefficients)
     yield Section("choices", "What was chosen, and what else was possible", [*_choices(result)])
     origin = Facts([*input_facts(result.provenance), *chosen_facts(result.provenance)])
-    yield Section("origin", "How to repeat it", [Command(command), origin])
+    missing = [Text(_MAP)] if COLUMN_MAP in command and mapped(result.provenance) else []
+    yield Section("origin", "How to repeat it", [Command(command), *missing, origin])
 
 
 def _subject(result: Identification) -> str:

@@ -7,15 +7,20 @@ from collections.abc import Iterator, Mapping
 from math import isclose, isfinite
 from typing import Any
 
+from flexid.identification.estimate_origins import inputs
 from flexid.identification.result import Identification
 from flexid.identification.settings import Settings
+from flexid.recording.columns import is_by_name
 
 _USUAL = Settings()
+COLUMN_MAP = "MAP.toml"
+"""What stands for a column map, whose name no estimate holds."""
+
 _CHOSEN = ("hold", "input_delay", "link_delay", "coulomb_velocity", "filter_rate")
 
 
 def identification_command(result: Identification) -> str:
-    """The command that repeats an identification.
+    """The command that repeats an identification; see `mapped` for its column map.
 
     Examples
     --------
@@ -34,10 +39,21 @@ def excitation_command(result: Identification) -> str:
 
 
 def _command(name: str, result: Identification, more: list[str]) -> str:
-    inputs = result.provenance.get("inputs", ())
-    files = [str(source.get("file") or "LOG") for source in inputs] or ["LOG"]
+    logs = inputs(result.provenance)
+    files = [str(source.get("file") or "LOG") for source in logs] or ["LOG"]
     options = [*_options(result.provenance.get("settings", {}))]
+    if mapped(result.provenance):
+        options += ["--columns", COLUMN_MAP]
     return shlex.join(["flexid", name, *files, *options, *more])
+
+
+def mapped(provenance: Mapping[str, Any]) -> bool:
+    """Whether a channel was computed as no column's name says, but a column map."""
+    return any(
+        not is_by_name(channel, origin)
+        for source in inputs(provenance)
+        for channel, origin in source.get("columns", {}).items()
+    )
 
 
 def _options(settings: Mapping[str, Any]) -> Iterator[str]:
