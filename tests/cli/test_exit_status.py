@@ -131,15 +131,15 @@ main()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interruption_leaves_nothing_behind(tmp_path: Path, number: int):
-    """Assert that Ctrl-C and SIGTERM exit 3 with one sentence, without files half written."""
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_an_interruption_leaves_nothing_behind(tmp_path: Path, name: str):
+    """Assert that Ctrl-C, SIGTERM and SIGHUP exit 3, say so, and leave no half file."""
     out = tmp_path / "results"
     out.mkdir()
     process = start("reproduce", "--out", out, code=SLOW)
     assert process.stdout is not None
     assert process.stdout.readline() == "['.flexid-']\n"
-    process.send_signal(number)
+    process.send_signal(signal.Signals[name])
     _, said = process.communicate(timeout=60)
     assert process.returncode == 3
     assert said.splitlines()[-1] == "flexid: interrupted; nothing half written is left"
@@ -178,4 +178,18 @@ def test_a_reader_that_has_seen_enough_is_no_error():
         process.stdout.close()
         said = process.stderr.read()
     assert said == ""
+    assert process.returncode == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_nohup_is_respected():
+    """Assert that a command that is to outlive its terminal does."""
+    code = (
+        "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
+        "from flexid.cli import commands, main\n"
+        "commands.run = lambda: signal.raise_signal(signal.SIGHUP) or 0\n"
+        "main.main()"
+    )
+    process = start(code=code)
+    assert process.communicate(timeout=60) == ("", "")
     assert process.returncode == 0

@@ -12,6 +12,11 @@ from types import FrameType
 _INTERRUPTED = 3  # as in flexid.cli.exit_status
 
 
+def _hung_up(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    """Take the end of the terminal for a request to end, whoever answers that by now."""
+    signal.raise_signal(signal.SIGTERM)
+
+
 def main() -> None:
     """Run the command line; its exit status is an `ExitStatus`."""
     interruptions: list[int] = []
@@ -26,6 +31,8 @@ def main() -> None:
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
             before[number] = signal.signal(number, interrupted)
+        if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            before[signal.SIGHUP] = signal.signal(signal.SIGHUP, _hung_up)  # unless nohup
         from flexid.cli.commands import run
 
         status = run()
