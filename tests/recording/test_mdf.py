@@ -132,3 +132,12 @@ def test_a_process_that_dies(program: str, tmp_path: Path, monkeypatch: pytest.M
     path = written(tmp_path / "log.mf4", encoders(), torque)
     monkeypatch.setattr(mdf, "PROGRAM", program)
     assert "no MDF file that can be read" in refusal(path)
+
+
+def test_modules_beside_a_log_are_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that the folder of a log lends no module to the process that reads it."""
+    path = written(tmp_path / "a.mf4", encoders())
+    (tmp_path / "json.py").write_text("open('was_run', 'w')")
+    monkeypatch.chdir(tmp_path)
+    mdf.open_series(path).close()
+    assert not (tmp_path / "was_run").exists()

@@ -78,3 +78,10 @@ def test_what_is_no_log(tmp_path: Path):
     path.write_bytes(b"nonsense")
     with pytest.raises(RecordingError, match="Parquet"):
         overview(path)
+
+
+def test_empty_cells_stay_empty(tmp_path: Path):
+    """Assert that what a typed table leaves out is not shown as a word."""
+    path = tmp_path / "a.parquet"
+    pl.DataFrame({"time": [0.0, 0.1], "motor_position": [None, 0.5]}).write_parquet(path)
+    assert overview(path).columns[1].cells == ("", "0.5")

@@ -63,6 +63,8 @@ def test_what_stands_against_an_answer():
     time = base.time
     onward = survey(log(motor_position=time, link_position=time + 0.1 * np.sin(time)))
     assert any("turns back 0 times" in text for text in onward.remarks)
+    once = survey(log(motor_position=np.abs(time - time.mean())))
+    assert any("turns back 1 time," in text for text in once.remarks)
     random = np.random.default_rng(2)
     stiff = survey(log(link_position=base.motor_position + NOISE * random.standard_normal(4000)))
     assert any("encoders' noise" in text for text in stiff.remarks)

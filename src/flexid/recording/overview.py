@@ -108,6 +108,8 @@ def _cells(table: Table) -> dict[str, tuple[str, ...]]:
 
 
 def _text(cell: object) -> str:
+    if cell is None:
+        return ""
     return f"{cell:.9g}" if isinstance(cell, float) else str(cell).strip()
 
 

@@ -104,8 +104,8 @@ def survey(log: Log) -> LogSurvey:
         )
     if reversals < _FEW_REVERSALS:
         remarks.append(
-            f"The motor turns back {reversals} times, and friction shows where it does: let it "
-            f"move to and fro."
+            f"The motor turns back {reversals} time{'s' if reversals != 1 else ''}, and "
+            f"friction shows where it does: let it move to and fro."
         )
     if deflection < _SMALL_DEFLECTION:
         remarks.append(
