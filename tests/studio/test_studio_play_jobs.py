@@ -70,3 +70,16 @@ def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
     assert found.problems == ("This run: simulation stopped at t = 1.5 s: the loop diverges.",)
     assert found.rows[0][1] == ""
     assert found.rows[0][2] != ""
+
+
+def test_where_the_true_value_is_zero_the_error_has_its_unit():
+    """Assert that nothing is divided by zero: no share, and no curve among the shares."""
+    found = play(print, read_play({"gravity_torque": "0", "motor_viscous_friction": "0"}), None)
+    rows = {label: run for label, run, _ in found.rows}
+    shares = {label: text.endswith(" %") for label, text in rows.items() if "error of" in label}
+    assert shares == {
+        "error of θ₁": False, "error of θ₂": True, "error of α₁": True, "error of α₂": False
+    }  # fmt: skip
+    assert rows["error of α₂"].endswith("1/s")
+    marks = found.chart["panels"][1]["marks"]
+    assert [mark["label"] for mark in marks] == ["θ₂", "α₁"]

@@ -7,6 +7,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.charts.limits import whole_decades, with_margin
+from flexid.report.play_chart import SYMBOLS
 from flexid.studies.huang2003.readings import TOLERANCE, SteadyRun
 from flexid.studies.huang2003.reproduction import Reproduction
 from flexid.studies.huang2003.sweeps import RatePoint
@@ -19,7 +20,6 @@ NOISE = 1e-3 * TOLERANCE
 
 COLOURS: Mapping[str, Colour] = {"1,2,3": "blue", "1,1,3": "orange"}
 
-_SYMBOLS = {"theta1": "θ₁", "theta2": "θ₂", "alpha1": "α₁", "alpha2": "α₂"}
 _LAST = 0.5  # s
 _UNITS = {"theta1": "1/s²", "theta2": "1/s²", "alpha1": "1/s²", "alpha2": "1/s"}
 _MARGIN = 0.08  # of what a parameter error does after its first 50 ms, above and below it
@@ -60,7 +60,7 @@ def tracking_chart(runs: Mapping[str, SteadyRun]) -> Chart:
 def error_chart(runs: Mapping[str, SteadyRun], coefficient: str, number: int) -> Chart:
     """One of Figures 2 to 5: a parameter error over time above, its magnitude below."""
     column = UNKNOWN.index(coefficient)
-    symbol, unit = _SYMBOLS[coefficient], _UNITS[coefficient]
+    symbol, unit = SYMBOLS[coefficient], _UNITS[coefficient]
     time = Axis("time", "s", limits=(0.0, DURATION))
     whole: list[Mark] = [Level("", 0.0, "y", "ink")]
     magnitude: list[Mark] = []

@@ -25,7 +25,10 @@ class Played:
     tracking : (n,) ndarray
         Magnitude of the tracking error in rad.
     errors : mapping of str to (n,) ndarray
-        Magnitude of each parameter error over the true value.
+        Magnitude of each parameter error over the true value; nan where that is zero.
+    final_errors : mapping of str to (float, str)
+        What remains of each, with its unit: % of the true value, or where that is zero the
+        coefficient's own.
     lyapunov : (n,) ndarray
         V of Huang (2003), eq. (8).
     moments : (m,) ndarray
@@ -41,6 +44,7 @@ class Played:
     time: FloatArray
     tracking: FloatArray
     errors: Mapping[str, FloatArray]
+    final_errors: Mapping[str, tuple[float, str]]
     lyapunov: FloatArray
     moments: FloatArray
     conditions: Mapping[str, FloatArray]
@@ -111,6 +115,8 @@ def _largest(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _curves(time: FloatArray, curves: Mapping[str, FloatArray], *, named: bool) -> Iterator[Line]:
     for (name, values), colour in zip(curves.items(), _COLOURS, strict=False):
+        if np.isnan(values).all():
+            continue
         x, y = _largest(time, values)
         yield _line(SYMBOLS.get(name, name), x, y, colour, named=named)
 

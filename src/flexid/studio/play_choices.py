@@ -57,12 +57,6 @@ class Slider:
     start: float
     logarithmic: bool = True
 
-    def at(self, value: float) -> float:
-        """Where a value stands on the slider, from 0 to 1000."""
-        if not self.logarithmic:
-            return 1000 * (value - self.lowest) / (self.highest - self.lowest)
-        return 1000 * math.log(value / self.lowest) / math.log(self.highest / self.lowest)
-
 
 _PLANT, _GAINS, _REFERENCE, _DRIVE = "Plant", "Gains", "Reference", "Sampled drive"
 

@@ -94,18 +94,28 @@ def _remembered(pairs: tuple[tuple[str, str], ...]) -> Played:
 def _measured(run: Run) -> Played:
     """What is shown of a run."""
     from flexid.analysis.histories import row_histories
+    from flexid.experiments.run_columns import coefficient_unit
 
     steady = run.between(DURATION - _LAST, DURATION)
     fewer = _every(run, max(1, len(run.time) // _SAMPLES))
     true = run.loop.true_coefficients
-    errors = np.abs(fewer.parameter_errors / np.where(true, true, 1.0))
+    names = run.loop.system.coefficients
+    absolute = np.abs(fewer.parameter_errors)
+    errors = absolute / np.where(true, np.abs(true), np.nan)
+    final = {
+        name: (100 * errors[-1, i], "%")
+        if true[i]
+        else (absolute[-1, i], coefficient_unit(run, name))
+        for i, name in enumerate(names)
+    }
     moments, conditions = _conditions(
         fewer.time, {history.row: history.regressors for history in row_histories(fewer)}
     )
     return Played(
         fewer.time,
         np.abs(fewer.tracking_error),
-        dict(zip(run.loop.system.coefficients, errors.T, strict=True)),
+        dict(zip(names, errors.T, strict=True)),
+        final,
         0.5 * np.sum(fewer.parameter_errors**2, axis=1),
         moments,
         conditions,
@@ -156,7 +166,10 @@ def _rows(run: Played | None, pin: Played | None) -> tuple[tuple[str, str, str],
     return (
         row("tracking error", lambda r: f"{r.remaining_error:.2g} rad"),
         *(
-            row(f"error of {SYMBOLS[name]}", lambda r, n=name: f"{100 * r.errors[n][-1]:.2g} %")
+            row(
+                f"error of {SYMBOLS[name]}",
+                lambda r, n=name: "{:.2g} {}".format(*r.final_errors[n]),
+            )
             for name in names
         ),
         row("V over its first value", lambda r: f"{r.lyapunov[-1] / r.lyapunov[0]:.2g}"),

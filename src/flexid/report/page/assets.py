@@ -29,8 +29,9 @@ def plotting_style() -> str:
 def drawing_script() -> str:
     """uPlot and what draws a `chart_document` with it.
 
-    It makes two functions: ``flexid.draw(element, document)`` draws into an element, and
-    ``flexid.update(element, document)`` shows other data there.
+    It makes three functions: ``flexid.draw(element, document)`` draws into an element,
+    ``flexid.update(element, document)`` shows other data there, and ``flexid.forget(element)``
+    ends what is drawn there before the element is removed.
     """
     parts = [_text(f"{name}.js") for name in _PARTS]
     return "\n".join(
@@ -39,7 +40,7 @@ def drawing_script() -> str:
             "const flexid = (() => {",
             '"use strict";',
             *parts,
-            "return { draw, update };",
+            "return { draw, update, forget };",
             "})();",
         )
     )

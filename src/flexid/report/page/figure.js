@@ -32,10 +32,8 @@ function update(element, chart) {
   if (!figure || shapeOf(figure.chart) !== shapeOf(next)) return draw(element, chart);
   figure.chart = next;
   figure.panels.forEach((held, i) => {
-    const zoomed = isZoomed(held);
     held.panel = next.panels[i];
     entitle(held);
-    if (!zoomed) held.zoom = null;
     show(held);
   });
   if (figure.data.open) figure.data.dispatchEvent(new Event("toggle"));

@@ -45,7 +45,10 @@
       figure.querySelector("figcaption").textContent = chart.says;
       flexid.update(figure.lastChild, chart);
     }
-    for (const child of there.values()) child.remove();
+    for (const child of there.values()) {
+      flexid.forget(child.lastChild);
+      child.remove();
+    }
   };
 
   // The sliders: one run at a time, and after it the latest that was asked for.
