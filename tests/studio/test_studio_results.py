@@ -15,8 +15,9 @@ import pytest
 from flexid.studio import jobs
 from flexid.studio.identify_room import IdentifyRoom
 from flexid.studio.jobs import Answer
+from flexid.studio.play_room import PlayRoom
 from flexid.studio.window import Offer, Window
-from flexid.studio.workers import Workers
+from flexid.studio.workers import JobError, Workers
 
 
 class Here(Workers):
@@ -235,5 +236,25 @@ def test_a_window_is_closed_after_its_work():
             await asyncio.sleep(0)
         assert found == [True]
         assert not folder.exists()
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("values", [{"k": "bad"}, {}])
+def test_play_goes_on_after_an_error(values: dict[str, str]):
+    """Assert that the page, which waits for the end of each run, is answered where it fails."""
+
+    class Broken(Workers):
+        async def run(self, *_: Any, **__: Any) -> Any:
+            raise JobError("the work ended early")
+
+    async def main() -> None:
+        async with opened() as studio:
+            broken = Broken(0)
+            studio.window.offer = Offer(None, broken, broken, broken)
+            await PlayRoom(studio.window).change(values)
+            await studio.idle()
+            assert "problem" in studio.shown("play-problem")
+            assert {"kind": "played"} in studio.sent
 
     asyncio.run(main())

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
+import inspect
 import socket
+from pathlib import Path
+from typing import Any
 from urllib.request import Request, urlopen
 
 import pytest
 
-from flexid.studio import server
+from flexid.studio import server, uploads
+from flexid.studio.window import Offer, Window
+from flexid.studio.workers import Workers
 
 
 def test_without_the_package(flexid, monkeypatch: pytest.MonkeyPatch):
@@ -41,3 +47,70 @@ def test_off_the_loopback_the_address_has_a_token(start):
             Request(here, headers={"Cookie": f"flexid_studio={token}"}), timeout=10
         ) as page:
             assert b"flexid studio" in page.read()
+
+
+class Session:
+    """What Shiny gives for a window."""
+
+    def __init__(self) -> None:
+        self.sent: list[dict[str, Any]] = []
+        self.flushed: Any = None
+
+    async def send_custom_message(self, _: str, message: dict[str, Any]) -> None:
+        """Take a message."""
+        self.sent.append(message)
+
+    def on_flushed(self, done: Any) -> None:
+        """Take what is to be done next."""
+        self.flushed = done
+
+
+def test_one_window_too_many_is_told():
+    """Assert that the window says why it stays empty."""
+    offer = Offer(None, *[Workers(0)] * 3)
+    windows: dict[str, Any] = dict.fromkeys(map(str, range(server.MOST_WINDOWS)))
+    session: Any = Session()
+    server._server(offer, windows)(None, None, session)
+    assert inspect.iscoroutinefunction(session.flushed)  # which alone Shiny awaits
+    asyncio.run(session.flushed())
+    assert "close one and reload" in session.sent[0]["text"]
+
+
+class Sent:
+    """A log that arrives."""
+
+    path_params = {"key": "a"}  # noqa: RUF012
+    headers = {"x-file-name": "a.csv"}  # noqa: RUF012
+
+    def stream(self) -> None:
+        """Return nothing: `save` is replaced."""
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_log_that_comes_too_late_is_refused(
+    gone: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that nothing begins where the window was closed while its log was sent."""
+
+    class Room:
+        window = Window
+
+        def uploaded(self, _: Path) -> None:
+            raise AssertionError("a job was begun")
+
+    async def save(*_: object) -> Path:
+        windows.clear()
+        if gone:
+            raise FileNotFoundError(2, "gone")
+        path = tmp_path / "a.csv"
+        path.touch()
+        return path
+
+    room: Any = Room()
+    room.window = type("", (), {"folder": tmp_path})
+    windows: dict[str, Any] = {"a": room}
+    monkeypatch.setattr(uploads, "save", save)
+    answer = asyncio.run(server._upload(windows)(Sent()))
+    assert answer.status_code == 404
+    assert b"reload the page" in answer.body
+    assert not [*tmp_path.iterdir()]

@@ -68,3 +68,16 @@ def test_a_full_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(uploads, "LEAST_FREE", 10**18)
     with pytest.raises(UploadError, match="disk"):
         asyncio.run(save(chunks(b"1"), "a.csv", tmp_path))
+
+
+@pytest.mark.parametrize("parts", [(b"12345", b"678901"), ()])
+def test_a_refused_log_leaves_the_one_of_its_name(
+    parts: tuple[bytes, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that the log in use is replaced by a whole one or not at all."""
+    monkeypatch.setattr(uploads, "LARGEST_UPLOAD", 10)
+    before = asyncio.run(save(chunks(b"time,q\n"), "a.csv", tmp_path))
+    with pytest.raises(UploadError):
+        asyncio.run(save(chunks(*parts), "a.csv", tmp_path))
+    assert before.read_bytes() == b"time,q\n"
+    assert [*tmp_path.iterdir()] == [before]

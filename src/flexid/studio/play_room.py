@@ -49,6 +49,7 @@ class PlayRoom:
             self._chosen = read_play(values)
         except FlexidError as error:
             await self._window.show("play-problem", "problem.html", text=str(error))
+            await self._window.played()
             return
         await self._start()
 
@@ -81,6 +82,14 @@ class PlayRoom:
         self._window.start("play", self._play(), "play-problem")
 
     async def _play(self) -> None:
+        try:
+            await self._show_run()
+        except Exception:
+            await self._window.played()  # the page waits for it before it asks again
+            raise
+        await self._window.played()
+
+    async def _show_run(self) -> None:
         window = self._window
         found: PlayedRuns = await window.brief(
             window.offer.play, play, self._chosen, self._pinned, place="play-line"
@@ -88,4 +97,3 @@ class PlayRoom:
         await window.show("play-problem", "play_problems.html", problems=found.problems)
         await window.show("play-figures", "play_figures.html", found=found)
         await window.draw("play-charts", (found.chart,))
-        await window.played()

@@ -128,15 +128,27 @@ def _upload(windows: dict[str, Rooms]) -> Callable[..., Any]:
 
     from flexid.studio.uploads import UploadError, save
 
+    def ended() -> Response:
+        return JSONResponse({"problem": "this window has ended: reload the page"}, 404)
+
     async def upload(request: Request) -> Response:
-        rooms = windows.get(request.path_params["key"])
+        key = request.path_params["key"]
+        rooms = windows.get(key)
         if rooms is None:
-            return JSONResponse({"problem": "this window has ended: reload the page"}, 404)
+            return ended()
         name = unquote(request.headers.get("x-file-name", ""))
         try:
             path = await save(request.stream(), name, rooms.window.folder)
         except UploadError as error:
             return JSONResponse({"problem": str(error)}, error.status)
+        except OSError as error:
+            if key not in windows:  # its folder was deleted
+                return ended()
+            problem = f"the log cannot be kept ({error.strerror}): send it again"
+            return JSONResponse({"problem": problem}, 507)
+        if key not in windows:
+            path.unlink(missing_ok=True)
+            return ended()
         rooms.uploaded(path)
         return JSONResponse({"name": path.name})
 

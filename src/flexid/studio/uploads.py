@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import secrets
 import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -69,7 +71,7 @@ async def save(chunks: AsyncIterator[bytes], name: str, folder: Path) -> Path:
     name : str
         As the browser says.
     folder : Path
-        Whose files it replaces.
+        Where it replaces a log of the same name as soon as it is whole.
 
     Returns
     -------
@@ -84,9 +86,9 @@ async def save(chunks: AsyncIterator[bytes], name: str, folder: Path) -> Path:
     path = folder / safe_name(name)
     if shutil.disk_usage(folder).free < LEAST_FREE + LARGEST_UPLOAD:
         raise UploadError("the disk is almost full: make room for the log", 507)
-    size = 0
+    size, part = 0, folder / f".{secrets.token_hex(8)}"  # no log's name begins so
     try:
-        with path.open("wb") as file:
+        with part.open("wb") as file:
             async for chunk in chunks:
                 size += len(chunk)
                 if size > LARGEST_UPLOAD:
@@ -98,7 +100,8 @@ async def save(chunks: AsyncIterator[bytes], name: str, folder: Path) -> Path:
                 file.write(chunk)
         if not size:
             raise UploadError("the file is empty: export the log again", 400)
+        os.replace(part, path)
     except BaseException:
-        path.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
         raise
     return path
