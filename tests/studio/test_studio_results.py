@@ -62,7 +62,7 @@ class Opened:
     sent: list[dict[str, Any]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        offer = Offer(None, self.workers, self.workers, self.workers)
+        offer = Offer(None, self.workers, self.workers, self.workers, self.workers)
         self.window = Window(offer, self._send)
         self.room = IdentifyRoom(self.window)
 
@@ -191,7 +191,7 @@ def test_the_log_of_the_command_line_is_kept(short_log: Path):
 
     async def main() -> None:
         async with opened() as studio:
-            own = Offer(short_log, studio.workers, studio.workers, studio.workers)
+            own = Offer(short_log, *[studio.workers] * 4)
             studio.window.offer = own
             await studio.room.open({})
             studio.upload("a.csv")

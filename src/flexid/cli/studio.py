@@ -1,4 +1,4 @@
-"""``flexid studio [LOG]``: a page in which logs are identified."""
+"""``flexid studio [LOG]``: a page in which logs are identified and watched."""
 
 from pathlib import Path
 from typing import Annotated

@@ -130,8 +130,8 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     return Answer(
         result.model,
         result.verdict,
-        tuple(map(_row, result.parameters.values())),
-        tuple(map(_row, result.coefficients.values())),
+        tuple(map(row_of, result.parameters.values())),
+        tuple(map(row_of, result.coefficients.values())),
         _fits(result.validation.fit_percent),
         result.summary,
         result.warnings,
@@ -173,7 +173,8 @@ def _read(name: str, choices: Choices) -> Log:
     return log_of_table(table, column_map)
 
 
-def _row(estimate: ValueEstimate) -> Row:
+def row_of(estimate: ValueEstimate) -> Row:
+    """A value of the table."""
     from flexid.report.digits import format_with_interval
 
     value, lower, upper = format_with_interval(estimate.value, *estimate.interval)

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexid.errors import FlexidError
-from flexid.studio import identify_room, play_room
+from flexid.studio import identify_room, live_room, play_room
 from flexid.studio.identify_room import IdentifyRoom
+from flexid.studio.live_room import LiveRoom
 from flexid.studio.play_room import PlayRoom
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ class Rooms:
         self.window = window
         self._identify = IdentifyRoom(window)
         self._play = PlayRoom(window)
+        self._live = LiveRoom(window)
 
     async def handle(self, request: Mapping[str, object]) -> None:
         """Do what the page asks for; what is not known is not done."""
@@ -54,6 +56,14 @@ class Rooms:
                     await self._play.unpin()
                 case "reset":
                     await self._play.reset()
+                case "live":
+                    await self._live.change(values)
+                case "live-start":
+                    await self._live.start()
+                case "live-pause":
+                    await self._live.pause()
+                case "live-stop":
+                    await self._live.stop()
                 case _:
                     pass
         except FlexidError:
@@ -71,6 +81,10 @@ class Rooms:
                 await self.window.show("log-problem", "problem.html", text=str(error))
             else:
                 await self._enter(room)
+        elif room == live_room.ROOM:
+            await self._identify.open({})
+            await self._live.open(values)
+            await self._enter(room)
         else:
             await self._identify.open(values)
 
@@ -78,6 +92,9 @@ class Rooms:
         if room == play_room.ROOM:
             await self.window.enter(play_room.ROOM)
             await self._play.enter()
+        elif room == live_room.ROOM:
+            await self.window.enter(live_room.ROOM)
+            await self._live.enter()
         else:
             await self.window.enter(identify_room.ROOM)
             await self._identify.enter()
@@ -85,3 +102,8 @@ class Rooms:
     def uploaded(self, path: Path) -> None:
         """Go on with a log that was sent."""
         self._identify.uploaded(path)
+
+    async def close(self) -> None:
+        """End what runs for the window, and forget what it holds."""
+        self._live.close()
+        await self.window.close()

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 PORT = 8765
 MOST_WINDOWS = 40
-_LONG, _SHORT, _PLAY = 2, 1, 1  # processes
+_LONG, _SHORT, _PLAY, _LIVE = 2, 1, 1, 1  # processes; Live keeps its streams in one
 
 
 def need_packages() -> None:
@@ -61,14 +61,14 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
     from flexid.studio.workers import Workers
 
     log = log and log.absolute()  # each process changes its folder from job to job
-    offer = Offer(log, Workers(_LONG), Workers(_SHORT), Workers(_PLAY))
+    processes = [Workers(most) for most in (_LONG, _SHORT, _PLAY, _LIVE)]
+    offer = Offer(log, *processes)
     windows: dict[str, Rooms] = {}
     page = Path(__file__).parent / "page" / "studio.html"
     app = shiny.App(page, _server(offer, windows))
     app.sanitize_errors = True
-    app.on_shutdown(offer.long.end)
-    app.on_shutdown(offer.short.end)
-    app.on_shutdown(offer.play.end)
+    for workers in processes:
+        app.on_shutdown(workers.end)
     app.starlette_app.routes[:0] = [
         Route("/assets/{name}", _asset),
         Route("/upload/{key}", _upload(windows), methods=["POST"]),
@@ -100,8 +100,7 @@ def _server(offer: Offer, windows: dict[str, Rooms]) -> Callable[..., None]:
         rooms = windows[window.key] = Rooms(window)
 
         async def close() -> None:
-            del windows[window.key]
-            await window.close()
+            await windows.pop(window.key).close()
 
         session.on_ended(close)
 

@@ -27,14 +27,16 @@ class Offer:
     ----------
     log : Path or None
         The log that was named on the command line.
-    long, short, play : Workers
-        Processes for identifications and exports, for looking at logs, and for runs of Play.
+    long, short, play, live : Workers
+        Processes for identifications and exports, for looking at logs, for runs of Play, and the
+        one that keeps the streams of Live.
     """
 
     log: Path | None
     long: Workers
     short: Workers
     play: Workers
+    live: Workers
 
 
 class Window:
@@ -97,11 +99,16 @@ class Window:
         await self._send({"kind": "played"})
 
     async def brief(
-        self, workers: Workers, job: Callable[..., Any], *arguments: Any, place: str
+        self,
+        workers: Workers,
+        job: Callable[..., Any],
+        *arguments: Any,
+        place: str,
+        folder: Path | None = None,
     ) -> Any:
-        """Do a job that takes a moment, beside the log; one that is cancelled runs to its end."""
+        """Do a job that takes a moment; one that is cancelled runs to its end."""
         work = asyncio.ensure_future(
-            workers.run(job, *arguments, folder=self.folder, said=self.saying(place))
+            workers.run(job, *arguments, folder=folder or self.folder, said=self.saying(place))
         )
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         return await asyncio.shield(work)

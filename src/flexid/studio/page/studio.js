@@ -82,7 +82,7 @@
   };
 
   const enter = (room) => {
-    for (const name of ["identify", "play"]) {
+    for (const name of ["identify", "play", "live"]) {
       place(`room-${name}`).hidden = name !== room;
       document.querySelector(`nav [data-target=${name}]`).setAttribute("aria-pressed", name === room);
     }
@@ -142,6 +142,7 @@
       event.target.closest("tr")?.classList.toggle(
         "unused", !event.target.closest("tr").querySelector("select").value);
       if (form.dataset.kind === "columns") ask("columns", { values: values() });
+      if (form.dataset.kind === "live") ask("live", { values: Object.fromEntries(new FormData(form)) });
     });
     document.addEventListener("submit", (event) => {
       event.preventDefault();

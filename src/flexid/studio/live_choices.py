@@ -1,0 +1,84 @@
+"""What is chosen in Live: where the samples come from, how fast, and what is done to the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from urllib.parse import urlencode
+
+from flexid.errors import SettingError
+
+DRIVE, REPLAY, FOLLOW = "drive", "replay", "follow"
+
+SOURCES = {
+    DRIVE: "a simulated drive",
+    REPLAY: "the log, played again",
+    FOLLOW: "the log, followed while it grows",
+}
+"""Where samples may come from. A source is one of these words, and no path."""
+
+PACES = {1: "as it was", 4: "4 times as fast", 16: "16 times as fast"}
+
+
+@dataclass(frozen=True)
+class LiveChoices:
+    """What is chosen.
+
+    Parameters
+    ----------
+    source : str
+        A key of `SOURCES`.
+    pace : int
+        Seconds of the stream in a second: a key of `PACES`.
+    loaded : bool
+        Whether the simulated drive's link carries a load.
+    unplugged : bool
+        Whether the encoder of its link is.
+    """
+
+    source: str = DRIVE
+    pace: int = 1
+    loaded: bool = False
+    unplugged: bool = False
+
+    @property
+    def query(self) -> str:
+        """The end of an address that shows the room so."""
+        pairs = {"room": "live", "source": self.source, "pace": str(self.pace)}
+        pairs |= {name: "yes" for name in ("loaded", "unplugged") if getattr(self, name)}
+        return urlencode(pairs)
+
+
+def read_live(values: object, sources: tuple[str, ...]) -> LiveChoices:
+    """What a form or an address holds.
+
+    Parameters
+    ----------
+    values : object
+        Keys and texts, from outside.
+    sources : tuple of str
+        Those that there are: without a log on the command line, the simulated drive alone.
+
+    Returns
+    -------
+    LiveChoices
+
+    Raises
+    ------
+    SettingError
+        If a value cannot be used.
+    """
+    if not isinstance(values, Mapping):
+        raise SettingError("address", "it holds nothing that the studio knows: open it without")
+    source, pace = values.get("source", DRIVE), values.get("pace", "1")
+    if source not in sources:
+        known = ", ".join(sources)
+        raise SettingError(
+            "source",
+            f"there is {known} here: for a log, start the studio with it, flexid studio LOG",
+        )
+    paces = {str(pace): pace for pace in PACES}
+    if pace not in paces:
+        raise SettingError("pace", f"it is none of {', '.join(paces)}")
+    on = {name: values.get(name) == "yes" for name in ("loaded", "unplugged")}
+    return LiveChoices(source, paces[pace], **on)
