@@ -285,7 +285,7 @@ def test_the_command(flexid, tmp_path):
     assert max(map(len, outcome.stdout.splitlines())) <= 100
     assert "free run" in outcome.stdout
     names = {file.name for file in (tmp_path / "out").iterdir()}
-    assert names == {"validation.json", "validation.png"}
+    assert names == {"report.html", "validation.json", "validation.png"}
     document = json.loads((tmp_path / "out" / "validation.json").read_text())
     assert set(document["residuals"]) == {"0.05", "0.2", "1", "5", "free"}
     assert document["provenance"]["inputs"][0]["file"] == str(tmp_path / "log.csv")
