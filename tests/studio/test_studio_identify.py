@@ -223,3 +223,14 @@ def test_a_log_is_named_from_where_the_studio_was_started(
         for _ in range(2):
             page.goto(address)
             page.wait_for_selector("#run-form")
+
+
+def test_figures_that_are_removed_are_forgotten(page: Page, address: str, short_log: Path):
+    """Assert that another log ends what was drawn of the one before."""
+    page.goto(address)
+    page.wait_for_selector("#run-form")
+    figure = page.wait_for_selector("#check-charts figure:has(.uplot)")
+    assert figure is not None
+    send(page, short_log)
+    page.wait_for_function("figure => !figure.isConnected", arg=figure)
+    assert figure.query_selector(".uplot") is None
