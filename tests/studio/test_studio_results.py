@@ -251,7 +251,7 @@ def test_play_goes_on_after_an_error(values: dict[str, str]):
     async def main() -> None:
         async with opened() as studio:
             broken = Broken(0)
-            studio.window.offer = Offer(None, broken, broken, broken)
+            studio.window.offer = Offer(None, *[broken] * 4)
             await PlayRoom(studio.window).change(values)
             await studio.idle()
             assert "problem" in studio.shown("play-problem")
