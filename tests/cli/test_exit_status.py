@@ -118,8 +118,10 @@ def test_the_status_of_an_interruption_is_one():
 
 SLOW = """
 import os
+import signal
 import sys
 import time
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
 import flexid.studies.huang2003.reproduction as module
 def reproduce(finished):
     print([name[:8] for name in os.listdir(sys.argv[-1])], flush=True)

@@ -18,6 +18,7 @@ def played(scale: float) -> Played:
         time,
         falling,
         {"theta1": falling, "alpha1": 2 * falling},
+        {"theta1": (1.0, "%"), "alpha1": (2.0, "%")},
         falling**2,
         moments,
         {"link": 3.0 + moments},
