@@ -7,7 +7,7 @@ import re
 import pytest
 from made_page import made_chart, made_other_charts, made_page
 
-from browser import Watched, serious_faults
+from browser import Watched, serious_faults, wait_until
 from flexid.report.charts.document import chart_document
 from flexid.report.page.render import page_html
 
@@ -237,5 +237,5 @@ def test_figures_follow_the_window(opened):
     """Assert that no figure is wider than a telephone, where columns stand below each other."""
     page, _ = opened(made_page())
     page.set_viewport_size({"width": 390, "height": 844})
-    page.wait_for_function("document.querySelector('.chart-plot canvas').clientWidth < 390")
+    wait_until(page, "document.querySelector('.chart-plot canvas').clientWidth < 390")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390

@@ -12,7 +12,7 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from browser import Watched, serious_faults
+from browser import Watched, serious_faults, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -232,5 +232,5 @@ def test_figures_that_are_removed_are_forgotten(page: Page, address: str, short_
     figure = page.wait_for_selector("#check-charts figure:has(.uplot)")
     assert figure is not None
     send(page, short_log)
-    page.wait_for_function("figure => !figure.isConnected", arg=figure)
+    wait_until(page, "figure => !figure.isConnected", figure)
     assert figure.query_selector(".uplot") is None
