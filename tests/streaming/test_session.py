@@ -73,7 +73,15 @@ def test_saving_and_restoring_changes_nothing(tmp_path: Path, cut: int):
     assert session.health == whole.health
 
 
+def spikes() -> np.ndarray:
+    """A link at rest but for jumps as large as any: rounding is all that a lost sample leaves."""
+    samples = np.zeros((34, 4))
+    samples[[13, 15, 19, 33], LINK] = 1e10, 1449797.0, 1e10, 1.0
+    return samples
+
+
 @FEW
+@example(samples=spikes(), timed=True)
 @example(samples=np.zeros((9, 4)), timed=True)
 @example(samples=np.ones((300, 4)), timed=True)
 @example(samples=2.5e-153 * np.arange(400.0).reshape(100, 4) ** 2, timed=True)

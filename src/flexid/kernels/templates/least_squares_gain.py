@@ -48,6 +48,7 @@ FORGETTING, LEAST_INFORMATION, LONGEST_BLOCK, MEMORY, FEWEST, N_LAW_SETTINGS = 0
 
 RIDGE = 1e-9  # of the matrix scaled to a unit diagonal: less is lost in rounding
 LEAST_TOLERANCE = 1e-5  # part of a regressor that the others must leave over
+LEAST_PIVOT = 1e-12  # of a diagonal: what elimination leaves below is the rounding of what it took
 
 
 @njit(cache=True, error_model="numpy")
@@ -62,7 +63,8 @@ def scaled_factor(matrix, n, scale, factor):
                 total = 1.0 + RIDGE
             for k in range(j):
                 total -= factor[i, k] * factor[j, k]
-            factor[i, j] = sqrt(max(total, 1e-300)) if i == j else total / factor[j, j]
+            # Less than the ridge is left only where rounding has made a square negative.
+            factor[i, j] = sqrt(max(total, RIDGE)) if i == j else total / factor[j, j]
 
 
 @njit(cache=True, error_model="numpy")
@@ -85,22 +87,34 @@ def least_tolerance(factor, n, wanted, work):
 
 
 @njit(cache=True, error_model="numpy")
+def forget_unknown(matrix, vector, i):
+    """Leave nothing of one unknown in the normal equations."""
+    vector[i] = 0.0
+    for j in range(matrix.shape[0]):
+        matrix[i, j] = 0.0
+        matrix[j, i] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def eliminate_past(matrix, vector, n):
     """Take the unknown past out of the normal equations; return what it explained."""
     explained = 0.0
+    least = np.empty(n)
+    for i in range(n):
+        least[i] = LEAST_PIVOT * matrix[i, i]
     for q in range(n + N_PAST - 1, n - 1, -1):
         pivot = matrix[q, q]
-        if pivot > 1e-12 * matrix[n, n]:
+        if pivot > LEAST_PIVOT * matrix[n, n]:
             explained += vector[q] * vector[q] / pivot
             for i in range(q):
                 part = matrix[i, q] / pivot
                 vector[i] -= part * vector[q]
                 for j in range(q):
                     matrix[i, j] -= part * matrix[q, j]
-        vector[q] = 0.0
-        for i in range(q + 1):
-            matrix[i, q] = 0.0
-            matrix[q, i] = 0.0
+        forget_unknown(matrix, vector, q)
+    for i in range(n):
+        if not matrix[i, i] > least[i]:  # the past explains all of it
+            forget_unknown(matrix, vector, i)
     return explained
 
 
