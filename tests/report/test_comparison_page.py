@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import flexid
-from browser import Watched, serious_faults
+from browser import serious_faults
 from flexid.identification.comparison import compare_estimates
 from flexid.report.page.comparison_page import comparison_page
 from flexid.report.page.layout import Command, Points
@@ -35,17 +35,6 @@ def path(tmp_path_factory):
     a, b = flexid.JointEstimate(exact(TRUE, "a")), flexid.JointEstimate(hostile())
     flexid.compare(a, b).report(path)
     return path
-
-
-@pytest.fixture
-def page(browser, path):
-    """The page in a browser, and what was seen of it."""
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
-    page.watched = Watched(page)
-    page.goto(path.as_uri())
-    page.wait_for_selector(".chart-plot canvas")
-    yield page
-    page.close()
 
 
 def test_it_asks_for_nothing_and_runs_nothing(page):

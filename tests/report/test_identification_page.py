@@ -10,7 +10,7 @@ import pytest
 from made_result import made_result
 
 import flexid
-from browser import Watched, serious_faults
+from browser import serious_faults
 from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.result import ModelError
 from flexid.identification.settings import Settings
@@ -55,17 +55,6 @@ def path(estimate, tmp_path_factory):
     path = tmp_path_factory.mktemp("alone") / "report.html"
     estimate.report(path)
     return path
-
-
-@pytest.fixture
-def page(browser, path):
-    """Return the page in a browser, and what was seen of it."""
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
-    page.watched = Watched(page)
-    page.goto(path.as_uri())
-    page.wait_for_selector(".chart-plot canvas")
-    yield page
-    page.close()
 
 
 def test_one_file_that_can_be_sent(path):

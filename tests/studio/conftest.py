@@ -8,8 +8,14 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+_LONG = 120_000  # ms, in which a kernel may have to be compiled
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +62,13 @@ def empty_address() -> Iterator[str]:
     """Return the address of a studio that was given no log."""
     with started() as found:
         yield found
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """Return a window of its own."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
+    opened = context.new_page()
+    opened.set_default_timeout(_LONG)
+    yield opened
+    context.close()

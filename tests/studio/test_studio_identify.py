@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,17 +18,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 Start = Callable[..., AbstractContextManager[str]]
-LONG = 120_000  # ms, in which a kernel may have to be compiled
-
-
-@pytest.fixture
-def page(browser: Browser) -> Iterator[Page]:
-    """Return a window of its own."""
-    context = browser.new_context(viewport={"width": 1280, "height": 900})
-    opened = context.new_page()
-    opened.set_default_timeout(LONG)
-    yield opened
-    context.close()
 
 
 def tab_to(page: Page, selector: str) -> None:
@@ -183,7 +172,7 @@ def test_two_windows_are_apart(browser: Browser, address: str, empty_address: st
     """Assert that what one window runs, another neither shows nor can fetch."""
     first, second = browser.new_page(), browser.new_page()
     for page in (first, second):
-        page.set_default_timeout(LONG)
+        page.set_default_timeout(120_000)  # a kernel may have to be compiled
         page.goto(address)
         page.wait_for_selector("#run-form")
     first.select_option("[name=model]", "link")

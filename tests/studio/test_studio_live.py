@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,19 +9,7 @@ import pytest
 from browser import Watched, serious_faults
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
-
-LONG = 120_000  # ms, in which a kernel may have to be compiled
-
-
-@pytest.fixture
-def page(browser: Browser) -> Iterator[Page]:
-    """Return a window of its own."""
-    context = browser.new_context(viewport={"width": 1280, "height": 900})
-    opened = context.new_page()
-    opened.set_default_timeout(LONG)
-    yield opened
-    context.close()
+    from playwright.sync_api import Page
 
 
 def health(page: Page, words: str) -> None:

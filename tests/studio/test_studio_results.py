@@ -82,6 +82,14 @@ class Opened:
         self.room.uploaded(path)
         return path
 
+    async def identify(self, name: str) -> Path:
+        """Send a log, and have it identified."""
+        path = self.upload(name)
+        await self.idle()
+        await self.room.run({})
+        await self.idle()
+        return path
+
     def shown(self, place: str) -> str:
         """What stands in a place of the page."""
         return [m["html"] for m in self.sent if m["kind"] == "show" and m["place"] == place][-1]
@@ -102,10 +110,7 @@ def test_a_result_replaces_another_with_its_exports():
 
     async def main() -> None:
         async with opened() as studio:
-            studio.upload("a.csv")
-            await studio.idle()
-            await studio.room.run({})
-            await studio.idle()
+            await studio.identify("a.csv")
             studio.room.export("mjcf")
             await studio.idle()
             assert "mjcf.zip" in studio.window.files
@@ -125,10 +130,7 @@ def test_a_cancelled_run_leaves_what_is_shown():
 
     async def main() -> None:
         async with opened() as studio:
-            studio.upload("a.csv")
-            await studio.idle()
-            await studio.room.run({})
-            await studio.idle()
+            await studio.identify("a.csv")
             studio.workers.hold = asyncio.Event()
             await studio.room.run({})
             while studio.workers.runs < 2:
@@ -149,10 +151,7 @@ def test_other_columns_do_not_change_what_was_found():
 
     async def main() -> None:
         async with opened() as studio:
-            studio.upload("a.csv")
-            await studio.idle()
-            await studio.room.run({})
-            await studio.idle()
+            await studio.identify("a.csv")
             names = "time", "motor_position", "link_position"
             columns = {f"column.{name}": name for name in names}
             await studio.room.choose({**columns, "scale.time": "10"})
@@ -173,10 +172,7 @@ def test_a_log_that_is_sent_replaces_another():
 
     async def main() -> None:
         async with opened() as studio:
-            first = studio.upload("a.csv")
-            await studio.idle()
-            await studio.room.run({})
-            await studio.idle()
+            first = await studio.identify("a.csv")
             second = studio.upload("b.csv")
             await studio.idle()
             assert not first.exists()

@@ -12,7 +12,7 @@ from types import FrameType
 _INTERRUPTED = 3  # as in flexid.cli.exit_status
 
 
-def _hung_up(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+def _hung_up(_number: int, _frame: FrameType | None) -> None:
     """Take the end of the terminal for a request to end, whoever answers that by now."""
     signal.raise_signal(signal.SIGTERM)
 
@@ -21,7 +21,7 @@ def main() -> None:
     """Run the command line; its exit status is an `ExitStatus`."""
     interruptions: list[int] = []
 
-    def interrupted(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    def interrupted(number: int, _frame: FrameType | None) -> None:
         interruptions.append(number)
         if len(interruptions) > 1:  # whoever asks twice wants no cleaning up
             os._exit(_INTERRUPTED)

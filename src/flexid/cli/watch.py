@@ -192,7 +192,7 @@ def _interruptions() -> Iterator[list[int]]:
     asked: list[int] = []
     before: dict[int, Any] = {}
 
-    def noted(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    def noted(number: int, _frame: FrameType | None) -> None:
         asked.append(number)
         signal.signal(number, before[number])
 

@@ -77,7 +77,7 @@ def with_link_row(
         return estimate, None
     try:
         # What noise explains shows over short segments; the row's own may hold an error as well.
-        shortest, fitted = (_fit_alone(reported, each, recordings) for each in (rungs[0], reported))
+        shortest, fitted = _fits_alone(reported, (rungs[0], reported), recordings)
     except ConvergenceError:
         return estimate, None
     if fitted.at_bound:
@@ -149,16 +149,21 @@ def _half_widths(estimate: Estimate) -> FloatArray:
     return np.array(quantiles) * estimate.deviations
 
 
-def _fit_alone(reported: Fitted, as_long: Fitted, recordings: SplitRecordings) -> Fitted:
-    """The link's row fitted over segments as long, from where the fit of both rows ended."""
+def _fits_alone(
+    reported: Fitted, as_long: Sequence[Fitted], recordings: SplitRecordings
+) -> list[Fitted]:
+    """The link's row fitted over segments as long as others', from where both rows' fit ended."""
     structure = _alone(reported.structure, reported)
     data = data_of(structure.joint, recordings.whole, recordings.groups)
-    segments = divide(data.samples, as_long.duration, margin=data.margin)
     system = reported.problem.unknowns.system
     every = dict(zip(system.coefficients, reported.coefficients(0).tolist(), strict=True))
-    states = as_long.minimum.point.initial_states[:, :2]
     start = {**every, **reported.delays, **reported.by_name}
-    return refit(structure, data, start, segments, FINE, states)
+    found = []
+    for other in as_long:
+        segments = divide(data.samples, other.duration, margin=data.margin)
+        states = other.minimum.point.initial_states[:, :2]
+        found.append(refit(structure, data, start, segments, FINE, states))
+    return found
 
 
 def _alone(structure: Structure, reported: Fitted) -> Structure:

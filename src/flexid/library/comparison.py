@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
 from flexid.identification import comparison as worker
-from flexid.library.answer import Answer, data_frame, html_figure, html_paragraph
+from flexid.library.answer import ReportedAnswer, data_frame, html_figure, html_paragraph
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 
@@ -17,10 +17,11 @@ if TYPE_CHECKING:
 
     from flexid.identification.result import Identification
     from flexid.library.joint_estimate import JointEstimate
+    from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
 
-class EstimateComparison(Answer):
+class EstimateComparison(ReportedAnswer):
     """What differs between two estimates, and whether chance explains it.
 
     `flexid.compare` returns one.
@@ -112,25 +113,6 @@ class EstimateComparison(Answer):
 
         return draw(comparison_chart(self.result))
 
-    def report(self, path: "str | PathLike[str]") -> None:
-        """Write a page to send: one HTML file with the verdict, the differences and the figure.
-
-        Parameters
-        ----------
-        path : path
-            The file, such as ``"report.html"``; one that is there is replaced.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
-        """
-        from flexid.report.documents import write_document
-        from flexid.report.page.comparison_page import comparison_page
-        from flexid.report.page.render import page_html
-
-        write_document(as_path("report", "path", path), page_html(comparison_page(self.result)))
-
     def _document(self) -> Mapping[str, Any]:
         from flexid.report.comparison_document import comparison_document
 
@@ -140,6 +122,11 @@ class EstimateComparison(Answer):
         from flexid.report.comparison_table import comparison_parts
 
         return comparison_parts(self.result)
+
+    def _page(self) -> "Page":
+        from flexid.report.page.comparison_page import comparison_page
+
+        return comparison_page(self.result)
 
     def __repr__(self) -> str:
         compared = sum(d.compared for d in self.result.decisive.values())

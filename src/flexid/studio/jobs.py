@@ -118,15 +118,19 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     """Identify a log, and leave estimate and report in a folder."""
     from flexid.library.identify import identify as run
     from flexid.report.charts.document import chart_document
+    from flexid.report.documents import write_document
     from flexid.report.identification_charts import identification_charts
+    from flexid.report.page.identification_page import identification_page
+    from flexid.report.page.render import page_html
 
     progress("reading the log (the first run on a machine compiles for up to a minute)")
     log = _read(name, choices)
     estimate = run(log, **choices.settings, progress=progress)
     progress("report and figures")
     estimate.save(Path(into) / ESTIMATE)
-    estimate.report(Path(into) / REPORT)
     result = estimate.result
+    charts = identification_charts(result)
+    write_document(Path(into) / REPORT, page_html(identification_page(result, charts)))
     return Answer(
         result.model,
         result.verdict,
@@ -137,7 +141,7 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
         result.warnings,
         result.choices.terms,
         result.choices.hold,
-        tuple(chart_document(chart) for chart in identification_charts(result)),
+        tuple(map(chart_document, charts)),
         log.recordings[0].sample_time,
     )
 
