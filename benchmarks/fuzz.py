@@ -8,7 +8,8 @@ whatever else it raises, an input that takes longer than a limit, and memory tha
 is a fault: the file is kept, and the exit status is 1.
 
 With --guided, atheris makes the files, from those that reached a branch which none had reached
-before. With --write, the table is written into `docs/reliability.md`.
+before. With --write, a reader's row in the table of `docs/reliability.md` is written anew as soon
+as it is done; the other rows stay.
 """
 
 from __future__ import annotations
@@ -26,12 +27,11 @@ import warnings
 import zlib
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from datetime import date
+from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.fuzz_targets import ROOT, Target, Targets, made_estimate
-from benchmarks.page_block import write_block
+from benchmarks.fuzz_table import GUIDED, MUTATED, Tally
+from benchmarks.fuzz_targets import Target, Targets, made_estimate
 from flexid.errors import FlexidError
 
 LONGEST = 5.0  # s of processor that one file may take
@@ -60,33 +60,6 @@ _ANY = (
 )
 
 Mutation = Callable[[random.Random, bytes, "Target"], bytes]
-
-
-@dataclass
-class Tally:
-    """What became of the files of one target."""
-
-    read: int = 0
-    refused: int = 0
-    longest: float = 0.0
-    seconds: float = 0.0
-    growth: float = 0.0
-    faults: list[str] = field(default_factory=list)
-    branches: int = 0
-
-    @property
-    def files(self) -> int:
-        """How many there were."""
-        return self.read + self.refused + len(self.faults)
-
-    def add(self, other: Tally) -> None:
-        """Join what another process tallied."""
-        self.read += other.read
-        self.refused += other.refused
-        self.longest = max(self.longest, other.longest)
-        self.seconds += other.seconds
-        self.growth = max(self.growth, other.growth)
-        self.faults += other.faults
 
 
 def mutated(draw: random.Random, target: Target) -> bytes:
@@ -278,6 +251,7 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
         f"-max_total_time={seconds:.0f} -seed={seed} -timeout={HANG:.0f} -rss_limit_mb=2500 "
         f"-max_len={LARGEST} -len_control=20 -print_final_stats=1 -artifact_prefix={folder}/"
     )
+    begun = time.perf_counter()
     done = subprocess.run(
         [*command, str(folder), name, *options.split()],
         capture_output=True, text=True, errors="replace", check=False,
@@ -286,7 +260,7 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
     (folder / "log.txt").write_text(done.stderr)
     runs = re.findall(r"#(\d+)\s.*cov: (\d+)", done.stderr)
     counts = json.loads((folder / "tally.json").read_text())
-    tally = Tally(read=counts["read"], seconds=seconds)
+    tally = Tally(read=counts["read"], seconds=time.perf_counter() - begun)
     if not runs:
         tally.faults.append(f"atheris did not run, see {folder / 'log.txt'}")
         return tally
@@ -323,58 +297,21 @@ def main() -> None:
     unknown = set(arguments.targets) - set(known)
     if unknown:
         parser.error(f"{', '.join(sorted(unknown))}: known are {', '.join(known)}")
-    if arguments.write and arguments.targets:
-        parser.error("--write is for all targets")
     arguments.keep.mkdir(parents=True, exist_ok=True)
     (arguments.keep / "estimate.json").write_bytes(estimate)
-    one, columns, row = _GUIDED if arguments.guided else _MUTATED
-    rows = [columns, "|---" * (columns.count("|") - 1) + "|"]
-    print("\n".join(rows))
+    one, table = (_guided, GUIDED) if arguments.guided else (_in_processes, MUTATED)
+    print("\n".join(table.head))
     faults = 0
     for name in arguments.targets or known:
         tally = one(name, arguments.seconds, arguments.seed, arguments.keep)
         faults += len(tally.faults)
-        rows.append(row(name, tally))
-        print(rows[-1], flush=True)
+        row = table.row(name, tally)
+        print(row, flush=True)
         for fault, count in Counter(tally.faults).items():
             print(f"  {count} times: {fault}", file=sys.stderr)
-    if arguments.write:
-        _write("guided" if arguments.guided else "mutated", arguments.seconds, rows)
+        if arguments.write:
+            table.write(row, known)
     return sys.exit(1 if faults else 0)
-
-
-def _mutated_row(name: str, tally: Tally) -> str:
-    return (
-        f"| {name} | {tally.files} | {tally.read} | {tally.refused} | {len(tally.faults)} | "
-        f"{tally.longest:.2g} | +{tally.growth:.0f} MB |"
-    )
-
-
-def _guided_row(name: str, tally: Tally) -> str:
-    return (
-        f"| {name} | {tally.files} | {tally.read} | {tally.refused} | {len(tally.faults)} | "
-        f"{tally.branches} | {tally.growth:.0f} MB |"
-    )
-
-
-_MUTATED = (
-    _in_processes,
-    "| reader | files | read | refused | faults | longest, s of processor | memory |",
-    _mutated_row,
-)
-_GUIDED = (
-    _guided,
-    "| reader | files | read | refused | faults | branches reached | largest process |",
-    _guided_row,
-)
-
-
-def _write(name: str, seconds: float, rows: list[str]) -> None:
-    """Write the table into the page, with the command and the day."""
-    page = ROOT / "docs" / "reliability.md"
-    command = f"python -m benchmarks.fuzz {'--guided ' * (name == 'guided')}--seconds {seconds:g}"
-    head = f"`{command} --write` on {date.today():%d %B %Y}, {seconds:g} s for each reader:\n\n"
-    write_block(page, f"fuzz-{name}", head + "\n".join(rows) + "\n")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 import atheris
+import scipy.optimize  # noqa: F401 - before what is counted: of SciPy, only scipy.io reads files
 
 _READERS = ["flexid", "asammdf", "mcap", "rosbags", "tomllib", "scipy.io"]
 
