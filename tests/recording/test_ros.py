@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -233,6 +234,31 @@ def test_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         note = STORE1.types["std_msgs/msg/String"](data=" " * 5_000_000)
         writer.write(notes, STAMPS[0], STORE1.serialize_ros1(note, "std_msgs/msg/String"))
     assert "unpacked it is larger than" in refusal(tmp_path / "log.bag")
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_a_small_chunk_takes_little_memory(tmp_path: Path, compression: CompressionType):
+    """Assert that no chunk reserves what the largest may unpack to."""
+    path = json_mcap(tmp_path / "log.mcap", compression, [("/drive", STAMPS[0], {"zero": 0.0})])
+    tracemalloc.start()
+    ((_, _, raw),) = ros_messages.raw_messages("log", [path])
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert json.loads(raw) == {"zero": 0.0}
+    assert peak < 100_000_000
+
+
+@pytest.mark.parametrize(("way", "place", "size"), [("MCAP", 9, 8), ("ROS 1", 13, 4)])
+def test_a_damaged_length_takes_little_memory(tmp_path: Path, way: str, place: int, size: int):
+    """Assert that a first record of 900 MB, by what the file says, is refused without them."""
+    path = WAYS[way](tmp_path)
+    raw = path.read_bytes()
+    path.write_bytes(raw[:place] + (900_000_000).to_bytes(size, "little") + raw[place + size :])
+    tracemalloc.start()
+    assert "no bag or MCAP file" in refusal(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100_000_000
 
 
 def test_folders(tmp_path: Path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import warnings
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 DEEPEST = 16  # levels of structs, messages or groups that are looked into
+_PLENTY = 1_000_000  # bytes
 
 
 def digest_of(path: Path, largest: int = LARGEST_HELD) -> str:
@@ -43,6 +46,27 @@ def digest_of(path: Path, largest: int = LARGEST_HELD) -> str:
         return sha256(path)
     except OSError as error:
         raise refuse(f"the file cannot be read ({error.strerror}): copy it again") from None
+
+
+class OutsideFile(io.BufferedReader):
+    """A file for a library that reads it, which reserves no more than there is.
+
+    A damaged file states any length, and for what is asked of a file memory is reserved first.
+
+    Parameters
+    ----------
+    path : Path
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(io.FileIO(path))
+        self._size = os.fstat(self.fileno()).st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """At most so many bytes; all that are left without a size."""
+        if size is not None and size > _PLENTY:
+            size = min(size, max(0, self._size - self.tell()))
+        return super().read(size)
 
 
 def need(file: str, package: str, extra: str) -> None:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import bz2
+import io
 import json
 import re
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.recording.limits import LARGEST_HELD
+from flexid.recording.outside import OutsideFile
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rosbags.typesys.store import Typestore
 
     Decode: TypeAlias = Callable[[bytes], Any]
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 WHAT = "bag or MCAP file"
 SUFFIXES = (".mcap", ".db3")
 _LARGEST_CHUNK = 1_000_000_000  # bytes, unpacked
+_FIRST_PIECE = 1 << 20  # bytes
 _LONGEST_DEFINITION = 200_000  # characters
 _TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}")
 _BZ2, _LZ4 = b"BZh", b"\x04\x22\x4d\x18"
@@ -48,6 +50,15 @@ class Topic(NamedTuple):
     encoding: str
     definition: str
     language: str
+
+
+class _Unpacker(Protocol):
+    """What bz2 and lz4 have in common."""
+
+    @property
+    def eof(self) -> bool | None: ...
+
+    def decompress(self, data: bytes, max_length: int) -> bytes: ...
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -153,7 +164,7 @@ def _of_mcap(file: str, path: Path, topics: set[str] | None) -> Iterator[tuple[T
 
     schemas: dict[int, Schema] = {}
     channels: dict[int, Topic] = {}
-    with path.open("rb") as opened:
+    with OutsideFile(path) as opened:
         reader = StreamReader(opened, emit_chunks=True, record_size_limit=_LARGEST_CHUNK)
         for outer in reader.records:
             records = [outer]
@@ -180,23 +191,42 @@ def _of_mcap(file: str, path: Path, topics: set[str] | None) -> Iterator[tuple[T
 
 
 def _unpacked(file: str, data: bytes, compression: str) -> bytes:
-    """A chunk's records, of which no more than a limit are unpacked."""
+    """A chunk's records, of which no more than a limit are unpacked.
+
+    Libraries reserve what they may unpack to before they do, so little is asked for at first.
+    """
+    read = _reader(data, compression)
+    pieces, size = [], 0
+    while piece := read(max(size, _FIRST_PIECE)):
+        pieces.append(piece)
+        size += len(piece)
+        if size > _LARGEST_CHUNK:
+            raise _too_large(file)
+    return b"".join(pieces)
+
+
+def _reader(data: bytes, compression: str) -> Callable[[int], bytes]:
+    """A function that unpacks on, to so many bytes at most; to none at the end."""
     if compression == "zstd":
         import zstandard
 
-        with zstandard.ZstdDecompressor().stream_reader(data) as stream:
-            plain = stream.read(_LARGEST_CHUNK + 1)
-    elif compression == "lz4":
+        return zstandard.ZstdDecompressor().stream_reader(data).read
+    if compression == "lz4":
         import lz4.frame
 
-        plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=_LARGEST_CHUNK + 1)
-    elif compression == "bz2":
-        plain = bz2.BZ2Decompressor().decompress(data, max_length=_LARGEST_CHUNK + 1)
-    else:
-        plain = data
-    if len(plain) > _LARGEST_CHUNK:
-        raise _too_large(file)
-    return plain
+        return _read_on(lz4.frame.LZ4FrameDecompressor(), data)
+    if compression == "bz2":
+        return _read_on(bz2.BZ2Decompressor(), data)
+    return io.BytesIO(data).read
+
+
+def _read_on(unpacker: _Unpacker, data: bytes) -> Callable[[int], bytes]:
+    left = [data]
+
+    def read(most: int) -> bytes:
+        return b"" if unpacker.eof else unpacker.decompress(left.pop() if left else b"", most)
+
+    return read
 
 
 def _too_large(file: str) -> RecordingError:
@@ -217,12 +247,20 @@ def _of_rosbag1(
         kind = "bz2" if data.startswith(_BZ2) else "lz4" if data.startswith(_LZ4) else ""
         return _unpacked(file, data, kind)
 
-    with Reader(path) as reader:
+    with Reader(_Bag(path)) as reader:
         # Its own would unpack whatever there is.
         reader.chunks = {
             place: chunk._replace(decompressor=unpack) for place, chunk in reader.chunks.items()
         }
         yield from _of_reader(reader, "ros1", "ros1msg", topics)
+
+
+class _Bag(type(Path())):
+    """The path of a bag, from which rosbags reserves no more than there is."""
+
+    def open(self, *_: Any, **__: Any) -> Any:
+        """Open it for reading."""
+        return OutsideFile(self)
 
 
 def _of_sqlite(path: Path, topics: set[str] | None) -> Iterator[tuple[Topic, int, bytes]]:
