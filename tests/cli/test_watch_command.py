@@ -6,11 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from flexid.cli import watch as watch_command
 from flexid.errors import SettingError
-from flexid.streaming import checkpoint
+from flexid.streaming import checkpoint, incoming
 from flexid.streaming.session import Session
 
 LOG = Path("examples/flexible_joint.csv")
@@ -100,6 +101,25 @@ def test_a_checkpoint_that_cannot_be_written_costs_no_report(
     assert "Samples: 3000 of 3000 learnt from" in outcome.stdout
     assert "warning: checkpoint" in outcome.stderr
     assert "flexid: checkpoint" in outcome.stderr
+
+
+def test_a_log_that_is_damaged_in_the_middle(
+    tmp_path: Path, flexid, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that what was learnt before is reported and saved, and then the place is said."""
+    log, state = tmp_path / "log.parquet", tmp_path / "state.json"
+    pl.read_csv(LOG).write_parquet(log, row_group_size=1000)
+    raw = bytearray(log.read_bytes())
+    place = 2 * len(raw) // 3
+    raw[place : place + 5000] = b"\xff" * 5000  # more than a page
+    log.write_bytes(raw)
+    monkeypatch.setattr(incoming, "BLOCK", 1000)
+    outcome = flexid("watch", log, "--stop-at-end", "--json", "--checkpoint", state, *PAPER)
+    assert outcome.status == 2
+    assert "the file cannot be read on from there" in outcome.stderr
+    taken = json.loads(outcome.stdout.splitlines()[-1])["samples"]["taken"]
+    assert 1000 <= taken < 30000
+    assert json.loads(state.read_text())["content"]["fed"] == taken
 
 
 def test_ctrl_c_leaves_a_checkpoint_and_a_report(tmp_path: Path):

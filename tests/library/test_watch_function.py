@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import flexid
-from flexid.errors import ArgumentError, SettingError
+from flexid.errors import ArgumentError, RecordingError, SettingError
+from flexid.streaming import sources
 
 LOG = Path("examples/flexible_joint.csv")
 PAPER = {"terms": ("gravity", "motor_viscous"), "hold": "linear"}
@@ -53,6 +54,26 @@ def test_followed(samples):
     fed.feed(time=samples.time, **channels(samples))
     found, right = watch.parameters, fed.parameters
     assert found["motor_inertia"].value == pytest.approx(right["motor_inertia"].value, rel=1e-9)
+
+
+def test_a_source_that_cannot_be_read_on(tmp_path, monkeypatch):
+    """Assert that a turn with all that came before precedes the error."""
+    log = tmp_path / "log.csv"
+    log.write_text("".join(LOG.read_text().splitlines(keepends=True)[:3001]))
+    reads = []
+    read = sources.GrowingFile.read
+
+    def fails(source):
+        reads.append(1)
+        if len(reads) == 2:
+            raise OSError(5, "Input/output error")
+        return read(source)
+
+    monkeypatch.setattr(sources.GrowingFile, "read", fails)
+    watch = iter(flexid.watch(log, every=10.0, **PAPER))
+    assert next(watch).counts.taken == 3000
+    with pytest.raises(RecordingError, match=r"cannot be read on \(Input/output error\)"):
+        next(watch)
 
 
 def test_checkpoint(samples, tmp_path):

@@ -116,6 +116,24 @@ def test_its_own_pace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: in
     assert clock[0] - 100.0 == pytest.approx(1.1, abs=0.11)
 
 
+def test_a_stamp_in_the_future_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that a sample from the next century delays none by more than a second, and is said."""
+    clock = [100.0]
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "sleep", sleep)
+    samples = stream(3.0)
+    samples[100, TIME] += 3e9
+    replay = Replay(written(tmp_path / "log.parquet", samples), None, at_once=False)
+    while replay.read(last=False) is not None:
+        assert clock[0] < 110.0
+    assert clock[0] - 100.0 == pytest.approx(3.0, abs=0.2)
+    assert "time stamps jump ahead by more than 1 s" in replay.warnings[-1]
+
+
 def test_another_clock_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that samples of a clock that was set back come at once, in whatever block they are."""
     clock = [100.0]

@@ -8,6 +8,7 @@ import pytest
 from moving_joint import H, same, stream, watched
 
 from flexid.errors import RecordingError
+from flexid.streaming import sources
 from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.choices import Choices
 from flexid.streaming.follower import Follower
@@ -53,6 +54,12 @@ def session_of(follower: Follower) -> Session:
     """What a follower learnt."""
     assert follower.session is not None
     return follower.session
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave a file that was replaced at once."""
+    monkeypatch.setattr(sources, "LINGER", 0.0)
 
 
 @pytest.fixture

@@ -18,6 +18,12 @@ from flexid.streaming.sources import Datagrams, Source, open_source
 LINES = [b"time,a\n", b"0.1,2\n", b"0.2,3\n"]
 
 
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave a file that was replaced at once."""
+    monkeypatch.setattr(sources, "LINGER", 0.0)
+
+
 def collected(source: Source, wanted: int) -> bytes:
     """What a source gives until it has given so much, or has been silent for long."""
     found, silent = b"", 0
@@ -57,6 +63,7 @@ def test_a_file_that_is_cut_and_has_grown_again(tmp_path: Path):
     source.close()
 
 
+@pytest.mark.usefixtures("at_once")
 def test_a_file_that_is_replaced(tmp_path: Path):
     """Assert that a log that is renamed is read to its end, and then the one that took its name."""
     path = tmp_path / "log.csv"
@@ -76,6 +83,7 @@ def test_a_file_that_is_replaced(tmp_path: Path):
     source.close()
 
 
+@pytest.mark.usefixtures("at_once")
 def test_a_recorder_that_goes_on_in_the_file_that_was_renamed(tmp_path: Path):
     """Assert that an empty file in its place, or one with a beginning, takes nothing from it."""
     path = tmp_path / "log.csv"
@@ -93,6 +101,7 @@ def test_a_recorder_that_goes_on_in_the_file_that_was_renamed(tmp_path: Path):
     source.close()
 
 
+@pytest.mark.usefixtures("at_once")
 def test_what_came_between_two_looks_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that the file of before is read once more when the new one has something."""
     path = tmp_path / "log.csv"
@@ -112,6 +121,35 @@ def test_what_came_between_two_looks_is_read(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(os.path, "samestat", late)
     assert (source.read(), source.begins) == (LINES[1], False)
     assert (source.read(), source.begins) == (LINES[2], True)
+    source.close()
+
+
+def test_a_recorder_that_is_slow_to_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that what comes into a renamed file after the new one has begun is read first.
+
+    The new one is renamed too meanwhile, and is not lost.
+    """
+    clock = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    path = tmp_path / "log.csv"
+    path.write_bytes(LINES[0])
+    source = open_source(str(path))
+    assert source.read() == LINES[0]
+    path.rename(tmp_path / "log.1")
+    path.write_bytes(b"time,a\n0.3,4\n")
+    for line in LINES[1:]:
+        assert source.read() == b""
+        clock[0] += 0.9 * sources.LINGER
+        with (tmp_path / "log.1").open("ab") as file:
+            file.write(line)
+        assert (source.read(), source.begins) == (line, False)
+    path.rename(tmp_path / "log.2")
+    path.write_bytes(b"time,a\n0.4,5\n")
+    clock[0] += 1.1 * sources.LINGER
+    assert (source.read(), source.begins) == (b"time,a\n0.3,4\n", True)
+    assert source.read() == b""
+    clock[0] += 1.1 * sources.LINGER
+    assert (source.read(), source.begins) == (b"time,a\n0.4,5\n", True)
     source.close()
 
 

@@ -140,7 +140,8 @@ def watch(
     --json each report is one line.
 
     Exit status: 0 where the estimates had converged in the end, 1 where they had not, 2 for bad
-    input, 3 for Ctrl-C; the last report and the checkpoint are there all the same.
+    input, be it in the middle, 3 for Ctrl-C; the last report and the checkpoint are there all the
+    same.
     """
     from rich.console import Console
 
@@ -173,11 +174,16 @@ def watch(
         duration=duration,
     )
     with _interruptions() as asked:
-        session = _follow(
-            follower, checked_every(every), checkpoint, asked, errors, as_json=as_json
-        )
+        failure = None
+        try:
+            _follow(follower, checked_every(every), checkpoint, asked, errors, as_json=as_json)
+        except Exception as error:  # whatever it is, it must not cost what was learnt before
+            failure = error
+        session = follower.session
         if session is not None:
             _end(session, checkpoint, as_json=as_json)
+        if failure is not None:
+            raise failure
     if asked:
         signal.raise_signal(asked[0])  # as if it came now, when all is saved
     from flexid.streaming.health import Health
@@ -213,7 +219,7 @@ def _follow(
     errors: "Console",
     *,
     as_json: bool,
-) -> "Session | None":
+) -> None:
     """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
     from rich.live import Live
 
@@ -239,7 +245,6 @@ def _follow(
                 saved = now
             if asked:
                 break
-    return follower.session
 
 
 @contextmanager

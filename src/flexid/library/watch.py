@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flexid.errors import ArgumentError
+from flexid.errors import ArgumentError, RecordingError
 from flexid.library.answer import Answer
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
@@ -180,14 +180,22 @@ class Watch(Answer):
         ------
         ArgumentError
             If there is no source.
+        RecordingError
+            If it cannot be read, or not be read on; then after a turn with what came before.
         """
         if self._follower is None:
             raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
-        for due in self._follower.turns(self._every):
-            if due:
-                yield self
+        error = None
+        try:
+            for due in self._follower.turns(self._every):
+                if due:
+                    yield self
+        except RecordingError as found:
+            error = found
         if self._follower.session is not None:
             yield self
+        if error is not None:
+            raise error
 
     @property
     def health(self) -> Judgement:

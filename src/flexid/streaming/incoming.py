@@ -17,6 +17,7 @@ from flexid.recording.columns import channel_columns, read_channels
 from flexid.recording.formats import SERIES, table_of_file
 from flexid.recording.table import PARQUET_SUFFIXES, Table
 from flexid.streaming.channels import StreamChannels, chosen_channels
+from flexid.streaming.pace import LONGEST_WAIT, Pace
 from flexid.streaming.sources import TURN, Source
 from flexid.streaming.text_stream import (
     LINES_FOR_LAYOUT,
@@ -110,7 +111,12 @@ class TextSamples:
         """Samples of the lines that came."""
         if self._ended:
             return None
-        data = self._source.read()
+        try:
+            data = self._source.read()
+        except OSError as error:
+            raise RecordingError(
+                self.name, "", f"it cannot be read on ({error.strerror}): check what it stands on"
+            ) from error
         if self.begins:
             self._begin_anew()
         self._ended = data is None or last
@@ -203,8 +209,8 @@ class Replay:
         self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
         chosen, self.channels = chosen_channels(self.name, channels, self.warnings, model)
         self._samples: FloatArray = np.column_stack([channel.values for channel in chosen])
-        self._due = np.maximum.accumulate(self._samples[:, 0])
-        self._first = float(self._due[0])
+        self._pace = Pace()
+        self._due = self._paced()
         self._begun = time.monotonic()
         self._taken = 0
 
@@ -214,10 +220,10 @@ class Replay:
             return None
         stop = len(self._samples)
         if not self._at_once:
-            now = self._first + time.monotonic() - self._begun
+            now = time.monotonic() - self._begun
             if self._due[self._taken] > now:
                 time.sleep(TURN)
-                now = self._first + time.monotonic() - self._begun
+                now = time.monotonic() - self._begun
             stop = int(np.searchsorted(self._due, now, side="right"))
         found = self._samples[self._taken : stop]
         self._taken = max(self._taken, stop)
@@ -230,11 +236,20 @@ class Replay:
         channels, _ = read_channels(table, self._map)
         chosen, _ = chosen_channels(self.name, channels, (), self._model)
         self._samples = np.column_stack([channel.values for channel in chosen])
-        # The latest time so far: a sample that is late, or another clock, holds nobody up.
-        times = np.concatenate((self._due[-1:], self._samples[:, 0]))
-        self._due = np.maximum.accumulate(times)[1:]
+        self._due = self._paced()
         self._taken = 0
         return True
+
+    def _paced(self) -> FloatArray:
+        """When the samples of this block are due."""
+        due = self._pace.due(self._samples[:, 0])
+        if self._pace.jumps and not self._at_once:
+            sentence = (
+                f"{self.name}: its time stamps jump ahead by more than {LONGEST_WAIT:g} s, and no "
+                f"longer than that is waited for: samples.gaps counts such places"
+            )
+            self.warnings = tuple(dict.fromkeys((*self.warnings, sentence)))
+        return due
 
     def close(self) -> None:
         """Read no more."""

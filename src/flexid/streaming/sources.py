@@ -15,7 +15,7 @@ import time
 from collections import deque
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from flexid.errors import RecordingError, SettingError
@@ -26,6 +26,9 @@ TURN = 0.1
 
 MOST = 1 << 20
 """Bytes that are handed over at once."""
+
+LINGER = 1.0
+"""Seconds for which a file that was replaced must have got nothing more before it is left."""
 
 _BUFFER = 4 << 20  # bytes that the system keeps of datagrams, if it lets us have so many
 _MOST_WAITING = 1 << 26  # bytes of datagrams; beyond it the oldest are lost: their clock shows it
@@ -113,6 +116,8 @@ class GrowingFile:
         self._path = path
         self._stop_at_end = stop_at_end
         self._last = b""  # of what was read
+        self._next: BinaryIO | None = None  # what took its place
+        self._quiet = 0.0  # since when nothing has come of what was replaced
         try:
             self._file = path.open("rb", buffering=0)
         except OSError as error:
@@ -128,6 +133,7 @@ class GrowingFile:
             found = self._read_next()
         if found:
             self._last = (self._last + found)[-_COMPARED:]
+            self._quiet = time.monotonic()
             return found
         if self._stop_at_end:
             return None
@@ -153,29 +159,37 @@ class GrowingFile:
         """What another file holds that stands there now, once our own has been read to its end.
 
         A recorder writes into its file for a while after that was renamed, and logrotate makes an
-        empty one in its place at once: only when that has something, ours gets no more.
+        empty one in its place at once: only when that has something, and ours has got nothing for
+        a while, ours gets no more.
         """
-        try:
-            there, ours = self._path.stat(), os.fstat(self._file.fileno())
-            if os.path.samestat(there, ours) or not stat.S_ISREG(there.st_mode):
-                return b""
-            if not there.st_size:
-                return b""
-            new = self._path.open("rb", buffering=0)
-        except OSError:  # it is not there yet
+        if self._next is None:
+            self._next = self._replacement()
+            self._quiet = time.monotonic()
+        if self._next is None or time.monotonic() - self._quiet < LINGER:
             return b""
         last = self._read_on()
         if last:
-            new.close()
             return last
         self._file.close()
-        self._file = new
+        self._file, self._next = self._next, None
         self._begin()
         return self._read_on()
+
+    def _replacement(self) -> BinaryIO | None:
+        """Another file that stands there now and is not empty."""
+        try:
+            there, ours = self._path.stat(), os.fstat(self._file.fileno())
+            if os.path.samestat(there, ours) or not stat.S_ISREG(there.st_mode):
+                return None
+            return self._path.open("rb", buffering=0) if there.st_size else None
+        except OSError:  # it is not there yet
+            return None
 
     def close(self) -> None:
         """Close it."""
         self._file.close()
+        if self._next is not None:
+            self._next.close()
 
 
 class StandardInput:
