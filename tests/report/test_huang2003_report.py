@@ -54,6 +54,15 @@ def test_figure_2_draws_the_run(reproduction, reading):
     assert line.y[-1] == run.parameter_errors["theta1"]
 
 
+def test_peaks_of_an_error_stand_amid_their_samples(reproduction):
+    """Assert that each tenth of a second shows its largest value at the mean of its times."""
+    run = reproduction.runs["1,2,3"].run
+    line = error_chart(reproduction.runs, "theta1", 2).panels[1].marks[0]
+    assert isinstance(line, Line)
+    assert line.x[:2] == pytest.approx([0.0495, 0.1495], abs=1e-9)
+    assert line.y[1] == np.abs(run.parameter_errors[100:200, 0]).max()
+
+
 def test_theorem_chart_has_value_and_rates(reproduction):
     """Assert that V is drawn for both readings and three rates for both rows."""
     chart = theorem_chart(reproduction.runs, reproduction.rates)

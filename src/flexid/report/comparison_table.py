@@ -5,7 +5,8 @@ from math import isfinite
 
 from rich.text import Text
 
-from flexid.identification.comparison import Comparison, Difference, Outcome
+from flexid.identification.comparison import Comparison
+from flexid.identification.number_difference import Difference, Outcome
 from flexid.identification.result import ValueEstimate
 from flexid.report.comparison_summary import comparison_summary, largest
 from flexid.report.digits import value_cells

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from flexid.arrays import FloatArray
+from flexid.report.charts.decimate import peaks
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.charts.limits import whole_decades, with_margin
 from flexid.report.play_chart import SYMBOLS
@@ -21,6 +21,7 @@ NOISE = 1e-3 * TOLERANCE
 COLOURS: Mapping[str, Colour] = {"1,2,3": "blue", "1,1,3": "orange"}
 
 _LAST = 0.5  # s
+_PEAKS = 0.1  # s, of which each shows the largest parameter error
 _UNITS = {"theta1": "1/s²", "theta2": "1/s²", "alpha1": "1/s²", "alpha2": "1/s"}
 _MARGIN = 0.08  # of what a parameter error does after its first 50 ms, above and below it
 
@@ -69,9 +70,10 @@ def error_chart(runs: Mapping[str, SteadyRun], coefficient: str, number: int) ->
         error = run.run.parameter_errors[:, column]
         label, colour = f"gains ({name})", COLOURS[name]
         whole.append(Line(label, run.run.time, error, colour, 1.0))
-        places, peaks = _envelope(run.run.time, np.abs(error))
-        magnitude.append(Line(label, places, peaks, colour))
-        sizes.append(peaks)
+        width = round(_PEAKS / (run.run.time[1] - run.run.time[0]))
+        places, largest = peaks(run.run.time, np.abs(error), width)
+        magnitude.append(Line(label, places, largest, colour))
+        sizes.append(largest)
     lowest, highest = whole_decades(np.concatenate(sizes))
     if lowest < NOISE:
         lowest = 0.1 * NOISE
@@ -80,7 +82,7 @@ def error_chart(runs: Mapping[str, SteadyRun], coefficient: str, number: int) ->
         f"{_number(run.parameter_errors[coefficient])} with ({name})" for name, run in runs.items()
     )
     limits, cut_off = _late_values(runs, column)
-    peak = Axis("0.1 s peaks", unit, logarithmic=True, limits=(lowest, highest))
+    peak = Axis(f"{_PEAKS} s peaks", unit, logarithmic=True, limits=(lowest, highest))
     error_axis = Axis(f"error of {symbol}", unit, limits=limits)
     panels = (
         Panel(f"error of {symbol} at 30 s: {at_end}{cut_off}", time, error_axis, tuple(whole)),
@@ -98,16 +100,6 @@ def _names(runs: Mapping[str, SteadyRun]) -> str:
 def _number(value: float) -> str:
     """Three digits; what the integrator's error hides is called so."""
     return f"{value:.3g}".replace("-", "−") if abs(value) > 10 * NOISE else "|·| < 1e−10"
-
-
-def _envelope(
-    time: FloatArray, values: FloatArray, window: float = 0.1
-) -> tuple[FloatArray, FloatArray]:
-    """Largest value in each window, at the window's middle."""
-    length = round(window / (time[1] - time[0]))
-    count = len(time) // length
-    blocks = values[: count * length].reshape(count, length)
-    return (np.arange(count) + 0.5) * window, blocks.max(axis=1)
 
 
 def _late_values(runs: Mapping[str, SteadyRun], column: int) -> tuple[tuple[float, float], str]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
 from flexid.arrays import FloatArray
+from flexid.report.charts.decimate import peaks
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel
 
 _COLOURS: tuple[Colour, ...] = ("blue", "orange", "green", "red", "ink", "grey")
@@ -73,7 +74,7 @@ def play_chart(run: Played | None, pinned: Played | None) -> Chart:
     ]
     for played, named in ((pinned, False), (run, True)):
         if played is not None:
-            x, y = _largest(played.time, played.tracking)
+            x, y = _peaks(played.time, played.tracking)
             tracking.append(_line("tracking error", x, y, "ink", named=named))
             errors.extend(_curves(played.time, played.errors, named=named))
             lyapunov.extend(_curves(played.time, {"V": played.lyapunov}, named=named))
@@ -105,19 +106,15 @@ def play_chart(run: Played | None, pinned: Played | None) -> Chart:
     )
 
 
-def _largest(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The largest value of each short stretch, for what passes zero all the time."""
-    width = max(1, len(time) // _STRETCHES)
-    shape = len(time) // width, width
-    kept = shape[0] * width
-    return time[:kept].reshape(shape).mean(axis=1), values[:kept].reshape(shape).max(axis=1)
+def _peaks(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return peaks(time, values, max(1, len(time) // _STRETCHES))
 
 
 def _curves(time: FloatArray, curves: Mapping[str, FloatArray], *, named: bool) -> Iterator[Line]:
     for (name, values), colour in zip(curves.items(), _COLOURS, strict=False):
         if np.isnan(values).all():
             continue
-        x, y = _largest(time, values)
+        x, y = _peaks(time, values)
         yield _line(SYMBOLS.get(name, name), x, y, colour, named=named)
 
 

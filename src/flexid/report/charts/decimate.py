@@ -33,6 +33,32 @@ def thinned(marks: Iterable[Mark], most: int) -> tuple[Mark, ...]:
     return tuple(found.get(id(mark), mark) for mark in marks)
 
 
+def peaks(time: FloatArray, values: FloatArray, width: int) -> tuple[FloatArray, FloatArray]:
+    """The largest value of each so many samples, for what passes zero all the time.
+
+    Parameters
+    ----------
+    time, values : (n,) ndarray
+        A size over time.
+    width : int
+        Samples of a stretch; those of a last one that is not whole are left out.
+
+    Returns
+    -------
+    places, largest : (n // width,) ndarray
+        The middle of each stretch's samples, and its largest value.
+
+    Examples
+    --------
+    >>> places, largest = peaks(np.arange(7.0), np.array([0.0, 3.0, 1.0, 2.0, 5.0, 4.0, 9.0]), 3)
+    >>> places.tolist(), largest.tolist()
+    ([1.0, 4.0], [3.0, 5.0])
+    """
+    shape = len(time) // width, width
+    kept = shape[0] * width
+    return time[:kept].reshape(shape).mean(axis=1), values[:kept].reshape(shape).max(axis=1)
+
+
 def _curves(mark: Line | Band | Points) -> Iterator[FloatArray]:
     if isinstance(mark, Band):
         yield from (mark.low, mark.high)
