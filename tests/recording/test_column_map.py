@@ -90,6 +90,28 @@ def test_canonical_columns_need_no_entry(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.input, columns["drive"])
 
 
+@pytest.mark.parametrize("unread", ["link_position", "motor_torque"])
+def test_a_channel_that_is_not_to_be_read(tmp_path: Path, unread: str) -> None:
+    """Assert that false leaves a column of the channel's name alone, without a question."""
+    path = write_csv(tmp_path, joint_columns())
+    log = read_log(path, {unread: False})
+    assert unread not in log.columns
+    assert not any("so only the" in warning for warning in log.warnings)
+    with pytest.raises(RecordingError, match="no motor_position"):
+        read_log(path, {"motor_position": False})
+
+
+def test_a_name_that_the_map_takes_may_stand_twice(tmp_path: Path) -> None:
+    """Assert that two columns of a channel's name are no question where the map answers it."""
+    columns = joint_columns()
+    path = write_csv(tmp_path, {**columns, "MotorTorque": 2 * columns["motor_torque"]})
+    with pytest.raises(RecordingError, match="are both motor_torque"):
+        read_log(path)
+    log = read_log(path, {"motor_torque": "MotorTorque"})
+    assert log.columns["motor_torque"].columns == {"MotorTorque": 1.0}
+    assert "motor_torque" not in read_log(path, {"motor_torque": False}).columns
+
+
 def geared_log(folder: Path, ratio: float) -> Path:
     """Write a log whose motor's columns are at the motor's side of a gear."""
     columns = joint_columns()

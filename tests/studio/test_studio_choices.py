@@ -7,6 +7,7 @@ from urllib.parse import parse_qsl
 import pytest
 
 from flexid.errors import SettingError
+from flexid.recording.channel import SI_UNITS
 from flexid.studio.choices import Choices, Source, read_choices
 
 
@@ -31,14 +32,22 @@ def test_no_term_is_a_choice():
 
 
 def test_choices_as_a_column_map():
-    """Assert that the map holds what differs from the file."""
+    """Assert that the map holds what differs from the file, and keeps out what was not chosen."""
     choices = read_choices({"column.time": "t", "column.motor_position": "q", "gear_ratio": "101"})
     assert choices.column_map == {
+        **dict.fromkeys(SI_UNITS, False),
         "time": {"column": "t"},
         "motor_position": {"column": "q"},
         "gear_ratio": 101.0,
     }
     assert Choices().column_map is None
+
+
+def test_terms_have_one_order():
+    """Assert that an address that names them otherwise asks for the same."""
+    assert read_choices({"terms": "motor_viscous,gravity"}) == read_choices(
+        {"terms": "gravity,motor_viscous,gravity"}
+    )
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,9 @@ def test_another_model_changes_table_and_figures(page: Page, address: str):
     page.wait_for_selector("#found")
     assert "Motor inertia" not in page.inner_text("#found")
     before = page.locator("#result-charts canvas").count()
+    assert page.inner_text("#result-state") == ""
     page.select_option("[name=model]", "auto")
+    page.wait_for_selector("#result-state:has-text('has been chosen since')")
     page.click("#run-form button")
     page.wait_for_selector("#found >> text=Motor inertia")
     page.locator("#result-charts canvas").nth(before).wait_for()

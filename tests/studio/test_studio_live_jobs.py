@@ -12,12 +12,14 @@ import pytest
 from flexid.errors import RecordingError, SettingError
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.studio import live_drive, live_jobs
+from flexid.studio.choices import Choices
 from flexid.studio.live_choices import DRIVE, FOLLOW, REPLAY, LiveChoices, read_live
 from flexid.studio.live_drive import LOAD, OPTIONS, PIECE, SimulatedDrive
 from flexid.studio.live_jobs import begin, forget, go_on
 from flexid.studio.workers import JobError
 
 ALL = (DRIVE, REPLAY, FOLLOW)
+CHOSEN = Choices()
 
 
 @pytest.fixture(autouse=True)
@@ -73,7 +75,7 @@ def test_an_unplugged_encoder_stands_still_and_comes_back():
 
 def test_the_estimates_follow_the_drive():
     """Assert that they converge to the true values, and after a load to the new ones."""
-    begin(print, "a", DRIVE, "")
+    begin(print, "a", DRIVE, "", CHOSEN)
     plain, loaded = LiveChoices(pace=4), LiveChoices(pace=4, loaded=True)
     seen("a", plain)
     seen("a", plain)
@@ -97,7 +99,7 @@ def test_the_estimates_follow_the_drive():
 def test_the_history_stays_short(monkeypatch: pytest.MonkeyPatch, streams: dict):
     """Assert that it keeps its first and latest moments and never more than it may."""
     monkeypatch.setattr(live_jobs, "MOST_MOMENTS", 10)
-    begin(print, "a", DRIVE, "")
+    begin(print, "a", DRIVE, "", CHOSEN)
     found, moments = seen("a", LiveChoices(pace=16)), streams["a"][1]
     for _ in range(2):
         found = seen("a", LiveChoices(pace=16))
@@ -111,7 +113,7 @@ def test_the_history_stays_short(monkeypatch: pytest.MonkeyPatch, streams: dict)
 def test_a_log_is_played_again_to_its_end(short_log: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that it comes in pieces, says when it ends, and has no true values."""
     monkeypatch.chdir(short_log.parent)
-    begin(print, "a", REPLAY, short_log.name)
+    begin(print, "a", REPLAY, short_log.name, CHOSEN)
     found = seen("a", LiveChoices(REPLAY, 4))
     assert found.time == pytest.approx(4 * PIECE, abs=2e-3)
     assert not found.ended
@@ -129,7 +131,7 @@ def test_a_log_that_grows_is_followed(
     lines = short_log.read_text().splitlines(keepends=True)
     path = Path("growing.csv")
     path.write_text("".join(lines[:100]))
-    begin(print, "a", FOLLOW, path.name)
+    begin(print, "a", FOLLOW, path.name, CHOSEN)
     choices = LiveChoices(FOLLOW)
     assert go_on(print, "a", choices) is None
     for end in (3001, 4001):
@@ -148,7 +150,7 @@ def test_what_cannot_be_watched_is_said(tmp_path: Path, monkeypatch: pytest.Monk
     Path("words.csv").write_text("<script>,b\n" + "x,y\n" * 300)
     Path("empty.csv").write_text("")
     for name in ("words.csv", "empty.csv"):
-        begin(print, "a", REPLAY, name)
+        begin(print, "a", REPLAY, name, CHOSEN)
         with pytest.raises((RecordingError, JobError)):
             go_on(print, "a", LiveChoices(REPLAY))
         with pytest.raises(JobError, match="start it again"):
@@ -158,14 +160,14 @@ def test_what_cannot_be_watched_is_said(tmp_path: Path, monkeypatch: pytest.Monk
 def test_streams_are_bounded_and_apart(streams: dict):
     """Assert that a window has one, that there is a most, and that forgetting makes room."""
     for place in range(live_jobs.MOST_STREAMS):
-        begin(print, str(place), DRIVE, "")
-    begin(print, "0", DRIVE, "")
+        begin(print, str(place), DRIVE, "", CHOSEN)
+    begin(print, "0", DRIVE, "", CHOSEN)
     with pytest.raises(JobError, match="stop one"):
-        begin(print, "more", DRIVE, "")
+        begin(print, "more", DRIVE, "", CHOSEN)
     assert seen("1", LiveChoices(pace=4)).time > seen("2", LiveChoices()).time
     forget(print, "3")
     forget(print, "never begun")
-    begin(print, "more", DRIVE, "")
+    begin(print, "more", DRIVE, "", CHOSEN)
     assert len(streams) == live_jobs.MOST_STREAMS
 
 
@@ -181,7 +183,7 @@ def test_an_address_says_all():
 
 @pytest.mark.parametrize(
     "values",
-    [None, {"source": "/etc/passwd"}, {"source": ["drive"]}, {"pace": "3"}, {"pace": "1e9"}],
+    [None, {"source": "/etc/passwd"}, {"pace": "3"}, {"pace": "1e9"}],
 )
 def test_what_cannot_be_meant_is_refused(values: object):
     """Assert that it is answered in a sentence."""
@@ -190,7 +192,7 @@ def test_what_cannot_be_meant_is_refused(values: object):
 
 
 def test_without_a_log_there_is_none():
-    """Assert that a log that was not named on the command line cannot be chosen."""
+    """Assert that where no log is, none can be chosen."""
     with pytest.raises(SettingError, match="flexid studio LOG"):
         read_live({"source": "replay"}, (DRIVE,))
 
@@ -205,7 +207,7 @@ def test_a_folder_that_is_gone_ends_no_process():
         workers = Workers(1)
         try:
             here = Path.cwd()
-            await workers.run(begin, "a", DRIVE, "", folder=here, said=print)
+            await workers.run(begin, "a", DRIVE, "", CHOSEN, folder=here, said=print)
             with pytest.raises(JobError):
                 await workers.run(forget, "a", folder=here / "gone", said=print)
             found = await workers.run(go_on, "a", LiveChoices(), folder=here, said=print)

@@ -44,7 +44,10 @@ def test_ends_of_a_slider(slider):
             read_play({slider.name: str(text)})
 
 
-@pytest.mark.parametrize("values", [None, "x", {"reading": "9,9,9"}, {"reading": ["1,2,3"]}])
+@pytest.mark.parametrize(
+    "values",
+    [None, "x", {"reading": "9,9,9"}, {"k": "x" * 1000}, {f"key{i}": "" for i in range(1000)}],
+)
 def test_what_cannot_be_meant_is_refused(values: object):
     """Assert that an address with other values is answered in a sentence."""
     with pytest.raises(SettingError):

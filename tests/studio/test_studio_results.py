@@ -26,6 +26,7 @@ class Here(Workers):
     def __init__(self) -> None:
         super().__init__(0)
         self.runs = 0
+        self.checks = 0
         self.hold: asyncio.Event | None = None
         self.exported: list[float] = []
 
@@ -40,6 +41,7 @@ class Here(Workers):
             self.exported.append(sample_time)
             (Path(into) / f"{target}.zip").write_text((Path(into) / jobs.ESTIMATE).read_text())
             return f"{target}.zip"
+        self.checks += job is jobs.check
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(folder)
             return job(said, *arguments)
@@ -146,6 +148,66 @@ def test_a_cancelled_run_leaves_what_is_shown():
     asyncio.run(main())
 
 
+@pytest.mark.parametrize(
+    ("values", "other"),
+    [
+        ({"hold": "zero"}, True),
+        ({"model": "link"}, True),
+        ({"terms": ""}, True),
+        ({"terms": "gravity"}, True),
+        ({"column.time": "time", "column.motor_position": "motor_position"}, True),
+        ({"model": "auto", "hold": "auto"}, False),
+        ({f"column.{name}": name for name in ("time", "motor_position", "link_position")}, False),
+    ],
+)
+def test_a_result_says_that_something_else_was_chosen(values: dict[str, str], other: bool):
+    """Assert that this is said of whatever would be asked for otherwise, and of nothing else."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            await studio.identify("a.csv")
+            await studio.room.settle(values)
+            assert ("has been chosen since" in studio.shown("result-state")) is other
+            assert studio.workers.checks == 1
+            await studio.room.run(values)
+            await studio.idle()
+            assert studio.shown("result-state") == ""
+
+    asyncio.run(main())
+
+
+def test_what_is_chosen_during_a_run_is_marked_after_it():
+    """Assert that a result is held against the choices of the page when it comes."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            studio.upload("a.csv")
+            await studio.idle()
+            studio.workers.hold = asyncio.Event()
+            await studio.room.run({})
+            while not studio.workers.runs:
+                await asyncio.sleep(0)
+            await studio.room.settle({"hold": "zero"})
+            studio.workers.hold.set()
+            await studio.idle()
+            assert "has been chosen since" in studio.shown("result-state")
+
+    asyncio.run(main())
+
+
+def test_a_bad_address_is_said_beside_the_log(short_log: Path):
+    """Assert that reading the log of the command line does not take back what was said."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            studio.window.offer = Offer(short_log, *[studio.workers] * 4)
+            await studio.room.open({"model": "nonsense"})
+            await studio.idle()
+            assert "is none of auto" in studio.shown("log-problem")
+
+    asyncio.run(main())
+
+
 def test_other_columns_do_not_change_what_was_found():
     """Assert that a result says that its columns were changed, and is exported as it was found."""
 
@@ -157,7 +219,7 @@ def test_other_columns_do_not_change_what_was_found():
             await studio.room.choose({**columns, "scale.time": "10"})
             await studio.idle()
             assert "100 Hz" in studio.shown("check")
-            assert "have changed" in studio.shown("result-state")
+            assert "has been chosen since" in studio.shown("result-state")
             studio.room.export("c99")
             await studio.idle()
             assert studio.workers.exported == [1e-3]

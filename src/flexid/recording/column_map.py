@@ -23,7 +23,10 @@ MapSource: TypeAlias = Path | Mapping[str, object]
 ARGUMENT = "columns"
 """What messages call a map that is no file: the argument by which it is given."""
 
-REMEDY = "write a column name, or a table of column or sum, scale, offset, unit and side"
+REMEDY = (
+    "write a column name, a table of column or sum, scale, offset, unit and side, or false for a "
+    "channel that is not to be read"
+)
 _RATIO = re.compile(r"\s*([+-]?\d+(?:\.\d+)?)\s*[/:]\s*(\d+(?:\.\d+)?)\s*")
 _WANTED = "a column map in TOML"
 _GEAR_REMEDY = 'write how often the motor turns in one turn of the link, as 101 or "1/101"'
@@ -129,11 +132,14 @@ class ColumnMap:
     gear_ratio : float or None
         Turns of the motor in one turn of the link; negative where the two turn in opposite
         directions.
+    unread : frozenset of str
+        Channels that are not read, whatever columns there are.
     """
 
     file: str
     entries: Mapping[str, Entry]
     gear_ratio: float | None
+    unread: frozenset[str] = frozenset()
 
     @property
     def described(self) -> str:
@@ -154,7 +160,8 @@ def read_map(source: MapSource) -> ColumnMap:
     Parameters
     ----------
     source : Path or mapping
-        A TOML file, or what it would hold; its keys are channels, and ``gear_ratio``.
+        A TOML file, or what it would hold; its keys are channels, and ``gear_ratio``. A channel
+        that is ``false`` is not read.
 
     Returns
     -------
@@ -189,7 +196,8 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
                 f"this is no channel{did_you_mean(str(key), SI_UNITS)}: use one of "
                 f"{', '.join(SI_UNITS)}, or gear_ratio",
             )
-    entries = {key: _entry(file, key, value) for key, value in content.items()}
+    unread = frozenset(key for key, value in content.items() if value is False)
+    entries = {k: _entry(file, k, value) for k, value in content.items() if k not in unread}
     for key, entry in entries.items():
         if entry.side is not None and (key not in GEARED or gear_ratio is None):
             what = "has no side" if key not in GEARED else "has a side, but the map no gear_ratio"
@@ -198,7 +206,7 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
                 f"key '{key}.side'",
                 f"{key} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio",
             )
-    return ColumnMap(file, entries, gear_ratio)
+    return ColumnMap(file, entries, gear_ratio, unread)
 
 
 def _no_map(raw: bytes, reason: str) -> str:

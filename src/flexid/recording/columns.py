@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _LINK = "link_position (or deflection)"
 _INPUT = "motor_torque (or motor_current, or motor_voltage)"
+_OPTIONAL = (_LINK, _INPUT)
 _BY_FOLDED = {name.replace("_", ""): name for name in SI_UNITS}
 
 
@@ -51,6 +52,10 @@ class _Plan:
     @property
     def entries(self) -> Mapping[str, Entry]:
         return {} if self.column_map is None else self.column_map.entries
+
+    @property
+    def unread(self) -> frozenset[str]:
+        return frozenset() if self.column_map is None else self.column_map.unread
 
     @property
     def available(self) -> set[str]:
@@ -162,7 +167,8 @@ def _plan(table: Table, columns: MapSource | None) -> _Plan:
         from flexid.recording.column_map import read_map
 
         column_map = read_map(columns)
-    plan = _Plan(column_map, _canonical_columns(table))
+    named = set() if column_map is None else {*column_map.entries, *column_map.unread}
+    plan = _Plan(column_map, _canonical_columns(table, named))
     if column_map is None:
         _add_usual(table, plan)
     _require(table, plan)
@@ -178,13 +184,17 @@ def _plan(table: Table, columns: MapSource | None) -> _Plan:
     return plan
 
 
-def _canonical_columns(table: Table) -> dict[str, _Column]:
-    """Return the columns that have canonical names, in whatever letters, by that name."""
+def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
+    """Return the columns that have canonical names, in whatever letters, by that name.
+
+    Channels of which a column map says where they come from, or that they are not read, are not
+    looked for.
+    """
     found: dict[str, _Column] = {}
     for header in table.names:
         bare, unit = split_header(table.short_name(header))
         name = _BY_FOLDED.get(folded(bare).replace("_", ""))
-        if name is None:
+        if name is None or name in named:
             continue
         if name in found:
             raise RecordingError(
@@ -242,7 +252,8 @@ def _add_usual(table: Table, plan: _Plan) -> None:
 def _require(table: Table, plan: _Plan) -> None:
     """Raise unless time, the motor's position and one of link position and input are there.
 
-    Warn if there is no link position, or no input but a column that looks like one.
+    Warn if there is no link position, or no input but a column that looks like one, unless a column
+    map says so.
     """
     choices = {
         "time": ("time",),
@@ -261,6 +272,8 @@ def _require(table: Table, plan: _Plan) -> None:
     hints = [did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
     what = "a column map" if plan.column_map is None else plan.column_map.described
+    if len(missing) == 1 and plan.unread & set(choices[missing[0]]) and missing[0] in _OPTIONAL:
+        return  # as the map says
     if missing == [_INPUT]:
         likely = [name for name in bare if (usual := usual_channel(name)) and usual[0] in INPUTS]
         if hints[0] or likely:

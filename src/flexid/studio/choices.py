@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from urllib.parse import urlencode
 
@@ -18,9 +18,8 @@ from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_TERMS
 from flexid.recording.channel import SI_UNITS
+from flexid.studio.address import one_of, texts_of
 
-LONGEST_VALUE = 300  # characters
-MOST_KEYS = 80
 MODELS = ("auto", "flexible", "link", "rigid")
 HOLDS = ("auto", "zero", "linear", "cubic")
 ALL_TERMS = tuple(dict.fromkeys([*TERMS, *SHAPE_TERMS, *RIGID_TERMS]))
@@ -73,11 +72,19 @@ class Choices:
     ran: bool = False
 
     @property
+    def asked(self) -> Choices:
+        """What is asked for, whether it was run or not."""
+        return replace(self, ran=False)
+
+    @property
     def column_map(self) -> dict[str, Any] | None:
-        """The choices as a column map; None where the names of the columns decide."""
+        """The choices as a column map; None where the names of the columns decide.
+
+        A channel that was not chosen is not read, whatever names there are.
+        """
         if not self.sources:
             return None
-        entries: dict[str, Any] = {}
+        entries: dict[str, Any] = dict.fromkeys(SI_UNITS, False)
         for channel, source in self.sources.items():
             entry: dict[str, Any] = {"column": source.column}
             if source.unit:
@@ -141,7 +148,7 @@ def read_choices(values: object) -> Choices:
     SettingError
         If a value cannot be used.
     """
-    texts = _texts(values)
+    texts = texts_of(values)
     sources = {}
     for channel in SI_UNITS:
         column = texts.get(f"column.{channel}", "")
@@ -156,24 +163,11 @@ def read_choices(values: object) -> Choices:
     return Choices(
         sources,
         _number("gear ratio", gear, 1.0) if gear and sources else None,
-        _one_of("model", texts.get("model", "auto"), MODELS),
-        _one_of("hold", texts.get("hold", "auto"), HOLDS),
+        one_of("model", texts.get("model", "auto"), MODELS),
+        one_of("hold", texts.get("hold", "auto"), HOLDS),
         _terms(texts["terms"]) if "terms" in texts else None,
         texts.get("ran") == "yes",
     )
-
-
-def _texts(values: object) -> dict[str, str]:
-    """Texts by key, as many and as long as a form has."""
-    if not isinstance(values, Mapping) or len(values) > MOST_KEYS:
-        raise SettingError("address", "it holds more than the studio knows: open it without")
-    texts = {}
-    for key, value in values.items():
-        if isinstance(key, str) and isinstance(value, str):
-            if len(value) > LONGEST_VALUE:
-                raise SettingError("address", f"a value has more than {LONGEST_VALUE} characters")
-            texts[key] = value
-    return texts
 
 
 def _number(what: str, text: str, default: float) -> float:
@@ -188,14 +182,6 @@ def _number(what: str, text: str, default: float) -> float:
     return value
 
 
-def _one_of(what: str, text: str, known: tuple[str, ...]) -> str:
-    if text not in known:
-        raise SettingError(what, f"{text[:40]!r} is none of {', '.join(known)}")
-    return text
-
-
 def _terms(text: str) -> tuple[str, ...]:
-    names = tuple(dict.fromkeys(name for name in text.split(",") if name))
-    for name in names:
-        _one_of("terms", name, ALL_TERMS)
-    return names
+    names = {one_of("terms", name, ALL_TERMS) for name in text.split(",") if name}
+    return tuple(name for name in ALL_TERMS if name in names)  # however an address orders them

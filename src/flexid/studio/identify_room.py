@@ -46,8 +46,8 @@ class _Shown:
     sample_time: float
 
     def is_of(self, choices: Choices) -> bool:
-        """Whether the columns are still read as they were for it."""
-        return self.choices.column_map == choices.column_map
+        """Whether these choices ask for it."""
+        return self.choices.asked == choices.asked
 
 
 class IdentifyRoom:
@@ -65,6 +65,16 @@ class IdentifyRoom:
         self._log: Path | None = None
         self._overview: FileOverview | None = None
         self._shown: _Shown | None = None
+
+    @property
+    def log(self) -> Path | None:
+        """The log of the window."""
+        return self._log
+
+    @property
+    def choices(self) -> Choices:
+        """What is chosen of it."""
+        return self._choices
 
     async def open(self, values: object) -> None:
         """Begin with what an address holds, and with the log of the command line."""
@@ -90,6 +100,10 @@ class IdentifyRoom:
         await self._set(values)
         if self._log is not None:
             self._window.start("check", self._check(), "check")
+
+    async def settle(self, values: object) -> None:
+        """Take what stands in the forms, where the log is read as before."""
+        await self._set(values)
 
     async def run(self, values: object) -> None:
         """Identify."""
@@ -136,7 +150,7 @@ class IdentifyRoom:
 
     async def _look(self, path: Path) -> None:
         window = self._window
-        for place in ("log-problem", "columns", "check", "run", "run-state", "result"):
+        for place in ("columns", "check", "run", "run-state", "result"):
             await window.show(place, "nothing.html")
         await window.draw("check-charts", ())
         await window.draw("result-charts", ())
@@ -229,7 +243,7 @@ class IdentifyRoom:
         self._shown, self._window.files = shown, {path.name: path for path in files}
 
     async def _mark(self) -> None:
-        """Say of a result that is shown whether its columns have been changed since."""
+        """Say of a result that is shown whether something else has been chosen since."""
         if self._shown is not None:
             template = "nothing.html" if self._shown.is_of(self._choices) else "stale.html"
             await self._window.show("result-state", template)
@@ -260,7 +274,9 @@ def _write_map(choices: Choices, folder: Path) -> Path:
     path = folder / "columns.toml"
     lines = []
     for channel, entry in (choices.column_map or {}).items():
-        if isinstance(entry, dict):
+        if entry is False:
+            lines.append(f"{channel} = false")
+        elif isinstance(entry, dict):
             pairs = (
                 f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in entry.items()
             )

@@ -7,7 +7,7 @@ relative to the working directory, so that no message and no file names a folder
 from __future__ import annotations
 
 import zipfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from flexid.identification.progress import Progress
     from flexid.identification.result import ValueEstimate
     from flexid.recording.overview import FileOverview
-    from flexid.recording.recording import Log
     from flexid.recording.survey import LogSurvey
     from flexid.studio.choices import Choices
 
@@ -105,11 +104,12 @@ def look(_: Progress, name: str) -> FileOverview:
 
 def check(_: Progress, name: str, choices: Choices) -> Checked:
     """Read a log as it would be identified, and say what it shows."""
+    from flexid.recording.read import read_log
     from flexid.recording.survey import survey
     from flexid.report.charts.document import chart_document
     from flexid.report.log_charts import log_chart
 
-    log = _read(name, choices)
+    log = read_log(Path(name), choices.column_map)
     origins = {channel: " + ".join(origin.columns) for channel, origin in log.columns.items()}
     return Checked(survey(log), log.warnings, origins, chart_document(log_chart(log)))
 
@@ -117,6 +117,7 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
 def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answer:
     """Identify a log, and leave estimate and report in a folder."""
     from flexid.library.identify import identify as run
+    from flexid.recording.read import read_log
     from flexid.report.charts.document import chart_document
     from flexid.report.documents import write_document
     from flexid.report.identification_charts import identification_charts
@@ -124,7 +125,7 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     from flexid.report.page.render import page_html
 
     progress("reading the log (the first run on a machine compiles for up to a minute)")
-    log = _read(name, choices)
+    log = read_log(Path(name), choices.column_map)
     estimate = run(log, **choices.settings, progress=progress)
     progress("report and figures")
     estimate.save(Path(into) / ESTIMATE)
@@ -161,20 +162,6 @@ def export(_: Progress, to: str, sample_time: float, folder: str) -> str:
             for path in written.paths:
                 file.write(path, path.name)
     return archive.name
-
-
-def _read(name: str, choices: Choices) -> Log:
-    """A log, read by the names of its columns, or by what was chosen and nothing else."""
-    from flexid.recording.formats import table_of_file
-    from flexid.recording.read import log_of_table
-
-    column_map = choices.column_map
-    table = table_of_file(Path(name), column_map)
-    if column_map is not None:
-        wanted = {source.column for source in choices.sources.values()}
-        kept = [header for header in table.names if header in wanted]
-        table = replace(table, frame=table.frame.select(kept))
-    return log_of_table(table, column_map)
 
 
 def row_of(estimate: ValueEstimate) -> Row:

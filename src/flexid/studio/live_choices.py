@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from urllib.parse import urlencode
 
 from flexid.errors import SettingError
+from flexid.studio.address import one_of, texts_of
 
 DRIVE, REPLAY, FOLLOW = "drive", "replay", "follow"
 
@@ -57,7 +57,7 @@ def read_live(values: object, sources: tuple[str, ...]) -> LiveChoices:
     values : object
         Keys and texts, from outside.
     sources : tuple of str
-        Those that there are: without a log on the command line, the simulated drive alone.
+        Those that there are: without a log, the simulated drive alone.
 
     Returns
     -------
@@ -68,17 +68,16 @@ def read_live(values: object, sources: tuple[str, ...]) -> LiveChoices:
     SettingError
         If a value cannot be used.
     """
-    if not isinstance(values, Mapping):
-        raise SettingError("address", "it holds nothing that the studio knows: open it without")
-    source, pace = values.get("source", DRIVE), values.get("pace", "1")
+    texts = texts_of(values)
+    source = texts.get("source", DRIVE)
     if source not in sources:
         known = ", ".join(sources)
         raise SettingError(
             "source",
-            f"there is {known} here: for a log, start the studio with it, flexid studio LOG",
+            f"there is {known} here: for a log, choose it in Identify, or start the studio with "
+            f"it, flexid studio LOG",
         )
     paces = {str(pace): pace for pace in PACES}
-    if pace not in paces:
-        raise SettingError("pace", f"it is none of {', '.join(paces)}")
-    on = {name: values.get(name) == "yes" for name in ("loaded", "unplugged")}
+    pace = one_of("pace", texts.get("pace", "1"), paces)
+    on = {name: texts.get(name) == "yes" for name in ("loaded", "unplugged")}
     return LiveChoices(source, paces[pace], **on)

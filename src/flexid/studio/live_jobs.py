@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flexid.identification.progress import Progress
     from flexid.streaming.follower import Follower
     from flexid.streaming.session import Session
+    from flexid.studio.choices import Choices
     from flexid.studio.live_choices import LiveChoices
     from flexid.studio.live_drive import SimulatedDrive
 
@@ -108,13 +109,18 @@ class _Driven:
 class _Logged:
     """A log that is played again, or followed while it grows."""
 
-    def __init__(self, name: str, source: str) -> None:
-        from flexid.streaming.choices import Choices
+    def __init__(self, name: str, source: str, choices: Choices) -> None:
+        from flexid.streaming.choices import Choices as Watching
         from flexid.streaming.follower import Follower
         from flexid.studio.live_drive import PIECE
 
         self._replayed = source == REPLAY
-        self._follower: Follower = Follower(name, Choices(), stop_at_end=self._replayed)
+        self._follower: Follower = Follower(
+            name,
+            Watching(choices.terms, choices.hold, model=choices.model),
+            column_map=choices.column_map,
+            stop_at_end=self._replayed,
+        )
         self._turns: Generator[bool] = self._follower.turns(PIECE)
         self.truth: dict[str, float] = {}
 
@@ -150,8 +156,19 @@ _STREAMS: dict[str, tuple[_Driven | _Logged, list[Moment]]] = {}
 """Streams by window, each with what was known so far."""
 
 
-def begin(_: Progress, key: str, source: str, log: str) -> None:
+def begin(_: Progress, key: str, source: str, log: str, choices: Choices) -> None:
     """Begin a stream of a window, in place of the one that it has.
+
+    Parameters
+    ----------
+    key : str
+        Of the window.
+    source : str
+        Where samples come from.
+    log : str
+        Its name in the working directory, if they come from a log.
+    choices : Choices
+        Its columns, model, terms and hold, as in Identify.
 
     Raises
     ------
@@ -163,7 +180,7 @@ def begin(_: Progress, key: str, source: str, log: str) -> None:
         raise JobError(
             f"{MOST_STREAMS} streams run in other windows, the most there may be: stop one of them"
         )
-    _STREAMS[key] = (_Driven() if source == DRIVE else _Logged(log, source)), []
+    _STREAMS[key] = (_Driven() if source == DRIVE else _Logged(log, source, choices)), []
 
 
 def forget(_: Progress, key: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 from flexid.errors import FlexidError
 from flexid.streaming.incoming import is_whole_log
 from flexid.studio import live_jobs
+from flexid.studio.choices import Choices
 from flexid.studio.live_choices import (
     DRIVE,
     FOLLOW,
@@ -22,6 +24,7 @@ from flexid.studio.live_choices import (
 )
 
 if TYPE_CHECKING:
+    from flexid.studio.identify_room import IdentifyRoom
     from flexid.studio.window import Window
 
 ROOM = "live"
@@ -31,6 +34,25 @@ TURN = 0.5
 _MOST_EVENTS = 8  # changes of the health that are listed
 
 
+@dataclass(frozen=True)
+class _Request:
+    """What a stream is begun with.
+
+    Parameters
+    ----------
+    source : str
+        Where samples come from.
+    log : Path
+        The log; of no matter where the drive is simulated.
+    choices : Choices
+        How it is read and modelled.
+    """
+
+    source: str
+    log: Path
+    choices: Choices
+
+
 class LiveRoom:
     """The room of one window.
 
@@ -38,17 +60,15 @@ class LiveRoom:
     ----------
     window : Window
         What it shows.
+    identify : IdentifyRoom
+        Whose log it may watch, read as it is there.
     """
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Window, identify: IdentifyRoom) -> None:
         self._window = window
-        log = window.offer.log
-        self._log = "" if log is None else log.name
-        self._folder = Path.cwd() if log is None else log.parent
-        self._sources = _sources(log)
+        self._identify = identify
         self._chosen = LiveChoices()
-        self._is_open = False
-        self._begun = False
+        self._begun: _Request | None = None
         self._running = False
         self._health = ""
         self._events: deque[tuple[float, str, str]] = deque(maxlen=_MOST_EVENTS)
@@ -60,16 +80,47 @@ class LiveRoom:
         except FlexidError as error:
             await self._window.show("live-problem", "problem.html", text=str(error))
 
+    @property
+    def _sources(self) -> tuple[str, ...]:
+        """What samples may come from: a log, which one can follow where it can grow."""
+        log = self._identify.log
+        if log is None:
+            return (DRIVE,)
+        grows = log == self._window.offer.log and not is_whole_log(str(log))
+        return (DRIVE, REPLAY, FOLLOW) if grows else (DRIVE, REPLAY)
+
+    @property
+    def _request(self) -> _Request:
+        """What a stream is begun with."""
+        source, log = self._chosen.source, self._identify.log
+        if source == DRIVE or log is None:
+            return _Request(DRIVE, Path(), Choices())
+        return _Request(source, log, self._identify.choices.asked)
+
+    @property
+    def _query(self) -> str:
+        """The end of an address that shows the room so."""
+        pairs = self._chosen.query, self._request.choices.query
+        return "&".join(filter(None, pairs))
+
     async def enter(self) -> None:
-        """Show the room."""
-        if not self._is_open:
-            self._is_open = True
-            sources = {name: SOURCES[name] for name in self._sources}
-            await self._window.show(
-                "live-controls", "live_controls.html", chosen=self._chosen, sources=sources,
-                paces=PACES, log=self._log,
-            )  # fmt: skip
-        await self._window.address(ROOM, self._chosen.query)
+        """Show the room, as it is with what Identify holds by now."""
+        if self._chosen.source not in self._sources:
+            self._chosen = replace(self._chosen, source=DRIVE)
+        if self._begun is not None and self._begun != self._request:
+            await self.stop()
+            await self._say("The log was chosen or read otherwise: Start begins anew.")
+        log = self._identify.log
+        await self._window.show(
+            "live-controls", "live_controls.html", chosen=self._chosen, paces=PACES,
+            sources={name: SOURCES[name] for name in self._sources},
+            log="" if log is None else log.name,
+        )  # fmt: skip
+        await self._window.address(ROOM, self._query)
+
+    def renewed(self) -> None:
+        """Go on with another log of Identify."""
+        self._window.start("live-renewed", self.enter(), "live-problem")
 
     async def change(self, values: object) -> None:
         """Take what the form holds; it holds from the next piece on."""
@@ -81,7 +132,7 @@ class LiveRoom:
         if chosen.source != self._chosen.source:
             await self.stop()
         self._chosen = chosen
-        await self._window.address(ROOM, chosen.query)
+        await self._window.address(ROOM, self._query)
 
     async def start(self) -> None:
         """Begin the stream, or go on with it."""
@@ -100,21 +151,21 @@ class LiveRoom:
         """End the stream; what was shown stays."""
         self._running = False
         self._window.cancel(ROOM)
-        if self._begun:
+        if self._begun is not None:
             self._forget()
             await self._say("Stopped: Start begins anew.")
 
     def close(self) -> None:
         """End the stream of a window that is gone."""
-        if self._begun:
+        if self._begun is not None:
             self._forget()
 
     def _forget(self) -> None:
-        self._begun = False
+        self._begun = None
         window = self._window
         work = asyncio.ensure_future(
             window.offer.live.run(
-                live_jobs.forget, window.key, folder=self._folder, said=lambda _: None
+                live_jobs.forget, window.key, folder=Path.cwd(), said=lambda _: None
             )
         )
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
@@ -138,9 +189,9 @@ class LiveRoom:
         await self._say("The log is at its end: Start begins anew.")
 
     async def _begin(self) -> None:
-        if self._begun:
+        if self._begun is not None:
             return
-        self._begun = True
+        self._begun = request = self._request
         self._health = ""
         self._events.clear()
         window = self._window
@@ -149,16 +200,17 @@ class LiveRoom:
         await window.draw("live-charts", ())
         await self._say("Starting (the first run on a machine compiles for up to a minute) ...")
         await window.brief(
-            window.offer.live, live_jobs.begin, window.key, self._chosen.source, self._log,
-            place="live-line", folder=self._folder,
+            window.offer.live, live_jobs.begin, window.key, request.source, request.log.name,
+            request.choices, place="live-line", folder=request.log.absolute().parent,
         )  # fmt: skip
 
     async def _turn(self) -> bool:
         """Take in a piece, and show what is known; return whether it was the last."""
-        window = self._window
+        window, begun = self._window, self._begun
+        assert begun is not None
         seen: live_jobs.Seen | None = await window.brief(
             window.offer.live, live_jobs.go_on, window.key, self._chosen,
-            place="live-line", folder=self._folder,
+            place="live-line", folder=begun.log.absolute().parent,
         )  # fmt: skip
         if seen is None:
             await self._say("Waiting for samples ...")
@@ -176,10 +228,3 @@ class LiveRoom:
 
     async def _say(self, text: str) -> None:
         self._window.saying("live-line")(text)
-
-
-def _sources(log: Path | None) -> tuple[str, ...]:
-    """What samples may come from: with a log it may be that, and follow it where it can grow."""
-    if log is None:
-        return (DRIVE,)
-    return (DRIVE, REPLAY) if is_whole_log(str(log)) else (DRIVE, REPLAY, FOLLOW)

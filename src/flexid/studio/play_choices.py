@@ -24,6 +24,7 @@ from flexid.studies.huang2003.table1 import (
     PHYSICAL,
     UNKNOWN,
 )
+from flexid.studio.address import one_of, texts_of
 
 if TYPE_CHECKING:
     from flexid.simulation.sampled import Sampling
@@ -156,16 +157,13 @@ def read_play(values: object, prefix: str = "") -> PlayChoices:
     SettingError
         If a value cannot be used.
     """
-    if not isinstance(values, Mapping):
-        raise SettingError("address", "it holds nothing that the studio knows: open it without")
-    reading = values.get(f"{prefix}reading", "1,2,3")
-    if not isinstance(reading, str) or reading not in READINGS:
-        raise SettingError("reading", f"it is none of {' and '.join(READINGS)}")
+    texts = texts_of(values)
+    reading = one_of("reading", texts.get(f"{prefix}reading", "1,2,3"), READINGS)
     found = {}
     for slider in SLIDERS:
-        text = values.get(f"{prefix}{slider.name}")
+        text = texts.get(f"{prefix}{slider.name}")
         found[slider.name] = slider.start if text is None else _within(slider, text)
-    return PlayChoices(reading, values.get(f"{prefix}sampled") == "yes", found)
+    return PlayChoices(reading, texts.get(f"{prefix}sampled") == "yes", found)
 
 
 def query_of(chosen: PlayChoices, pinned: PlayChoices | None) -> str:
@@ -175,9 +173,9 @@ def query_of(chosen: PlayChoices, pinned: PlayChoices | None) -> str:
     return urlencode({"room": "play", **chosen.pairs, "pin": pin, **pins})
 
 
-def _within(slider: Slider, text: object) -> float:
+def _within(slider: Slider, text: str) -> float:
     try:
-        value = float(text) if isinstance(text, str) else math.nan
+        value = float(text)
     except ValueError:
         value = math.nan
     if not slider.lowest * (1 - 1e-9) <= value <= slider.highest * (1 + 1e-9):

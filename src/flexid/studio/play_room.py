@@ -29,12 +29,17 @@ class PlayRoom:
         self._chosen = TABLE1
         self._pinned: PlayChoices | None = TABLE1
         self._is_open = False
+        self._refused = ""  # why an address cannot be used; stands until something is chosen
 
-    def read(self, values: object) -> None:
-        """Take what an address holds."""
-        if isinstance(values, Mapping) and values.get("room") == ROOM:
-            self._chosen = read_play(values)
-            self._pinned = None if values.get("pin") == "none" else read_play(values, "pin.")
+    async def open(self, values: Mapping[str, object]) -> None:
+        """Begin with what an address holds."""
+        try:
+            chosen = read_play(values)
+            pinned = None if values.get("pin") == "none" else read_play(values, "pin.")
+        except FlexidError as error:
+            self._refused = str(error)
+        else:
+            self._chosen, self._pinned = chosen, pinned
 
     async def enter(self) -> None:
         """Show the room."""
@@ -45,6 +50,7 @@ class PlayRoom:
 
     async def change(self, values: object) -> None:
         """Play what the sliders stand at."""
+        self._refused = ""
         try:
             self._chosen = read_play(values)
         except FlexidError as error:
@@ -65,6 +71,7 @@ class PlayRoom:
 
     async def reset(self) -> None:
         """Go back to Table I."""
+        self._refused = ""
         self._chosen = self._pinned = TABLE1
         await self._show_controls()
         await self._start()
@@ -94,6 +101,7 @@ class PlayRoom:
         found: PlayedRuns = await window.brief(
             window.offer.play, play, self._chosen, self._pinned, place="play-line"
         )
-        await window.show("play-problem", "play_problems.html", problems=found.problems)
+        problems = (self._refused, *found.problems) if self._refused else found.problems
+        await window.show("play-problem", "play_problems.html", problems=problems)
         await window.show("play-figures", "play_figures.html", found=found)
         await window.draw("play-charts", (found.chart,))

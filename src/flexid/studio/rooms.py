@@ -29,7 +29,7 @@ class Rooms:
         self.window = window
         self._identify = IdentifyRoom(window)
         self._play = PlayRoom(window)
-        self._live = LiveRoom(window)
+        self._live = LiveRoom(window, self._identify)
 
     async def handle(self, request: Mapping[str, object]) -> None:
         """Do what the page asks for; what is not known is not done."""
@@ -70,38 +70,26 @@ class Rooms:
             pass  # it has been shown
 
     async def _open(self, values: object) -> None:
-        """Begin with what an address holds."""
+        """Begin with what an address holds; what cannot be used of it is said in its room."""
         await self.window.opened()
+        await self._identify.open(values)
         room = values.get("room") if isinstance(values, Mapping) else None
-        if room == play_room.ROOM:
-            await self._identify.open({})
-            try:
-                self._play.read(values)
-            except FlexidError as error:
-                await self.window.show("log-problem", "problem.html", text=str(error))
-            else:
-                await self._enter(room)
-        elif room == live_room.ROOM:
-            await self._identify.open({})
+        if isinstance(values, Mapping) and room == play_room.ROOM:
+            await self._play.open(values)
+        elif isinstance(values, Mapping) and room == live_room.ROOM:
             await self._live.open(values)
-            await self._enter(room)
-        else:
-            await self._identify.open(values)
+        await self._enter(room)
 
     async def _enter(self, room: object) -> None:
-        if room == play_room.ROOM:
-            await self.window.enter(play_room.ROOM)
-            await self._play.enter()
-        elif room == live_room.ROOM:
-            await self.window.enter(live_room.ROOM)
-            await self._live.enter()
-        else:
-            await self.window.enter(identify_room.ROOM)
-            await self._identify.enter()
+        rooms = {play_room.ROOM: self._play, live_room.ROOM: self._live}
+        known = room if isinstance(room, str) and room in rooms else identify_room.ROOM
+        await self.window.enter(known)
+        await rooms.get(known, self._identify).enter()
 
     def uploaded(self, path: Path) -> None:
         """Go on with a log that was sent."""
         self._identify.uploaded(path)
+        self._live.renewed()
 
     async def close(self) -> None:
         """End what runs for the window, and forget what it holds."""

@@ -141,7 +141,7 @@
       if (event.target.id === "choose-terms") place("terms").hidden = !event.target.value;
       event.target.closest("tr")?.classList.toggle(
         "unused", !event.target.closest("tr").querySelector("select").value);
-      if (form.dataset.kind === "columns") ask("columns", { values: values() });
+      if (form.classList.contains("settings")) ask(form.dataset.kind, { values: values() });
       if (form.dataset.kind === "live") ask("live", { values: Object.fromEntries(new FormData(form)) });
     });
     document.addEventListener("submit", (event) => {
