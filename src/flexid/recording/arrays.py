@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -36,6 +36,7 @@ class Arrays:
     def __init__(self, brackets: str) -> None:
         self.series: list[Series] = []
         self.others: dict[str, str] = {}
+        self._part = _ALL
         self._brackets = brackets
         self._first = int(brackets == "()")
 
@@ -81,7 +82,17 @@ class Arrays:
     def _one(
         self, path: str, length: int, dtype: np.dtype, read: Read, selection: Selection, unit: str
     ) -> None:
-        self.series.append(Series(path, dtype.name, length, lambda: read(selection), unit))
+        def values() -> NDArray[np.generic]:
+            return read(tuple(self._part if one == _ALL else one for one in selection))
+
+        self.series.append(Series(path, dtype.name, length, values, unit))
+
+    def parts(self, chosen: Collection[Series], size: int) -> Iterator[tuple[float, float]]:
+        """Let values be those of one part after the other, see `SeriesFile`."""
+        length = max((series.length for series in chosen), default=0)
+        for start in range(0, length, size):
+            self._part = slice(start, start + size)
+            yield -np.inf, np.inf
 
     def with_clocks(self) -> tuple[Series, ...]:
         """The signals, each with the path of the times that stand nearest to it."""

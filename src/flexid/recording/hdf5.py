@@ -47,7 +47,7 @@ def open_series(path: Path) -> SeriesFile:
         found = Arrays("()" if is_matlab else "[]")
         with h5py.File(path, "r") as content:
             _visit(file, content, found, path, is_matlab=is_matlab)
-    return SeriesFile(file, digest, found.with_clocks(), found.others)
+    return SeriesFile(file, digest, found.with_clocks(), found.others, parts=found.parts)
 
 
 def _visit(file: str, content: h5py.File, found: Arrays, path: Path, *, is_matlab: bool) -> None:

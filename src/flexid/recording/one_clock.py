@@ -21,15 +21,20 @@ _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some sam
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
 _LENGTH = 4.0  # samples of the slower clock to either side that the filter spans
 _WRAP = 0.5  # of a position's range, which no position moves within one sample
+_UNUSUAL = 5.0  # times the usual motion within a sample, beyond that of noise at rest
 
 
 class Signal(NamedTuple):
-    """A signal, its clock, and whether it may step, as an input does."""
+    """A signal, its clock, whether it may step, as an input does, and its range.
+
+    The range is that of all values so far where these are a part of a log, else None.
+    """
 
     header: str
     clock: str
     values: FloatArray
     held: bool
+    range: float | None = None
 
 
 def on_one_clock(
@@ -156,7 +161,14 @@ def _between_samples(stamps: FloatArray, times: FloatArray) -> np.ndarray:
 
 def _check_wraps(file: str, signal: Signal, chosen: str) -> None:
     jumps = np.abs(np.diff(signal.values))
-    if not signal.held and jumps.max() > _WRAP * np.ptp(signal.values):
+    if signal.held or not jumps.max():
+        return
+    if signal.range is not None:  # a part at rest has little but noise
+        usual = float(np.median(jumps[jumps > 0.0]))
+        is_wrap = jumps.max() > max(_WRAP * signal.range, _UNUSUAL * usual)
+    else:
+        is_wrap = jumps.max() > _WRAP * np.ptp(signal.values)
+    if is_wrap:
         raise RecordingError(
             file,
             f"{signal.header!r}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,7 @@ from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.recording.table import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 
     import polars
     from numpy.typing import NDArray
@@ -85,6 +85,11 @@ class SeriesFile:
     prepare : callable
         Called with the signals that are wanted before their values are, for formats of which a
         signal cannot be read alone.
+    parts : callable or None
+        Called with the signals that are wanted and a number of values. In each turn of what it
+        returns, values and clocks are those of the file's next part, of about so many, with some
+        from around it; the turn's two times, in s, are those after which the part begins and at
+        which it ends. None for formats that are read whole.
     close : callable
         Called when nothing more is wanted, or something was wrong.
     """
@@ -96,6 +101,7 @@ class SeriesFile:
     clocks: Mapping[str, Callable[[], FloatArray]] = field(default_factory=dict)
     clock_warnings: Mapping[str, str] = field(default_factory=dict)
     prepare: Callable[[Collection[Series]], None] = lambda _: None
+    parts: Callable[[Collection[Series], int], Iterator[tuple[float, float]]] | None = None
     close: Callable[[], None] = lambda: None
 
 
@@ -119,14 +125,40 @@ def table_of_series(held: SeriesFile, columns: MapSource | None) -> Table:
         held.close()
 
 
+def tables_of_series(held: SeriesFile, columns: MapSource | None, size: int) -> Generator[Table]:
+    """The same in tables of about so many rows, where the format can be read in parts.
+
+    Raises
+    ------
+    RecordingError
+        As `table_of_series`; for a part that is damaged, after the tables before it.
+    """
+    import polars as pl
+
+    try:
+        if held.parts is None:
+            yield _table(held, columns)
+            return
+        wanted = _Wanted(held, columns, in_parts=True)
+        row = 1
+        for begin, end in held.parts(wanted.chosen.values(), size):
+            if not held.clocks:
+                wanted.check_together()
+            table = wanted.table(row)
+            if held.clocks:
+                time = pl.col(TIME)
+                table = replace(table, frame=table.frame.filter((time > begin) & (time <= end)))
+            if table.frame.height:
+                yield table
+                row += table.frame.height
+    finally:
+        held.close()
+
+
 def _table(held: SeriesFile, columns: MapSource | None) -> Table:
-    names = names_of(held)
-    wanted, warnings = sources(names, columns)
-    headers = {channel: [h for h in found if h != TIME] for channel, found in wanted.items()}
-    by_header = {series.header: series for series in held.series}
-    chosen = {h: by_header[h] for found in headers.values() for h in found}
-    longest = max((series.length for series in chosen.values()), default=0)
-    check_cells(held.file, longest, len(chosen))
+    wanted = _Wanted(held, columns)
+    longest = max((series.length for series in wanted.chosen.values()), default=0)
+    check_cells(held.file, longest, len(wanted.chosen))
     if longest > MOST_ROWS:
         raise RecordingError(
             held.file,
@@ -134,15 +166,42 @@ def _table(held: SeriesFile, columns: MapSource | None) -> Table:
             f"a signal has {longest} values, more than the {MOST_ROWS} that are read at once: "
             f"write a shorter part of the log",
         )
-    held.prepare(chosen.values())
-    if held.clocks:
-        frame, found = _clocked(held, headers, chosen)
-        warnings += found
-    else:
-        _check_together(held, headers, chosen)
-        frame = _frame(held.file, {header: series.values() for header, series in chosen.items()})
-    short = {header: end for header, end in names.short.items() if header in chosen}
-    return Table(held.file, "", 1, "row", frame, held.sha256, warnings, short, names.kinds)
+    held.prepare(wanted.chosen.values())
+    if not held.clocks:
+        wanted.check_together()
+    return wanted.table(1)
+
+
+class _Wanted:
+    """The signals that a log needs, of those that a file holds."""
+
+    def __init__(
+        self, held: SeriesFile, columns: MapSource | None, *, in_parts: bool = False
+    ) -> None:
+        self._held = held
+        self._names = names_of(held)
+        found, self._warnings = sources(self._names, columns)
+        self._headers = {channel: [h for h in of if h != TIME] for channel, of in found.items()}
+        by_header = {series.header: series for series in held.series}
+        self.chosen = {h: by_header[h] for of in self._headers.values() for h in of}
+        """By header."""
+        self._ranges: dict[str, tuple[float, float]] | None = {} if in_parts else None
+
+    def check_together(self) -> None:
+        """Raise unless arrays are of one length, and of the clock that was chosen."""
+        _check_together(self._held, self._headers, self.chosen)
+
+    def table(self, first_row: int) -> Table:
+        """What they hold now."""
+        held, warnings = self._held, self._warnings
+        if held.clocks:
+            frame, found = _clocked(held, self._headers, self.chosen, self._ranges)
+            warnings += found
+        else:
+            frame = _frame(held.file, {h: series.values() for h, series in self.chosen.items()})
+        short = {header: end for header, end in self._names.short.items() if header in self.chosen}
+        kinds = self._names.kinds
+        return Table(held.file, "", first_row, "row", frame, held.sha256, warnings, short, kinds)
 
 
 def names_of(held: SeriesFile) -> Table:
@@ -191,7 +250,6 @@ def _end(path: str, count: int) -> str:
 def _check_together(
     held: SeriesFile, headers: Mapping[str, list[str]], chosen: Mapping[str, Series]
 ) -> None:
-    """Raise unless arrays are of one length, and of the clock that was chosen."""
     by_path = {series.path: series for series in held.series}
     time = chosen[headers["time"][0]]
     for series in chosen.values():
@@ -215,9 +273,12 @@ def _check_together(
 
 
 def _clocked(
-    held: SeriesFile, headers: Mapping[str, list[str]], chosen: Mapping[str, Series]
+    held: SeriesFile,
+    headers: Mapping[str, list[str]],
+    chosen: Mapping[str, Series],
+    ranges: dict[str, tuple[float, float]] | None,
 ) -> tuple[polars.DataFrame, tuple[str, ...]]:
-    """The chosen signals at common times."""
+    """The chosen signals at common times; with ranges, of a part, whose values widen them."""
     first = [chosen[header] for header in headers.get("motor_position", ())]
     names = dict.fromkeys(series.clock for series in (*first, *chosen.values()))
     warnings = tuple(held.clock_warnings[name] for name in names if name in held.clock_warnings)
@@ -227,10 +288,14 @@ def _clocked(
         columns = {header: series.values() for header, series in chosen.items()}
         return _frame(held.file, {TIME: times, **columns}), warnings
     inputs = {header for name in INPUTS for header in headers.get(name, ())}
-    signals = [
-        Signal(header, series.clock, _numbers(held, series), header in inputs)
-        for header, series in chosen.items()
-    ]
+    signals = []
+    for header, series in chosen.items():
+        values, span = _numbers(held, series), None
+        if ranges is not None:
+            low, high = ranges.get(header, (np.inf, -np.inf))
+            ranges[header] = low, high = min(low, values.min()), max(high, values.max())
+            span = high - low
+        signals.append(Signal(header, series.clock, values, header in inputs, span))
     times, columns, found = on_one_clock(held.file, clocks, signals)
     return _frame(held.file, {TIME: times, **columns}), warnings + found
 

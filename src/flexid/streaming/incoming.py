@@ -1,7 +1,6 @@
 """Samples as they come: from lines of text, or from a whole log that is played again."""
 
 import time
-from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -11,11 +10,10 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.files import shown
-from flexid.recording.blocks import ParquetBlocks
 from flexid.recording.column_map import MapSource
-from flexid.recording.columns import channel_columns, read_channels
-from flexid.recording.formats import SERIES, table_of_file
-from flexid.recording.table import PARQUET_SUFFIXES, Table
+from flexid.recording.columns import read_channels
+from flexid.recording.formats import SERIES, tables_of_file
+from flexid.recording.table import PARQUET_SUFFIXES
 from flexid.streaming.channels import StreamChannels, chosen_channels
 from flexid.streaming.pace import LONGEST_WAIT, Pace
 from flexid.streaming.sources import TURN, Source
@@ -27,7 +25,7 @@ from flexid.streaming.text_stream import (
 )
 
 BLOCK = 65_536
-"""Rows of a Parquet file that are read at once."""
+"""Rows of a log that are read at once."""
 
 WHOLE_LOGS = {*SERIES, *PARQUET_SUFFIXES}
 """Ends of the names of files that do not grow line by line, and are played again."""
@@ -176,8 +174,7 @@ class TextSamples:
 class Replay:
     """A whole log, an MCAP file for example, whose samples come again when they came.
 
-    A Parquet file is read some rows at a time; other formats have no order in which their channels
-    could be read together, and are read whole.
+    It is read in parts, where its format can be.
 
     Parameters
     ----------
@@ -203,7 +200,7 @@ class Replay:
     ) -> None:
         self.name = shown(path)
         self._map, self._model, self._at_once = column_map, model, at_once
-        self._tables = _tables(path, column_map)
+        self._tables = tables_of_file(path, column_map, BLOCK)
         table = next(self._tables)
         channels, warnings = read_channels(table, column_map)
         self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
@@ -234,6 +231,7 @@ class Replay:
         if table is None:
             return False
         channels, _ = read_channels(table, self._map)
+        self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
         chosen, _ = chosen_channels(self.name, channels, (), self._model)
         self._samples = np.column_stack([channel.values for channel in chosen])
         self._due = self._paced()
@@ -254,16 +252,6 @@ class Replay:
     def close(self) -> None:
         """Read no more."""
         self._tables.close()
-
-
-def _tables(path: Path, column_map: MapSource | None) -> Generator[Table]:
-    """A log in tables: of a Parquet file some rows at a time, of others all."""
-    if path.suffix.lower() not in PARQUET_SUFFIXES:
-        yield table_of_file(path, column_map)
-        return
-    blocks = ParquetBlocks(path)
-    columns = channel_columns(blocks.head(1), column_map)
-    yield from blocks.tables(columns, BLOCK)
 
 
 def is_whole_log(source: str) -> bool:
