@@ -99,9 +99,6 @@ def _logs() -> dict[str, Callable[[], Target]]:
     def parquets() -> tuple[bytes, ...]:
         return (*fuzz_files.log_parquet() * 10, *fuzz_files.strange_parquet())
 
-    def mcaps() -> tuple[bytes, ...]:
-        return (*fuzz_files.log_json_mcap(), *fuzz_files.log_bag2("MCAP"))
-
     return {
         "log, text": lambda: Target(".csv", texts(), read_log, _HEADER),
         "log, Parquet": lambda: Target(".parquet", parquets(), read_log),
@@ -110,10 +107,14 @@ def _logs() -> dict[str, Callable[[], Target]]:
         "log, MATLAB 7.3": lambda: Target(".mat", fuzz_files.log_hdf5(is_matlab=True), read_log),
         "log, HDF5": lambda: Target(".h5", fuzz_files.log_hdf5(), read_log),
         "log, MDF": lambda: Target(".mf4", fuzz_files.log_mdf(), read_log),
-        "log, MCAP": lambda: Target(".mcap", mcaps(), read_log),
+        "log, MCAP": lambda: Target(".mcap", _mcaps(), read_log),
         "log, ROS 1 bag": lambda: Target(".bag", fuzz_files.log_bag1(), read_log),
         "log, ROS 2 bag": lambda: Target(".db3", fuzz_files.log_bag2("SQLITE3"), read_log),
     }
+
+
+def _mcaps() -> tuple[bytes, ...]:
+    return (*fuzz_files.log_json_mcap(), *fuzz_files.log_bag2("MCAP"))
 
 
 def _descriptions() -> dict[str, Callable[[], Target]]:
@@ -177,6 +178,8 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
 
 
 def _streams() -> dict[str, Callable[[], Target]]:
+    from flexid.recording.columns import read_channels
+    from flexid.recording.formats import tables_of_file
     from flexid.streaming.checkpoint import read_session, save_session
     from flexid.streaming.options import WatchOptions
     from flexid.streaming.session import Session
@@ -193,6 +196,11 @@ def _streams() -> dict[str, Callable[[], Target]]:
                 if len(columns.weights) == 4:  # time, both positions, input
                     session.feed(columns.samples(cells))
         save_session(session, path.with_suffix(".session"))
+
+    def replay(path: Path) -> None:
+        """Play a log again, in parts."""
+        for table in tables_of_file(path, None, 30):
+            read_channels(table, None)
 
     def checkpoint() -> bytes:
         columns = fuzz_files.log_columns(400)
@@ -215,6 +223,8 @@ def _streams() -> dict[str, Callable[[], Target]]:
 
     return {
         "watch, text": lambda: Target(".csv", (fuzz_files.log_text(),), watch, _HEADER),
+        "watch, MCAP": lambda: Target(".mcap", _mcaps(), replay),
+        "watch, HDF5": lambda: Target(".h5", fuzz_files.log_hdf5(), replay),
         "watch, checkpoint": lambda: Target(".json", (checkpoint(),), restore, _JSON),
     }
 

@@ -21,6 +21,8 @@ NAMES += (
     "estimate, compared",
     "estimate for a design",
     "watch, text",
+    "watch, MCAP",
+    "watch, HDF5",
     "watch, checkpoint",
 )
 
