@@ -46,6 +46,7 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
     for term in ("gravity", "motor_viscous"):
         tab_to(page, f"input[value={term}]")
         page.keyboard.press("Space")
+        assert page.is_checked(f"input[value={term}]")
     tab_to(page, "#run-form button")
     page.keyboard.press("Enter")
     page.wait_for_selector("#found")

@@ -40,8 +40,10 @@ class Rooms:
                     await self._open(values)
                 case "room":
                     await self._enter(target)
-                case "columns" | "settings":
+                case "columns":
                     await self._identify.choose(values)
+                case "settings":
+                    await self._identify.settle(values)
                 case "run":
                     await self._identify.run(values)
                 case "cancel":
