@@ -1,13 +1,15 @@
 """Many windows of the studio at once: memory, and how long an answer takes.
 
 ``python -m benchmarks.studio`` opens twenty windows, sends each a log of thirty seconds, has all
-checked and identified, while another window goes on asking.
+checked and identified, while another window goes on asking and another watches the simulated drive.
+``python -m benchmarks.studio --play 200`` moves the sliders of Play to as many places.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import random
 import subprocess
 import sys
 import threading
@@ -15,13 +17,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from math import exp, log
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
+
+if TYPE_CHECKING:
+    from flexid.studio.play_choices import Slider
 
 LOG = Path(__file__).parents[1] / "examples" / "flexible_joint.csv"
 PATIENCE = 600.0  # s
@@ -50,12 +56,14 @@ class Visitor:
         request = {"kind": kind, "asked": time.monotonic(), **more}
         self._connection.send(json.dumps({"method": "update", "data": {"request": request}}))
 
-    def wait(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """Wait for a message."""
+    def wait(
+        self, wanted: Callable[[dict[str, Any]], bool], *, problems: bool = False
+    ) -> dict[str, Any]:
+        """Wait for a message; a problem that the page would show ends it, unless it is expected."""
         while True:
             message = json.loads(self._connection.recv(PATIENCE))
             found = message.get("custom", {}).get("studio")
-            if found and 'class="problem"' in found.get("html", ""):
+            if found and not problems and 'class="problem"' in found.get("html", ""):
                 raise RuntimeError(found["html"])
             if found and wanted(found):
                 return found
@@ -75,6 +83,34 @@ class Visitor:
         begun = time.monotonic()
         self.ask("columns", values={"model": "link"})
         self.wait(lambda message: message["kind"] == "address")
+        return time.monotonic() - begun
+
+    def watch(self) -> None:
+        """Start a stream, and wait until its first samples are in."""
+        self.ask("room", target="live")
+        self.ask("live-start")
+        self.shown("live-table", "joint stiffness")
+
+    def watched(self) -> float:
+        """Seconds of the stream, which is stopped."""
+        self.ask("live-stop")
+        seconds = 0.0
+
+        def ended(message: dict[str, Any]) -> bool:
+            nonlocal seconds
+            text = message.get("text", "") if message.get("place") == "live-line" else ""
+            if text.startswith("Running: "):
+                seconds = float(text.split()[1])
+            return text.startswith("Stopped")
+
+        self.wait(ended)
+        return seconds
+
+    def play_time(self, values: dict[str, str]) -> float:
+        """Seconds until a place of the sliders is played."""
+        begun = time.monotonic()
+        self.ask("play", values=values)
+        self.wait(lambda message: message["kind"] == "played", problems=True)
         return time.monotonic() - begun
 
 
@@ -107,6 +143,7 @@ class Load:
     identified: float
     slowest_answer: float
     peak_memory: int
+    streamed: float
 
 
 def load(windows: int, identified: int) -> Load:
@@ -129,10 +166,11 @@ def load(windows: int, identified: int) -> Load:
             stack.enter_context(
                 connect(socket, origin=Origin(origin), max_size=None, max_queue=None)
             )
-            for _ in range(windows + 1)
+            for _ in range(windows + 2)
         ]
         visitors = [Visitor(address, connection) for connection in connections]
-        *visitors, asking = visitors
+        *visitors, asking, watching_live = visitors
+        watching_live.watch()
         begun = time.monotonic()
         for visitor in visitors:
             visitor.send(LOG)
@@ -145,20 +183,55 @@ def load(windows: int, identified: int) -> Load:
         for visitor in visitors[:identified]:
             visitor.shown("result", "Parameter")
             answers.append(asking.answer_time())
-        return Load(checked, time.monotonic() - begun - checked, max(answers), peak[0])
+        spent = time.monotonic() - begun
+        return Load(checked, spent - checked, max(answers), peak[0], watching_live.watched())
+
+
+def play_times(places: int) -> list[float]:
+    """How long each of some places of the sliders takes, beside Table I, drawn evenly over all."""
+    from flexid.studio.play_choices import READINGS, SLIDERS
+
+    rng = random.Random(1)
+
+    def somewhere(slider: Slider) -> str:
+        ends = slider.lowest, slider.highest
+        value = exp(rng.uniform(*map(log, ends))) if slider.logarithmic else rng.uniform(*ends)
+        return f"{value:.4g}"
+
+    with running() as (_, address):
+        origin = address.rstrip("/")
+        socket = f"ws://{urlsplit(address).netloc}/websocket/"
+        with connect(socket, origin=Origin(origin), max_size=None, max_queue=None) as connection:
+            visitor = Visitor(address, connection)
+            for reading in READINGS:  # compiled, if need be
+                visitor.play_time({"reading": reading})
+            return [
+                visitor.play_time(
+                    {slider.name: somewhere(slider) for slider in SLIDERS}
+                    | {"reading": rng.choice([*READINGS])}
+                )
+                for _ in range(places)
+            ]
 
 
 def main() -> None:
-    """Print what twenty windows cost."""
+    """Print what twenty windows cost, or places of the sliders."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--windows", type=int, default=20)
+    parser.add_argument("--play", type=int, metavar="PLACES")
     arguments = parser.parse_args()
+    if arguments.play:
+        times = sorted(play_times(arguments.play))
+        for share in (0.5, 0.9, 1.0):
+            print(f"{share:4.0%} of places within {times[round(share * len(times)) - 1]:.3f} s")
+        return
     found = load(arguments.windows, arguments.windows)
     print(f"windows              {arguments.windows}")
     print(f"all logs checked     {found.checked:.1f} s")
     print(f"all identified       {found.identified:.1f} s")
     print(f"slowest answer       {found.slowest_answer:.2f} s")
     print(f"most memory          {found.peak_memory / 1e9:.2f} GB")
+    print(f"of a stream          {found.streamed:.0f} s")
 
 
 if __name__ == "__main__":

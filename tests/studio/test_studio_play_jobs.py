@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from flexid.analysis.excitation import excitation
 from flexid.analysis.histories import row_histories
 from flexid.errors import SimulationError
+from flexid.report.play_chart import SYMBOLS
 from flexid.simulation import closed_loop
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
@@ -60,16 +63,39 @@ def test_a_sampled_drive_is_played():
 def test_what_diverges_is_said(monkeypatch: pytest.MonkeyPatch):
     """Assert that a loop that ends early is answered in a sentence, beside the pinned one."""
 
-    def stopped(loop: ClosedLoop, duration: float, sample_time: float, tolerance: float) -> Run:
+    def stopped(loop: ClosedLoop, *settings: Any) -> Run:
         if loop.controller.parameters["k"] > 60.0:
-            raise SimulationError("the loop diverges", 1.5)
-        return simulate(loop, duration, sample_time, tolerance)
+            raise SimulationError("the loop diverges: raise maximum_steps", 1.5)
+        return simulate(loop, *settings)
 
     monkeypatch.setattr(closed_loop, "simulate", stopped)
     found = play(print, read_play({"k": "77"}), TABLE1)
-    assert found.problems == ("This run: simulation stopped at t = 1.5 s: the loop diverges.",)
+    assert found.problems == ("This run stops at 1.5 s: the loop diverges. Move a slider back.",)
     assert found.rows[0][1] == ""
     assert found.rows[0][2] != ""
+
+
+def test_a_run_that_would_take_long_is_given_up():
+    """Assert that what is too stiff is said after a bounded number of steps, as a number of them.
+
+    This place, of the reading whose loop oscillates, needs more than a million.
+    """
+    place = {"joint_stiffness": "356.284", "link_inertia": "0.479886", "motor_inertia": "1.90409"}
+    place |= {"gravity_torque": "7.80828", "motor_viscous_friction": "0.994425", "k": "9.72432"}
+    place |= {"c": "19.3159", "amplitude": "0.471841", "frequency": "6.3583", "reading": "1,1,3"}
+    (problem,) = play(print, read_play(place), None).problems
+    assert f"{play_jobs._MOST_STEPS} steps did not suffice" in problem
+
+
+def test_the_tolerance_suffices_for_what_is_shown():
+    """Assert that the figures of a stiff place are those of a run to a tenth of the tolerance."""
+    place = {"reading": "1,1,3", "k": "121", "c": "0.0385", "amplitude": "5.29"}
+    choices = read_play(place)
+    rows = numbers(play(print, choices, None).rows, 1)
+    fine = play_jobs._measured(simulate(choices.loop, play_jobs.DURATION, 0.01, 1e-6, 1e-10))
+    assert rows["tracking error"] == pytest.approx(fine.remaining_error, rel=0.06)
+    for name, (value, _) in fine.final_errors.items():
+        assert rows[f"error of {SYMBOLS[name]}"] == pytest.approx(value, rel=0.06, abs=1e-6)
 
 
 def test_where_the_true_value_is_zero_the_error_has_its_unit():

@@ -25,7 +25,8 @@ _LAST = 5.0  # s over which errors count as those that remain
 _WINDOW = 2.0  # s over which excitation is measured
 _POINTS = 120  # of the excitation over time
 _SAMPLES = 3001  # of a figure
-_TOLERANCE = 1e-6
+_RELATIVE, _ABSOLUTE = 1e-5, 1e-9  # tolerances: the errors that vanish keep their digits
+_MOST_STEPS = 400_000  # about half a second
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,8 @@ def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> Played
             runs.append(None if choices is None else _played(choices))
         except SimulationError as error:
             runs.append(None)
-            problems.append(f"{which}: {error}.")
+            why = error.reason.partition(":")[0]  # what it advises is not to be had here
+            problems.append(f"{which} stops at {error.time:.3g} s: {why}. Move a slider back.")
     run, pin = runs
     chart = chart_document(play_chart(run, pin))
     return PlayedRuns(_rows(run, pin), tuple(problems), chart, perf_counter() - begun)
@@ -83,7 +85,8 @@ def _remembered(pairs: tuple[tuple[str, str], ...]) -> Played:
     if sampling is None:
         from flexid.simulation.closed_loop import simulate
 
-        run = simulate(choices.loop, DURATION, DURATION / (_SAMPLES - 1), _TOLERANCE)
+        step = DURATION / (_SAMPLES - 1)
+        run = simulate(choices.loop, DURATION, step, _RELATIVE, _ABSOLUTE, _MOST_STEPS)
     else:
         from flexid.simulation.sampled import simulate_sampled
 
