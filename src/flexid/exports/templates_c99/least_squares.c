@@ -29,7 +29,7 @@ static void add_equation(
             ++place;
         }
         if (i < n) { /* F: never forgotten, drawn to where the estimate is */
-            row->peak[i] = larger(row->peak[i], row->matrix[place].sum + square);
+            row->peak[i] = larger(row->peak[i], (FADING * row->matrix[place].sum) + square);
             kept = KEPT * row->peak[i];
         }
         accumulate(&row->matrix[place], square + kept);
