@@ -181,6 +181,77 @@ def test_wraps_are_undone(tmp_path: Path, low: float, unit: str) -> None:
     assert all("jumps by a turn at " in warning for warning in log.warnings)
 
 
+def geared(folder: Path, encoder: FloatArray, entry: dict[str, object], **more: object) -> Log:
+    """Read a slow motion, the motor's angle in turns of an encoder in front of the gear."""
+    columns = {
+        "time": SLOW,
+        "link_position": MOTOR + 0.1 * np.sin(4.0 * SLOW),
+        "encoder": encoder,
+        "motor_torque": np.cos(SLOW),
+    }
+    return read_log(write_csv(folder, columns), {"motor_position": entry, **more})
+
+
+SLOW = 0.002 * np.arange(2000)
+MOTOR = 0.8 * np.sin(1.5 * SLOW)
+TURNS = 200.0 * MOTOR / (2.0 * np.pi)
+ENCODERS = {
+    "a turn": (np.mod(TURNS, 1.0), {"column": "encoder", "unit": "turn"}),
+    "a turn about zero": (np.mod(TURNS + 0.5, 1.0) - 0.5, {"column": "encoder", "unit": "turn"}),
+    "a counter of four turns": (
+        np.mod(np.round(1000.0 * TURNS), 4000.0),
+        {"column": "encoder", "unit": "turn", "scale": "1/1000"},
+    ),
+    "a counter of 16 bits": (
+        np.mod(np.round(4096.0 * TURNS) + 2**15, 2**16) - 2**15,
+        {"column": "encoder", "unit": "turn", "scale": "1/4096"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ENCODERS)
+def test_wraps_in_front_of_a_gear_are_undone(tmp_path: Path, name: str) -> None:
+    """Assert that turns of the motor are counted, however many an encoder holds."""
+    log = geared(tmp_path, *ENCODERS[name], gear_ratio=200)
+    (recording,) = log.recordings
+    np.testing.assert_allclose(recording.motor_position, MOTOR, atol=2e-5)
+    assert any("jumps by a turn at " in warning for warning in log.warnings)
+
+
+def test_a_fast_motor_does_not_wrap(tmp_path: Path) -> None:
+    """Assert that a motor that makes more than half a turn between samples is taken as it is."""
+    log = geared(tmp_path, 5.0 * TURNS, {"column": "encoder", "unit": "turn"}, gear_ratio=1000)
+    np.testing.assert_allclose(log.recordings[0].motor_position, MOTOR, atol=1e-9)
+    assert log.warnings == ()
+
+
+def test_a_motor_too_fast_to_unwrap_is_refused(tmp_path: Path) -> None:
+    """Assert that turns are not guessed where the motor makes up to half of one between samples."""
+    encoder = np.mod(5.0 * TURNS, 1.0)
+    with pytest.raises(RecordingError, match="if the encoder wraps, unwrap it, or log faster"):
+        geared(tmp_path, encoder, {"column": "encoder", "unit": "turn"}, gear_ratio=1000)
+
+
+def test_a_counter_of_unknown_turns_is_told_of(tmp_path: Path) -> None:
+    """Assert that a position that jumps across its range is warned of where no gear is known."""
+    encoder, entry = ENCODERS["a turn"]
+    log = geared(tmp_path, encoder, {**entry, "scale": "1/200"})
+    assert any("jumps by more than half of its range" in warning for warning in log.warnings)
+
+
+def test_turns_that_an_encoder_does_not_know(tmp_path: Path) -> None:
+    """Assert that encoders that begin on either side of zero do not differ by a turn."""
+    motion = 4.0 * np.sin(1.5 * SLOW)
+    columns = {
+        "time": SLOW,
+        "link_position": np.mod(motion + 0.02 * np.cos(4.0 * SLOW), 2.0 * np.pi),
+        "motor_position": np.mod(motion - 0.01, 2.0 * np.pi),
+        "motor_torque": np.cos(SLOW),
+    }
+    (recording,) = read_log(write_csv(tmp_path, columns)).recordings
+    np.testing.assert_allclose(recording.deflection, 0.01 + 0.02 * np.cos(4.0 * SLOW), atol=1e-9)
+
+
 def test_fast_with_a_stated_unit(tmp_path: Path) -> None:
     """Assert that a fast joint is believed, with a warning, where the unit is stated."""
     time = 1e-4 * np.arange(4000)

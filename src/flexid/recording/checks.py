@@ -101,31 +101,81 @@ def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Fl
     """
     values = channel.values
     steps = np.diff(values)
-    if not len(steps) or max(steps.max(), -steps.min()) <= np.pi:
+    turn = _turn(channel, steps)
+    if not len(steps) or max(steps.max(), -steps.min()) <= turn / 2:
         return values, ""
-    is_jump = np.abs(steps) > np.pi
+    is_jump = np.abs(steps) > turn / 2
     jumps = np.flatnonzero(is_jump)
-    if len(jumps) > len(steps) // 4:
+    if turn == TURN and len(jumps) > len(steps) // 4:
         return values, ""  # not wraps but a wrong unit, which the check of the speed will tell
-    turns = np.rint(steps[jumps] / TURN)
-    left_over = np.abs(steps[jumps] - TURN * turns).max()
+    turns = np.rint(steps[jumps] / turn)
+    left_over = np.abs(steps[jumps] - turn * turns).max()
     others = np.abs(steps[~is_jump]).max(initial=0.0)
     place = f"column {channel.column!r}"
     times = ", ".join(f"{time[index + 1]:.6g} s" for index in jumps[:3])
     if len(jumps) > 3:
         times += f" and {len(jumps) - 3} more times"
-    if left_over > np.pi / 2 or others > np.pi / 2:
+    if left_over > turn / 4 or others > turn / 4:
         raise RecordingError(
             file,
             place,
             f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {times}, which is no whole turn of "
-            f"an encoder: check the unit and the gear ratio, or remove the outlier",
+            f"an encoder: check the unit and the gear ratio, or remove the outlier"
+            + ("" if turn == TURN else "; if the encoder wraps, unwrap it, or log faster"),
         )
     corrections = np.zeros_like(steps)
-    corrections[jumps] = TURN * turns
+    corrections[jumps] = turn * turns
     unwrapped = values - np.concatenate(([0.0], np.cumsum(corrections)))
     warning = f"{file}: {place}: {name} jumps by a turn at {times}, and was unwrapped: check it"
     return unwrapped, warning
+
+
+def _turn(channel: Channel, steps: FloatArray) -> float:
+    """What an encoder wraps by, as the link's side of the gear sees it.
+
+    Behind a gear that is a turn of the motor, or the whole turns that a counter holds, where the
+    position jumps by them and stays within them. A log that is sampled so slowly that the motor
+    makes half a turn between two samples does not.
+    """
+    gear = channel.origin.gear_ratio
+    if not gear or not len(steps):
+        return TURN
+    turn = TURN / abs(gear)
+    turns = round(float(np.abs(steps).max()) / turn)
+    wraps = turns >= 1 and float(np.ptp(channel.values)) < (turns + 0.01) * turn
+    return turns * turn if wraps else TURN
+
+
+def turns_apart(position: FloatArray, other: FloatArray) -> float:
+    """Whole turns that one side is behind the other, in rad.
+
+    Encoders that wrap do not say in which turn they began.
+    """
+    return TURN * float(np.rint(np.median(other - position) / TURN))
+
+
+def check_jumps(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[str, ...]:
+    """Warn of a position that jumps across its range, as a counter does that overflows.
+
+    What a whole turn of it is, is not known, or it would have been unwrapped. A position may be
+    another after a gap, and one of a few counts is no jump.
+    """
+    values = channel.values
+    clock = np.diff(time)
+    steps = np.where(clock > 1.5 * np.median(clock), 0.0, np.abs(np.diff(values)))
+    extent = float(np.ptp(values))
+    is_jump = steps > 0.5 * extent
+    jumps = np.flatnonzero(is_jump)
+    if not len(jumps) or steps[~is_jump].max() > 0.25 * extent or len(np.unique(values)) <= 20:
+        return ()
+    times = ", ".join(f"{time[index + 1]:.6g} s" for index in jumps[:3])
+    if len(jumps) > 3:
+        times += f" and {len(jumps) - 3} more times"
+    return (
+        f"{file}: column {channel.column!r}: {name} jumps by more than half of its range at "
+        f"{times}: if a counter overflows, unwrap it, or write the gear_ratio in a column map; if "
+        f"it is an outlier, remove it",
+    )
 
 
 def check_saturation(file: str, name: str, channel: Channel) -> tuple[str, ...]:

@@ -87,14 +87,23 @@ def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:
 
 
 def _unwrap(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
-    """Replace the positions of absolute encoders by continuous ones."""
+    """Replace the positions of absolute encoders by continuous ones, a turn apart at most."""
     warnings = []
+    unwrapped = []
     for name in ENCODERS:
         if name in channels:
             values, warning = checks.unwrap(file, name, channels[name], time)
             if warning:
                 channels[name] = replace(channels[name], values=values)
                 warnings.append(warning)
+                unwrapped.append(name)
+            warnings += checks.check_jumps(file, name, channels[name], time)
+    if unwrapped and all(name in channels for name in ENCODERS):
+        name = unwrapped[-1]
+        (other,) = (channels[one].values for one in ENCODERS if one != name)
+        values = channels[name].values
+        turns = checks.turns_apart(values, other)
+        channels[name] = replace(channels[name], values=values + turns)
     return tuple(warnings)
 
 

@@ -49,7 +49,8 @@ class Wraps:
         )
         found = unwrapped[started:]
         if warning:
-            jumps = np.flatnonzero(np.abs(np.diff(values)) > np.pi) + 1
+            taken = np.diff(values) - np.diff(unwrapped)  # whole turns, or rounding
+            jumps = np.flatnonzero(np.abs(taken) > 0.5 * np.abs(taken).max()) + 1
             self._count += len(jumps)
             self._times += [f"{t:.6g} s" for t in times[jumps[: SHOWN - len(self._times)]]]
         if self._offset:
