@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 import flexid
@@ -49,6 +50,17 @@ def test_a_log_of_another_machine_is_refused(tmp_path):
             out=tmp_path / "drive",
             log="examples/flexible_joint.csv",
         )
+
+
+def test_a_log_of_another_input_is_refused(tmp_path):
+    """Assert that an estimate from a torque takes no log of a current for its test vector."""
+    log = pl.read_csv("examples/flexible_joint.csv").head(2000)
+    terms = ("gravity", "motor_viscous")
+    estimate = flexid.identify(log, terms=terms, hold="zero", input_delay=0, link_delay=0)
+    current = log.rename({"motor_torque [N m]": "motor_current [A]"})
+    with pytest.raises(SettingError, match="input in A, and the estimate was made with one in N m"):
+        flexid.export(estimate, to="c99", out=tmp_path / "drive", log=current)
+    flexid.export(estimate, to="c99", out=tmp_path / "drive", log=log)
 
 
 def test_the_command_prints_what_it_wrote(flexid, tmp_path):

@@ -67,6 +67,15 @@ def test_short_recording_costs_a_warning():
     assert "70 samples from 9 s on are too few" in warning
 
 
+def test_many_short_recordings_cost_one_warning_for_a_log():
+    """Assert that a log with many gaps says so once, and how many recordings it lost."""
+    short = [recording(40, start=float(n)) for n in range(9)]
+    first, second = log(recording(300), *short), log(recording(300, source="b.csv"), short[0])
+    _, warnings = prepare([first, second], SHARE)
+    assert len(warnings) == 2
+    assert "the 40 samples from 2 s on and 6 more recordings are too few" in warnings[0]
+
+
 def test_nothing_but_short_recordings_is_refused():
     """Assert that a log too short to fit is refused, with the length that the reader names."""
     prepare([log(recording(FEWEST_TO_IDENTIFY))], SHARE)

@@ -113,8 +113,10 @@ WRONG = {
     "a key": ({1: [1.0]}, "no text"),
     "no text": (pd.DataFrame({0: [1.0]}), "no text"),
     "a gap": ({"time [s]": [0.0, None, 0.2]}, "row 1"),
+    "a name twice": (pd.DataFrame([[0.0, 1.0]], columns=["time", "time"]), "'time' 2 times"),
     "text": ({"time [s]": ["a", "b"]}, "time"),
     "objects": ({"time [s]": [object(), object()]}, "time"),
+    "masked": ({"time [s]": np.ma.masked_greater([0.0, 1.0, 9.0], 2.0)}, "masked"),
     "dates": (pd.DataFrame({"time [s]": pd.date_range("2026", periods=3)}), "seconds"),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import os
 from collections.abc import Callable
@@ -188,6 +189,8 @@ BYTES_CASES = {
     "empty": (b"", "log.csv", ["empty", "export the log again"]),
     "blank": (b"\n \n", "log.csv", ["empty"]),
     "binary": (bytes(range(256)) * 20, "log.csv", ["binary file", "export the log as CSV"]),
+    "gzip": (gzip.compress(GOOD), "log.csv.gz", ["packed by gzip", "unpack it"]),
+    "workbook": (b"PK\x03\x04" + b"\0" * 99, "log.xlsx", ["workbooks", "save the sheet as CSV"]),
     "parquet named csv": (b"PAR1....PAR1", "log.csv", ["Parquet", "rename it", ".parquet"]),
     "csv named parquet": (GOOD, "log.parquet", ["no readable Parquet file", "name it .csv"]),
     "torn parquet": (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", ["no readable Parquet"]),

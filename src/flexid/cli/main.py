@@ -12,6 +12,14 @@ from types import FrameType
 _INTERRUPTED = 3  # as in flexid.cli.exit_status
 
 
+class _Interrupted(KeyboardInterrupt):
+    """An interruption that Python does not take for one that nobody answers.
+
+    Where a bare `KeyboardInterrupt` has passed through ``exec`` of a text, by which dataclasses
+    make classes, ``python -m`` ends by a signal at its exit, whoever caught it meanwhile.
+    """
+
+
 def _hung_up(_number: int, _frame: FrameType | None) -> None:
     """Take the end of the terminal for a request to end, whoever answers that by now."""
     signal.raise_signal(signal.SIGTERM)
@@ -25,7 +33,7 @@ def main() -> None:
         interruptions.append(number)
         if len(interruptions) > 1:  # whoever asks twice wants no cleaning up
             os._exit(_INTERRUPTED)
-        raise KeyboardInterrupt
+        raise _Interrupted
 
     before = {}
     try:

@@ -84,14 +84,24 @@ def prepare(
     ]
     kept = _long_enough(recordings, share)
     warnings = [
-        f"{recording.source}: the {len(recording)} samples from {recording.start_time:g} s on are "
-        f"too few to fit and validate, so they were left out: record without gaps"
-        for group, recording in recordings
-        if kept and (group, recording) not in kept
+        _left_out(log.source, short)
+        for number, log in enumerate(logs)
+        if kept
+        and (short := [r for group, r in recordings if group == number and (group, r) not in kept])
     ]
     groups, recorded = zip(*(kept or recordings), strict=True)
     starts = tuple(_held_out_start(recording, share) for recording in recorded)
     return SplitRecordings(recorded, starts, groups), tuple(warnings)
+
+
+def _left_out(source: str, short: list[Recording]) -> str:
+    """What to say of the recordings of a log that are too short."""
+    shown = [f"the {len(one)} samples from {one.start_time:g} s on" for one in short[:3]]
+    more = f" and {len(short) - 3} more recordings" if len(short) > 3 else ""
+    return (
+        f"{source}: {', '.join(shown)}{more} are too few to fit and validate, so they were left "
+        f"out: record without gaps"
+    )
 
 
 def _seen_by(model: Kind | Auto, recording: Recording) -> Recording:

@@ -7,6 +7,7 @@ from functools import wraps
 from typing import ParamSpec, TypeVar
 
 from flexid.errors import ArgumentError
+from flexid.library.checks import kind_of
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,6 +35,11 @@ def entrance(function: Callable[P, R]) -> Callable[P, R]:
             signature.bind(*args, **kwargs)
         except TypeError as error:
             raise _refused(name, signature, len(args), str(error)) from None
+        progress = kwargs.get("progress")
+        if progress is not None and not callable(progress):
+            raise ArgumentError(
+                name, "progress", f"is {kind_of(progress)}: give a function, such as print"
+            )
         return function(*args, **kwargs)
 
     return checked
@@ -61,4 +67,7 @@ def _refused(name: str, signature: inspect.Signature, given: int, reason: str) -
             if options
             else f"there are {given}, and it takes {taken}",
         )
+    missing = reason.removeprefix("missing a required argument: ")
+    if missing != reason:
+        return ArgumentError(name, missing.strip("'"), "is missing: give it")
     return ArgumentError(name, "arguments", reason)

@@ -6,11 +6,11 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from flexid.errors import SettingError
+from flexid.errors import ArgumentError, SettingError
 from flexid.exports.estimator import EstimatorSettings
 from flexid.exports.source import ExportSource, source_of_identification
 from flexid.exports.targets import TARGETS, ExportRequest, export_to
-from flexid.library.checks import as_path
+from flexid.library.checks import as_path, kind_of
 from flexid.library.derive import SHIPPED, declared
 from flexid.library.entrance import did_you_mean, entrance
 from flexid.models.parametric_system import ParametricSystem
@@ -105,7 +105,7 @@ def export(
     if to not in TARGETS:
         raise SettingError("to", f"{to!r} is none{did_you_mean(str(to), TARGETS)}")
     source = export_source(what, terms)
-    samples = None if log is None else _longest(log, columns)
+    samples = None if log is None else _longest(log, columns, source)
     given: dict[str, Any] = {
         "hold": hold,
         "gains": gain,
@@ -133,6 +133,12 @@ def export_source(what: Any, terms: Iterable[str] | None = None) -> ExportSource
         from flexid.identification.estimate_file import read_estimate, stored_identification
 
         return source_of_identification(stored_identification(read_estimate(Path(what))))
+    if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
+        raise ArgumentError(
+            "export",
+            "what",
+            f"is {kind_of(what)}: give an estimate, a model, or the path of one",
+        )
     return ExportSource(declared(what, terms, unknown_input_gain=what == SHIPPED))
 
 
@@ -173,7 +179,18 @@ def estimator_settings(
     return EstimatorSettings(h, start=source.values, **(found | dict(given)))
 
 
-def _longest(log: Any, columns: Any) -> "Samples":
-    from flexid.library.logs import samples
+def _longest(log: Any, columns: Any, source: ExportSource) -> "Samples":
+    """Samples of a log's longest recording; raise if its input is not the estimate's."""
+    from flexid.library.logs import one_log, samples
 
-    return max(samples(log, columns=columns), key=len)
+    read = one_log("export", log, columns)
+    unit = read.recordings[0].input_unit
+    if source.identification is not None and source.identification.model != "link":
+        (known,) = {source.units[name] for name in source.system.inputs}
+        if unit != known:
+            raise SettingError(
+                "log",
+                f"has an input in {unit or 'no unit'}, and the estimate was made with one in "
+                f"{known}: give a log of the same input",
+            )
+    return max(samples(read), key=len)

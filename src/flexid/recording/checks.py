@@ -42,7 +42,7 @@ def check_varies(file: str, name: str, channel: Channel) -> None:
         "motor_position": "the encoder is stuck or not connected",
         "link_velocity": "the sensor is dead, so leave the column out",
         "motor_velocity": "the sensor is dead, so leave the column out",
-    }.get(name, "nothing drives the motor")
+    }.get(name, "nothing drives the motor; without the column the link is identified alone")
     raise RecordingError(
         file,
         f"column {channel.column!r}",

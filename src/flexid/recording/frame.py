@@ -37,11 +37,15 @@ def table_of_frame(frame: Any) -> Table:
     Raises
     ------
     RecordingError
-        If it holds no samples, or names that are no text.
+        If it holds no samples, names that are no text, or a name twice.
     """
     import narwhals as nw
 
-    table = nw.from_native(frame, eager_only=True)
+    try:
+        table = nw.from_native(frame, eager_only=True)
+    except nw.exceptions.DuplicateError as error:
+        reason = f"{' '.join(str(error).split())}: rename or remove columns that stand there twice"
+        raise RecordingError(FRAME, "", reason) from None
     names = [name for name in table.columns if not isinstance(name, str)]
     if names:
         raise RecordingError(FRAME, f"column {names[0]!r}", "its name is no text: rename it")
@@ -64,7 +68,7 @@ def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
     Raises
     ------
     RecordingError
-        If they differ in length, are no arrays of one dimension, or hold no samples.
+        If they differ in length, are no arrays of one dimension, are masked, or hold no samples.
     """
     columns: dict[str, Any] = {}
     for name, values in arrays.items():
@@ -85,6 +89,10 @@ def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
 
 
 def _array(name: str, values: Any) -> Any:
+    if np.ma.is_masked(values):
+        raise RecordingError(
+            ARRAYS, f"column {name!r}", "some of its values are masked: remove these samples"
+        )
     try:
         found = np.asarray(values)
     except ValueError:  # lists of different lengths

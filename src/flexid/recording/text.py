@@ -14,6 +14,15 @@ from flexid.recording.limits import check_cells
 
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
+_PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"PK\x03\x04": "zip, as archives and workbooks are",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ\x00": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"7z\xbc\xaf": "7z",
+}
+
 
 def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
     """Read a text file.
@@ -75,6 +84,10 @@ def _utf_8(file: str, raw: bytes) -> bytes:
             raise RecordingError(
                 file, "", "the text is damaged UTF-16: save the file as UTF-8"
             ) from None
+    packed = next((how for begin, how in _PACKED.items() if raw.startswith(begin)), None)
+    if packed is not None:
+        reason = f"the file is packed by {packed}: unpack it, or save the sheet as CSV"
+        raise RecordingError(file, "", reason)
     sample = raw[:65536]
     if b"\0" in sample or sum(byte < 9 or 13 < byte < 32 for byte in sample) > 0.01 * len(sample):
         raise RecordingError(
