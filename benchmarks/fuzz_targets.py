@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import polars as pl
@@ -178,8 +179,7 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
 
 
 def _streams() -> dict[str, Callable[[], Target]]:
-    from flexid.recording.columns import read_channels
-    from flexid.recording.formats import tables_of_file
+    from flexid.streaming import incoming
     from flexid.streaming.checkpoint import read_session, save_session
     from flexid.streaming.options import WatchOptions
     from flexid.streaming.session import Session
@@ -199,8 +199,10 @@ def _streams() -> dict[str, Callable[[], Target]]:
 
     def replay(path: Path) -> None:
         """Play a log again, in parts."""
-        for table in tables_of_file(path, None, 30):
-            read_channels(table, None)
+        with patch.object(incoming, "BLOCK", 30):
+            samples = incoming.Replay(path, None, at_once=True)
+            while samples.read(last=False) is not None:
+                pass
 
     def checkpoint() -> bytes:
         columns = fuzz_files.log_columns(400)
