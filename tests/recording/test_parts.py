@@ -156,9 +156,9 @@ def test_what_is_damaged_in_the_middle(tmp_path: Path):
     raw = bytearray(path.read_bytes())
     raw[len(raw) // 2 : len(raw) // 2 + 2000] = b"\xff" * 2000
     path.write_bytes(raw)
-    words = "no bag or MCAP file that can be read"
+    words = r"message \d+ or after: the file cannot be read on from there"
     assert 500 < rows_before(path, words) < 1500
-    with pytest.raises(RecordingError, match=words):
+    with pytest.raises(RecordingError, match="no bag or MCAP file that can be read"):
         table_of_file(path, None)
 
 

@@ -93,6 +93,9 @@ def test_an_mcap_file_is_watched(tmp_path: Path):
     np.testing.assert_allclose(found[:, 1:], samples[:, 1:], rtol=1e-12)
     np.testing.assert_allclose(np.diff(found[:, 0]), H, rtol=1e-6)
     assert replay.read(last=False) is None
+    follower = Follower(str(path), CHOICES, column_map=columns, stop_at_end=True)
+    for _ in follower.turns(1.0):
+        assert len([w for w in follower.warnings if "carry no time stamps" in w]) == 1
 
 
 @pytest.mark.parametrize("block", [70, 10_000])

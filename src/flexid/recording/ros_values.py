@@ -122,7 +122,7 @@ class Values:
                 with readable(self._file, WHAT):
                     ended = self._is_read_to_its_end(added, kept + wanted)
             except RecordingError as error:
-                ended, damage = True, error
+                ended, damage = True, self._said(error)
             if any_read:
                 self._sort()
             else:
@@ -139,6 +139,17 @@ class Values:
             kept, wanted = self._drop(size), size
         if damage is not None:
             raise damage
+
+    def _said(self, error: RecordingError) -> RecordingError:
+        """Name the place at which a library failed; what we found wrong names its own."""
+        read = max(self._left.get(name, 0) + len(times) for name, times in self._stamps.items())
+        if error.__cause__ is None or not read:
+            return error
+        return RecordingError(
+            self._file,
+            f"message {read + 1} or after",
+            "the file cannot be read on from there: export or copy it again",
+        )
 
     def _is_read_to_its_end(self, added: Iterator[str], most: int) -> bool:
         """Read on until a clock has so many time stamps."""

@@ -191,7 +191,7 @@ class Follower:
     def _begun(self, incoming: Incoming, samples: FloatArray) -> Session:
         channels, choices = incoming.channels, self._choices
         assert channels is not None
-        self.warnings += channels.warnings
+        self.warnings = tuple(dict.fromkeys(self.warnings + channels.warnings))
         head = samples[:HEAD_LINES, 0]
         options = choices.options(
             channels.kind,
