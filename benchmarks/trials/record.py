@@ -48,7 +48,7 @@ def recorded(family: str, seed: int, with_structure: bool) -> Record:
         trial.write_csv(path)
         record |= identified(path, Settings())
         if with_structure:
-            given = identified(path, _given_settings(trial, trial.terms))
+            given = identified(path, given_settings(trial, trial.terms))
             record["given"] = given.get("estimates", {"error": given.get("error")})
             record["least_squares"] = _shortened(plain_least_squares(trial))
     return record
@@ -113,7 +113,8 @@ def identified(path: Path, settings: Settings, thresholds: Thresholds = THRESHOL
     }
 
 
-def _given_settings(trial: Trial, terms: tuple[str, ...]) -> Settings:
+def given_settings(trial: Trial, terms: tuple[str, ...]) -> Settings:
+    """Settings with terms, and the hold and delays that were drawn."""
     return Settings(
         terms=terms,
         hold="zero" if trial.hold == "zero" else "cubic",

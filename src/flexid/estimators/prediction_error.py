@@ -16,6 +16,7 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights
+from flexid.estimators.integration_error import refinement
 from flexid.estimators.rowwise import RowwiseFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
@@ -209,7 +210,13 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     coarse = approach(problem, point, _COARSE)
     problem = problem.at(coarse.point, output_weights(coarse.noise(problem), outputs))
     found = minimise(problem, coarse.point, _FINE)
-    return problem, found, coarse.iterations + found.iterations
+    iterations = coarse.iterations + found.iterations
+    finer = refinement(problem, found)
+    if finer > 1:
+        problem = problem.at(found.point, problem.weights, finer)
+        found = minimise(problem, found.point, _FINE)
+        iterations += found.iterations
+    return problem, found, iterations
 
 
 def _start_values(unknowns: Unknowns, start: Mapping[str, float] | RowwiseFit) -> FloatArray:

@@ -155,8 +155,11 @@ class SegmentedMotion:
         measured = int(self.segments.lengths.sum()) * len(self.segments.measured)
         return max(1, measured - sought)
 
-    def at(self, point: Point, weights: FloatArray) -> "SegmentedMotion":
-        """The same with weights, and with steps short enough for the motion about a point."""
+    def at(self, point: Point, weights: FloatArray, refinement: int = 1) -> "SegmentedMotion":
+        """The same with weights, and with steps short enough for the motion about a point.
+
+        `flexid.estimators.integration_error` says how many times as many its data want.
+        """
         resting = point.initial_states.copy()
         resting[:, 1::2] = 0.0  # smoothed friction is steepest at rest
         coefficients = self._coefficients(point.values)
@@ -171,7 +174,7 @@ class SegmentedMotion:
         fastest = float(np.abs(np.linalg.eigvals(usable)).max(initial=0.0))
         phase = fastest * float(self.segments.sample_times.max())
         substeps = max(1, int(np.ceil(min(_SUBSTEPS_PER_RADIAN * phase, _MOST_SUBSTEPS))))
-        return replace(self, substeps=substeps, weights=weights)
+        return replace(self, substeps=refinement * substeps, weights=weights)
 
     @property
     def start_states(self) -> FloatArray:

@@ -14,7 +14,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.fitting import climb, lengths, motion_at, onward
+from flexid.identification.fitting import climb, lengths, motion_at, onward, with_steps_refined
 from flexid.identification.full_model import Data, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.progress import Progress
@@ -176,12 +176,12 @@ def _with_best_hold(
     thresholds: Thresholds,
 ) -> Climb:
     if len(holds) == 1:
-        return Climb(tuple(found), tuple(ladder), free_length, "as given")
+        return Climb(with_steps_refined(found), tuple(ladder), free_length, "as given")
     best, reason, tied = _best_hold(found[-1], holds, thresholds)
     # A model that explains the log is best over its longest segments; the others do not matter.
     explained = best.excess <= thresholds.sensor_excess
     found = [best] if explained and best is not found[-1] else _climbed_like(best, found, ladder)
-    return Climb(tuple(found), tuple(ladder), free_length, reason, tied)
+    return Climb(with_steps_refined(found), tuple(ladder), free_length, reason, tied)
 
 
 def _with_hold(structure: Structure, hold: Hold) -> Structure:

@@ -12,6 +12,7 @@ import numpy as np
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
+from flexid.estimators.integration_error import refinement
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
@@ -99,6 +100,13 @@ def climb(
         found.append(fitted)
         values = {**values, **fitted.by_name}
     return found
+
+
+def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
+    """The same fits, whose data want as short steps as the last of them shows."""
+    last = found[-1]
+    finer = refinement(last.problem, last.minimum)
+    return tuple(replace(fit, data=replace(fit.data, refinement=finer)) for fit in found)
 
 
 def fit_to(
@@ -216,10 +224,12 @@ def motion_at(
     segments: Segments,
     start: Mapping[str, float],
     states: FloatArray | None,
+    refinement: int = 1,
 ) -> tuple[SegmentedMotion, Point]:
     """A structure's motion over segments, and where to begin: from values and states.
 
-    Without states, of all segments, it begins near the measured positions.
+    Without states, of all segments, it begins near the measured positions. The refinement is how
+    many times as many steps as usual it takes.
     """
     unknowns = structure.unknowns(data.groups)
     timing = replace(structure.timing, relative_to=data.relative_to)
@@ -231,7 +241,7 @@ def motion_at(
     point = Point(
         np.array([values.get(name, 0.0) for name in problem.names]), problem.with_memories(states)
     )
-    return problem.at(point, 1.0 / data.noise), point
+    return problem.at(point, 1.0 / data.noise, refinement), point
 
 
 def _fit_segments(
@@ -245,7 +255,8 @@ def _fit_segments(
     insist: bool = True,
     iterations: int = ITERATIONS,
 ) -> Fitted:
-    problem, point = motion_at(structure, data, segments, start, states)
+    steps = data.refinement if tolerance <= FINE else 1
+    problem, point = motion_at(structure, data, segments, start, states, steps)
     found = minimise(problem, point, tolerance, insist=insist, iterations=iterations)
     duration = float(np.mean(segments.lengths * segments.sample_times))
     return Fitted(structure, data, problem, found, duration)

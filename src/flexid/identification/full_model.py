@@ -48,12 +48,15 @@ class Data:
         Standard deviation of each position's noise.
     relative_to : mapping of str to str
         Rows whose position was measured relative to another row's, or to an input.
+    refinement : int, optional
+        How many times as many integration steps as usual a fit takes at its end.
     """
 
     samples: tuple[Samples, ...]
     groups: tuple[int, ...]
     noise: FloatArray
     relative_to: Mapping[str, str] = field(default_factory=dict)
+    refinement: int = 1
 
     @cached_property
     def margin(self) -> float:

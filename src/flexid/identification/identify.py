@@ -111,6 +111,7 @@ def identify(
     training = data_of(job.joint, recordings.fitted, recordings.groups)
     whole = data_of(job.joint, recordings.whole, recordings.groups)
     choice, validation = predicting(job, training, whole, recordings, progress, thresholds)
+    whole = replace(whole, refinement=choice.fitted.data.refinement)
     progress("fit to all data")
     reported, rungs, retreat = _reported(choice, whole)
     error = error_of(reported, rungs, thresholds)

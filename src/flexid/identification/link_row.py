@@ -9,6 +9,7 @@ the motor's, follows along the quadratic form of the fit.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -154,7 +155,10 @@ def _fits_alone(
 ) -> list[Fitted]:
     """The link's row fitted over segments as long as others', from where both rows' fit ended."""
     structure = _alone(reported.structure, reported)
-    data = data_of(structure.joint, recordings.whole, recordings.groups)
+    data = replace(
+        data_of(structure.joint, recordings.whole, recordings.groups),
+        refinement=reported.data.refinement,
+    )
     system = reported.problem.unknowns.system
     every = dict(zip(system.coefficients, reported.coefficients(0).tolist(), strict=True))
     start = {**every, **reported.delays, **reported.by_name}

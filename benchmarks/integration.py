@@ -1,0 +1,84 @@
+"""How far the error of the integration moves the estimates of blind trials, and how far it did.
+
+    python -m benchmarks.integration [--first-seed N] [--seeds N] [--family F ...]
+
+With terms, hold and delays given. In standard deviations, of the combination of values that is
+moved most: with the steps that follow from the model's poles, and with those that
+`flexid.estimators.integration_error` asks for.
+"""
+
+import argparse
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.generate import make_trial
+from benchmarks.trials.record import given_settings
+from flexid.errors import ConvergenceError
+from flexid.estimators.integration_error import integration_error
+from flexid.identification.fitting import refit
+from flexid.identification.full_model import FINE, data_of
+from flexid.identification.job import job_of
+from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.preparation import prepare
+from flexid.identification.progress import silent
+from flexid.recording.read import read_log
+
+_EDGES = (0.1, 0.3, 1.0)
+
+
+def errors(family: str, seed: int, folder: Path) -> tuple[float, float, int]:
+    """Error before and after, in standard deviations, and how many times as many steps that took.
+
+    Parameters
+    ----------
+    family : str
+    seed : int
+    folder : Path
+        Where the log is written.
+    """
+    trial = make_trial(family, seed)
+    path = folder / "log.csv"
+    trial.write_csv(path)
+    settings = given_settings(trial, trial.terms)
+    recordings, _ = prepare([read_log(path)], settings.validation_share, settings.model)
+    job = job_of(recordings, settings)
+    data = data_of(job.joint, recordings.fitted, recordings.groups)
+    last = job.climbed(data, silent, THRESHOLDS).found[-1]
+    states = last.minimum.point.initial_states
+    fine = refit(last.structure, last.data, last.by_name, last.problem.segments, FINE, states)
+    before, after = (integration_error(fit.problem, fit.minimum) for fit in (last, fine))
+    return before, after, last.data.refinement
+
+
+def main() -> None:
+    """Print a line for each family."""
+    parser = argparse.ArgumentParser(description="error of the integration, on blind trials")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--family", action="append", choices=list(FAMILIES))
+    given = parser.parse_args()
+    in_class = [name for name, family in FAMILIES.items() if family.in_class]
+    print(f"{'family':24} logs  {'over ' + ', '.join(map(str, _EDGES)):>18}  largest  then  steps")
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
+        for family in given.family or in_class:
+            found = []
+            for seed in range(given.first_seed, given.first_seed + given.seeds):
+                try:
+                    found.append(errors(family, seed, Path(folder)))
+                except ConvergenceError as error:
+                    print(f"{family} {seed}: {error}")
+            before, after, times = np.array(found).T
+            over = ", ".join(str(np.count_nonzero(before > edge)) for edge in _EDGES)
+            print(
+                f"{family:24} {len(found):4}  {over:>18}  {before.max():7.2g}  {after.max():.2g}  "
+                f"{times.mean():.2f}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

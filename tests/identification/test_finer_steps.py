@@ -1,0 +1,69 @@
+"""Fits to fine encoders take shorter steps, from the longest segments of the full model on."""
+
+import pytest
+from made_joint import COEFFICIENTS, log, made
+
+import flexid.identification.identify as steps_of_identify
+from flexid.estimators.integration_error import refinement
+from flexid.estimators.segmented_motion import Timing
+from flexid.identification.fitting import climb, fit_to, lengths, refit, with_steps_refined
+from flexid.identification.full_model import FINE, ROUGH, Fitted, Structure, data_of
+from flexid.identification.identify import identify
+from flexid.identification.joint import flexible
+from flexid.identification.settings import Settings
+from flexid.recording.velocities import with_velocities
+
+TERMS = ("gravity", "motor_viscous", "motor_coulomb")
+STIFF = {"joint_stiffness": 1500.0, "motor_coulomb_up": 2.0, "motor_coulomb_down": 2.0}
+FINE_NOISE, COARSE_NOISE = 1e-6, 1e-3  # rad
+
+JOINT = flexible()
+ON = {c for term in TERMS for c in JOINT.terms[term]}
+STRUCTURE = Structure(JOINT, frozenset(JOINT.optional - ON), Timing("zero"))
+START = {
+    **COEFFICIENTS,
+    "theta2": 1500.0,
+    "alpha1": 5000.0,
+    "alpha_coulomb": 2.0 / 0.3,
+}
+
+
+def climbed(noise: float) -> list[Fitted]:
+    """Fits to six seconds with dry friction, over segments of growing length."""
+    recording = made(4, 6.0, noise=noise, held=True, **STIFF)
+    data = data_of(JOINT, [with_velocities(recording)], [0])
+    return climb(STRUCTURE, data, START, lengths(data))
+
+
+def test_fine_encoders_want_shorter_steps():
+    """Assert that a fit ends in steps whose error is negligible, and does not begin with them."""
+    found = climbed(FINE_NOISE)
+    times = refinement(found[-1].problem, found[-1].minimum)
+    assert times > 1
+    last = with_steps_refined(found)[-1]
+    segments, states = last.problem.segments, last.minimum.point.initial_states
+    fits = [
+        refit(STRUCTURE, last.data, last.by_name, segments, tolerance, states)
+        for tolerance in (FINE, ROUGH)
+    ]
+    assert [f.problem.substeps // last.problem.substeps for f in fits] == [times, 1]
+    assert refinement(fits[0].problem, fits[0].minimum) == 1
+
+
+def test_coarse_encoders_do_not():
+    """Assert that what noise hides is not computed."""
+    assert {fit.data.refinement for fit in with_steps_refined(climbed(COARSE_NOISE))} == {1}
+
+
+def test_report_takes_the_same_steps(monkeypatch: pytest.MonkeyPatch):
+    """Assert that the fit to all data has the steps that the choice was made with."""
+    times = []
+
+    def watched(structure, data, *rest):
+        times.append(data.refinement)
+        return fit_to(structure, data, *rest)
+
+    monkeypatch.setattr(steps_of_identify, "fit_to", watched)
+    given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
+    identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
+    assert min(times) > 1
