@@ -94,6 +94,10 @@ TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
         ["'time' and 'time [ms]' are both time", "rename or remove one"],
     ),
     "nan": (cell(7, 2, "nan"), ["line 7, column 'motor_position'", "nan is not a finite number"]),
+    "a burst": (
+        lambda lines: cell(9, 1, "")(cell(8, 1, "nan")(cell(7, 1, "nan")(lines))),
+        ["line 7", "remove the row, and 2 more of the column"],
+    ),
     "infinite": (cell(7, 2, "-inf"), ["line 7", "-inf is not a finite number", "remove the row"]),
     "too large": (cell(7, 2, "1e999"), ["line 7", "1e999 is not a finite number"]),
     "absurd": (cell(7, 2, "1e99"), ["column 'motor_position'", "reaches 1e+99 rad", "correct"]),

@@ -1,5 +1,6 @@
 """Bytes of a stream become the samples that a log of the same text holds."""
 
+import gzip
 from itertools import pairwise
 from pathlib import Path
 
@@ -107,6 +108,22 @@ def test_a_line_without_an_end():
     """Assert that memory is bounded."""
     with pytest.raises(RecordingError, match="more than 1000000 bytes"):
         LineReader("stream").cells(b"1" * 1_000_001)
+
+
+@pytest.mark.parametrize(
+    ("encoded", "words"),
+    [
+        (gzip.compress, "packed by gzip: unpack it"),
+        (lambda raw: raw.decode().encode("utf-16"), "in UTF-16: send it in UTF-8"),
+        (lambda raw: raw.replace(b",", b"\0"), "a binary file"),
+    ],
+    ids=["gzip", "utf-16", "binary"],
+)
+def test_what_is_no_text(encoded, words: str):
+    """Assert that bytes of no text are refused as those, and not as a header."""
+    raw = encoded("\n".join([HEADER, *ROWS]).encode()) + b"\n" * 4
+    with pytest.raises(RecordingError, match=words):
+        LineReader("stream").cells(raw, ended=True)
 
 
 def test_too_little():

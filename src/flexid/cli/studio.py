@@ -1,9 +1,13 @@
 """``flexid studio [LOG]``: a page in which logs are identified and watched."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from flexid.errors import RecordingError
+from flexid.files import shown
 
 EXAMPLES = (
     "studio",
@@ -41,8 +45,12 @@ def studio(
     Drop a log, say which column is what, see what it can tell before anything is run, identify,
     and keep what was found. The page's address holds what was chosen. Ctrl-C ends the studio.
 
-    Exit status: 3 when Ctrl-C ends it, 2 where it cannot listen.
+    Exit status: 3 when Ctrl-C ends it, 2 where it cannot listen, or LOG is not there.
     """
+    if log is not None and not os.path.exists(log):
+        raise RecordingError(
+            shown(log), "", "there is no such file: check the spelling, or give the path of a log"
+        )
     from flexid.studio.server import serve
 
     def announce(address: str) -> None:

@@ -148,10 +148,12 @@ class Table:
             total = values.sum()
         # It is finite only if all numbers are, and faster than asking each.
         if not (np.isfinite(total) or np.isfinite(values).all()):
-            index = int(np.argmin(np.isfinite(values)))
-            raise RecordingError(
-                self.file, self.place(index, name), _bad_cell(self.frame[name][index])
-            )
+            bad = np.flatnonzero(~np.isfinite(values))
+            index, more = int(bad[0]), len(bad) - 1
+            reason = _bad_cell(self.frame[name][index])
+            if more and reason.endswith("remove the row"):
+                reason += f", and {more} more of the column that are no numbers"
+            raise RecordingError(self.file, self.place(index, name), reason)
         return np.require(values, np.float64, "W")
 
     @cached_property

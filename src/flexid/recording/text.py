@@ -75,15 +75,14 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
     return layout, frame
 
 
-def _utf_8(file: str, raw: bytes) -> bytes:
-    """The text as UTF-8 without byte-order mark, with line feeds; raise if it is none."""
-    if raw.startswith(UTF_16):
-        try:
-            raw = raw.decode("utf-16").encode("utf-8")
-        except UnicodeError:
-            raise RecordingError(
-                file, "", "the text is damaged UTF-16: save the file as UTF-8"
-            ) from None
+def check_text(file: str, raw: bytes) -> None:
+    """Raise where bytes are those of no text, nor of one that is in UTF-16.
+
+    Raises
+    ------
+    RecordingError
+        Saying what they are packed by, if they are.
+    """
     packed = next((how for begin, how in _PACKED.items() if raw.startswith(begin)), None)
     if packed is not None:
         reason = f"the file is packed by {packed}: unpack it, or save the sheet as CSV"
@@ -93,6 +92,18 @@ def _utf_8(file: str, raw: bytes) -> bytes:
         raise RecordingError(
             file, "", "this is a binary file, not text: export the log as CSV or Parquet"
         )
+
+
+def _utf_8(file: str, raw: bytes) -> bytes:
+    """The text as UTF-8 without byte-order mark, with line feeds; raise if it is none."""
+    if raw.startswith(UTF_16):
+        try:
+            raw = raw.decode("utf-16").encode("utf-8")
+        except UnicodeError:
+            raise RecordingError(
+                file, "", "the text is damaged UTF-16: save the file as UTF-8"
+            ) from None
+    check_text(file, raw)
     text = raw.removeprefix(b"\xef\xbb\xbf")
     if not text.isascii():
         try:

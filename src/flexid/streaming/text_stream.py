@@ -17,6 +17,7 @@ from flexid.recording.columns import read_channels
 from flexid.recording.layout import BLANK, COMMENTS, LONGEST_LINE, Layout, layout_of
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.table import Table
+from flexid.recording.text import UTF_16, check_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
 
 HEAD_LINES = 200
@@ -179,6 +180,9 @@ class LineReader:
     def _layout(self, text: bytes) -> Layout:
         if self.before is not None and self._goes_on():
             return replace(self.before, start=0)
+        if text.startswith(UTF_16):
+            raise RecordingError(self.source, "", "the text is in UTF-16: send it in UTF-8")
+        check_text(self.source, text)
         return layout_of(self.source, text)
 
     def _goes_on(self) -> bool:
