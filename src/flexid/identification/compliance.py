@@ -12,7 +12,7 @@ from flexid.identification.joint import rigid
 from flexid.identification.preparation import SplitRecordings
 from flexid.identification.result import CoefficientEstimate, Compliance, Validation
 from flexid.identification.starting import starts
-from flexid.identification.validation import validate
+from flexid.identification.validation import free_run_percent
 from flexid.models.rigid_joint import rigid_terms
 from flexid.recording.velocities import position_noise
 
@@ -86,16 +86,16 @@ def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, 
     training = data_of(joint, recordings.fitted, recordings.groups)
     rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
     whole = data_of(joint, recordings.whole, recordings.groups)
-    fits = []
+    fits, start = [], None
     for duration in _DURATIONS:
         try:
             ladder = lengths(training, duration, duration)
-            start = starts(rival, training, ladder[0])[0]
+            start = start or starts(rival, training, ladder[0])[0]
             # A model that is far off has no best fit to end at: as near as it comes will do.
             found = climb(rival, training, start, ladder, insist=False)
         except (ConvergenceError, SettingError):
             continue
-        fits.append(dict(validate(found[-1], whole, recordings.starts).fit_percent))
+        fits.append(free_run_percent(found[-1], whole, recordings.starts))
     tested = [fit for fit in fits if not np.isnan(fit["motor_position"])]
     if not tested:
         return dict.fromkeys(joint.channels, np.nan)

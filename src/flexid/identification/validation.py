@@ -47,6 +47,19 @@ def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
     return validate_with(fitted.structure.joint, fitted.problem, fitted.values, data, starts)
 
 
+def free_run_percent(fitted: Fitted, data: Data, starts: Sequence[int]) -> dict[str, float]:
+    """Fit of the free run over the held-out ends in per cent, per channel, and nothing else.
+
+    Parameters
+    ----------
+    fitted, data, starts
+        As of `validate`.
+    """
+    joint, origins = fitted.structure.joint, [[start] for start in starts]
+    runs = _predictions(joint, fitted.problem, fitted.values, data, origins, np.inf)
+    return _percent(joint, runs, _spreads(joint, data, starts))
+
+
 def validate_with(
     joint: Joint,
     problem: SegmentedMotion,
