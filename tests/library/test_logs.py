@@ -56,6 +56,16 @@ def test_a_column_map_serves_a_frame(arrays, tmp_path):
         np.testing.assert_allclose(link, wanted.needed_link_position, rtol=1e-15)
 
 
+def test_an_index_with_a_name_is_a_column(arrays):
+    """Assert that a frame of pandas may have its time as index."""
+    frame = pd.DataFrame(arrays)
+    expected = flexid.read_log(frame).recordings[0]
+    (found,) = flexid.read_log(frame.set_index(NAMES[0])).recordings
+    np.testing.assert_array_equal(found.time, expected.time)
+    kept = frame.set_index(NAMES[0], drop=False)
+    np.testing.assert_array_equal(flexid.read_log(kept).recordings[0].time, expected.time)
+
+
 def test_the_same_data_twice_are_known(arrays):
     """Assert that what was given in two ways has one digest, and other data another."""
     digests = {flexid.read_log(KINDS[kind](arrays)).sha256 for kind in KINDS}

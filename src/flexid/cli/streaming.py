@@ -31,9 +31,9 @@ def identify_with_bar(
         raise SettingError("stream", "only one log can be streamed: name one Parquet file")
     rate = TextColumn("{task.fields[rate]}")
     step = TextColumn("{task.description}")
-    with Progress(
-        step, BarColumn(), TaskProgressColumn(), rate, TimeLeft(), console=console, transient=True
-    ) as progress:
+    columns_shown = (step, BarColumn(), TaskProgressColumn(), rate, TimeLeft())
+    shown = console.is_terminal  # elsewhere a line without anything would be left
+    with Progress(*columns_shown, console=console, transient=True, disable=not shown) as progress:
         task = progress.add_task("reading", total=None, rate="")
 
         def advance(done: int, total: int) -> None:

@@ -32,7 +32,7 @@ def table_of_frame(frame: Any) -> Table:
     ----------
     frame : data frame
         Of pandas, Polars, PyArrow or another library that narwhals knows. Columns are named, with
-        their unit, as in a file: ``"link_position [deg]"``.
+        their unit, as in a file: ``"link_position [deg]"``. An index that has a name is one, too.
 
     Raises
     ------
@@ -41,6 +41,8 @@ def table_of_frame(frame: Any) -> Table:
     """
     import narwhals as nw
 
+    if nw.dependencies.is_pandas_dataframe(frame):
+        frame = _with_index(frame)
     try:
         table = nw.from_native(frame, eager_only=True)
     except nw.exceptions.DuplicateError as error:
@@ -50,6 +52,12 @@ def table_of_frame(frame: Any) -> Table:
     if names:
         raise RecordingError(FRAME, f"column {names[0]!r}", "its name is no text: rename it")
     return _table(FRAME, {name: _values(table[name]) for name in table.columns})
+
+
+def _with_index(frame: Any) -> Any:
+    """A frame of pandas whose index, if it has names, is among the columns."""
+    names = [name for name in frame.index.names if name is not None]
+    return frame.reset_index() if names and not {*names} & {*frame.columns} else frame
 
 
 def _values(column: Any) -> Any:
