@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from math import cos, sin
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.request import Request, urlopen
@@ -60,7 +61,10 @@ def test_by_keyboard_from_a_log_to_its_files(page: Page, address: str, tmp_path:
     tab_to(page, "[href$='report.html']")
     with page.expect_download() as download:
         page.keyboard.press("Enter")
-    assert "joint_stiffness" in download.value.path().read_text()
+    report = download.value.path().read_text()
+    assert "joint_stiffness" in report
+    for word in page.locator("#found .answers .word").all_inner_texts():
+        assert f">{word}</p>" in report  # the page and the report answer alike
     tab_to(page, "[href$='estimate.json']")
     with page.expect_download() as download:
         page.keyboard.press("Enter")
@@ -107,8 +111,8 @@ def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tm
     log.write_text("\n".join(["a,b,c,d", *rows]))
     page.goto(empty_address)
     send(page, log)
-    page.wait_for_selector("#check .problem")
-    assert "there is no" in page.inner_text("#check")
+    page.wait_for_selector("#columns-state .problem")
+    assert "there is no" in page.inner_text("#columns-state")
     for channel, column, unit in (
         ("time", "a", "ms"),
         ("link_position", "b", "deg"),
@@ -123,7 +127,35 @@ def test_a_log_is_sent_and_its_columns_mapped(page: Page, empty_address: str, tm
     checked = page.inner_text("#check")
     assert "0.001" in checked  # N m
     assert "scale.time=10" in page.url
+    assert "chosen below" in page.inner_text("#columns-state")
+    page.select_option("[name='unit.motor_position']", "rad")
+    page.wait_for_selector("#check .problem")
     assert serious_faults(page) == []
+
+
+def test_where_a_log_cannot_be_read_its_columns_are_open(
+    page: Page, empty_address: str, tmp_path: Path
+):
+    """Assert that a unit that is not what the name says can be chosen where one is told of it."""
+    log = tmp_path / "mixed.csv"
+    angles = [0.5 * sin(k / 20) for k in range(400)]
+    rows = [f"{k / 100},{57.3 * q},{1.01 * q},{cos(k / 20)}" for k, q in enumerate(angles)]
+    header = "time,motor_position [rad],link_position [rad],motor_torque"
+    log.write_text("\n".join([header, *rows]))
+    page.goto(empty_address)
+    send(page, log)
+    page.wait_for_selector("#check .problem")
+    assert "choose it above" in page.inner_text("#check")
+    page.select_option("[name='unit.motor_position']", "deg")
+    page.wait_for_selector("#check-title")
+    page.click("nav >> text=Live")
+    page.select_option("#live-form [name=source]", "replay")
+    assert page.locator("#live-controls .problem").count() == 0
+    page.click("nav >> text=Identify")
+    page.select_option("[name='unit.motor_position']", "rad")
+    page.wait_for_selector("#check .problem")
+    page.click("nav >> text=Live")
+    page.wait_for_selector("#live-controls .problem:has-text('Identify does not take it so')")
 
 
 def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Path):
@@ -137,7 +169,7 @@ def test_a_hostile_log_does_nothing(page: Page, empty_address: str, tmp_path: Pa
     )
     page.goto(empty_address)
     send(page, log)
-    page.wait_for_selector("#check-title, #check .problem")
+    page.wait_for_selector("#columns-title")
     text = page.inner_text("#columns")
     assert "alert(2)" in page.content()
     assert "{{7*7}}" in page.inner_text("#columns") or "{{7*7}}" in page.content()

@@ -11,9 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.text import Text
 
+from flexid.report.page.layout import Answer as PageAnswer
+from flexid.report.page.layout import Command, Link, Points
 from flexid.studio import jobs
-from flexid.studio.jobs import Answer
+from flexid.studio.jobs import Answer, Said
+from flexid.studio.pages import fragment
 from flexid.studio.play_room import PlayRoom
 from flexid.studio.rooms import Rooms
 from flexid.studio.window import Offer, Window
@@ -53,7 +57,7 @@ class Here(Workers):
         (into / jobs.REPORT).write_text(f"run {self.runs}")
         if self.hold is not None:
             await self.hold.wait()
-        return Answer("link", "determined", (), (), {}, (), (), (), "zero", (), 1e-3)
+        return Answer((), (), (), (), (), (), "zero", (), 1e-3)
 
 
 @dataclass
@@ -77,11 +81,11 @@ class Opened:
         while running := [task for task in self.window._tasks.values() if not task.done()]:
             await asyncio.gather(*running)
 
-    def upload(self, name: str) -> Path:
+    def upload(self, name: str, header: str = "time,motor_position,link_position") -> Path:
         """Send a log."""
         path = self.window.folder / name
         rows = (f"{k / 1000},{sin(k / 20)},{1.1 * sin(k / 20)}\n" for k in range(400))
-        path.write_text("time,motor_position,link_position\n" + "".join(rows))
+        path.write_text(f"{header}\n" + "".join(rows))
         self.room.uploaded(path)
         return path
 
@@ -177,6 +181,40 @@ def test_a_result_says_that_something_else_was_chosen(values: dict[str, str], ot
             await studio.room.run(values)
             await studio.idle()
             assert studio.shown("result-state") == ""
+
+    asyncio.run(main())
+
+
+def test_the_answers_are_those_of_the_report():
+    """Assert that word and tone are kept, and what they rest on, in the report's order."""
+    content = [Text("All are."), Link("2 warnings", "warnings"), Points(["a", "b"]), Command("c")]
+    found = jobs._said(PageAnswer("Can I?", "With care", "fair", content))
+    assert found == Said("Can I?", "With care", "fair", ("All are.", "a", "b"), "c")
+    page = fragment(
+        "result.html", window="", files=[], exports={},
+        found=Answer((found,), (), (), (), ("careful",), (), "zero", (), 1e-3),
+    )  # fmt: skip
+    assert 'class="word tone fair">With care<' in page
+
+
+def test_a_question_of_the_columns_is_asked_once():
+    """Assert that a log whose names do not say it all is checked when somebody has answered."""
+
+    async def main() -> None:
+        async with opened() as studio:
+            studio.upload("a.csv", "stamp,motor_position,other")
+            await studio.idle()
+            assert "do not say it all" in studio.shown("columns")
+            assert studio.workers.checks == 0
+            values = {"column.motor_position": "motor_position", "column.link_position": "other"}
+            await studio.room.choose(values)
+            await studio.idle()
+            assert "This cannot be used" in studio.shown("check")
+            await studio.room.choose({**values, "column.time": "stamp"})
+            await studio.idle()
+            assert "Check before you run" in studio.shown("check")
+            assert "chosen below" in studio.shown("columns-state")
+            assert "problem" not in studio.shown("columns-state")
 
     asyncio.run(main())
 

@@ -240,4 +240,6 @@ def _relative_disagreement(width: Width) -> float:
 
 
 def _percent(share: float) -> str:
-    return f"{share:.2%}" if share < 0.01 else f"{share:.0%}" if share < 10.0 else "no bounds"
+    if share < 0.01:
+        return f"{100 * share:.2g}%"
+    return f"{share:.0%}" if share < 10.0 else "no bounds"

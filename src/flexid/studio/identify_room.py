@@ -65,6 +65,12 @@ class IdentifyRoom:
         self._log: Path | None = None
         self._overview: FileOverview | None = None
         self._shown: _Shown | None = None
+        self._problem = ""
+
+    @property
+    def problem(self) -> str:
+        """Why the log cannot be read as it is chosen; empty where it can, or nobody tried."""
+        return self._problem
 
     @property
     def log(self) -> Path | None:
@@ -143,6 +149,7 @@ class IdentifyRoom:
         for name in ("check", "run", "export"):
             self._window.cancel(name)
         before, self._log, self._overview = self._log, path, None
+        self._problem = ""
         if before not in (None, path, self._window.offer.log):
             before.unlink(missing_ok=True)  # it was sent
         self._keep(None, [])
@@ -174,9 +181,18 @@ class IdentifyRoom:
             },
             inputs=INPUTS,
             by_name=not self._choices.sources,
+            open_question=self._open_question,
         )
         await window.address(ROOM, self._choices.query)
-        window.start("check", self._check(), "check")
+        if not self._open_question:
+            window.start("check", self._check(), "check")
+
+    @property
+    def _open_question(self) -> str:
+        """What the names of the columns leave open, as long as nobody has answered it."""
+        found = self._overview
+        unanswered = found is not None and self._choices.sources == _guessed(found)
+        return found.unclear if found is not None and unanswered else ""
 
     def _keep_sources(self, found: FileOverview) -> None:
         """Forget sources of another log; begin with a guess where the names do not say it all."""
@@ -195,10 +211,17 @@ class IdentifyRoom:
             found: jobs.Checked = await window.offer.short.run(
                 jobs.check, log.name, self._choices, folder=log.parent, said=window.saying("check")
             )
-        except FlexidError:
+        except FlexidError as error:
+            self._problem = str(error)
             await window.draw("check-charts", ())
             await window.show("run", "nothing.html")
-            raise
+            await window.show("check", "unread.html", text=self._problem)
+            return
+        self._problem = ""
+        await window.show(
+            "columns-state", "columns_state.html", found=self._overview,
+            by_name=not self._choices.sources, open_question="",
+        )  # fmt: skip
         await window.show("check", "check.html", survey=found.survey, found=found)
         await window.draw("check-charts", (found.chart,))
         await window.show(

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from flexid.identification.progress import Progress
     from flexid.identification.result import ValueEstimate
     from flexid.recording.overview import FileOverview
     from flexid.recording.survey import LogSurvey
+    from flexid.report.page.layout import Answer as PageAnswer
     from flexid.studio.choices import Choices
 
 ESTIMATE = "estimate.json"
@@ -59,17 +58,36 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Said:
+    """An answer of the report: whether one can trust the values, and what to do next.
+
+    Parameters
+    ----------
+    question, word, tone : str
+        As in the report.
+    lines : tuple of str
+        What it rests on.
+    command : str
+        What it advises to run; empty for nothing.
+    """
+
+    question: str
+    word: str
+    tone: str
+    lines: tuple[str, ...]
+    command: str
+
+
+@dataclass(frozen=True)
 class Answer:
     """What an identification found, for the page.
 
     Parameters
     ----------
-    model, verdict : str
-        What was identified, and the worst verdict.
+    answers : tuple of Said
+        To what one asks first.
     parameters, coefficients : tuple of Row
         The table.
-    fits : mapping of str to str
-        How much of the held-out data a free run repeats, by channel.
     summary, warnings : tuple of str
         Sentences.
     terms : tuple of str
@@ -82,11 +100,9 @@ class Answer:
         Of the log, in s.
     """
 
-    model: str
-    verdict: str
+    answers: tuple[Said, ...]
     parameters: tuple[Row, ...]
     coefficients: tuple[Row, ...]
-    fits: dict[str, str]
     summary: tuple[str, ...]
     warnings: tuple[str, ...]
     terms: tuple[str, ...]
@@ -131,13 +147,12 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
     estimate.save(Path(into) / ESTIMATE)
     result = estimate.result
     charts = identification_charts(result)
-    write_document(Path(into) / REPORT, page_html(identification_page(result, charts)))
+    page = identification_page(result, charts)
+    write_document(Path(into) / REPORT, page_html(page))
     return Answer(
-        result.model,
-        result.verdict,
+        tuple(map(_said, page.answers)),
         tuple(map(row_of, result.parameters.values())),
         tuple(map(row_of, result.coefficients.values())),
-        _fits(result.validation.fit_percent),
         result.summary,
         result.warnings,
         result.choices.terms,
@@ -180,7 +195,19 @@ def row_of(estimate: ValueEstimate) -> Row:
     )
 
 
-def _fits(fits: Mapping[str, float]) -> dict[str, str]:
-    from flexid.report.identification_table import format_fit
+def _said(answer: PageAnswer) -> Said:
+    """An answer of the report as texts."""
+    from rich.text import Text
 
-    return {channel: format_fit(fit) for channel, fit in fits.items()}
+    from flexid.report.page.layout import Command, Points
+
+    lines: list[str] = []
+    command = ""
+    for item in answer.content:
+        if isinstance(item, Text):
+            lines.append(item.plain)
+        elif isinstance(item, Points):
+            lines.extend(item.lines)
+        elif isinstance(item, Command):
+            command = item.text
+    return Said(answer.question, answer.word, answer.tone, tuple(lines), command)

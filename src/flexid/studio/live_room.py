@@ -114,7 +114,7 @@ class LiveRoom:
         await self._window.show(
             "live-controls", "live_controls.html", chosen=self._chosen, paces=PACES,
             sources={name: SOURCES[name] for name in self._sources},
-            log="" if log is None else log.name,
+            log="" if log is None else log.name, problem=self._identify.problem,
         )  # fmt: skip
         await self._window.address(ROOM, self._query)
 

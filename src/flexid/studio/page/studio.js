@@ -23,6 +23,8 @@
   const show = ({ place: id, html }) => {
     const target = place(id);
     if (target) target.innerHTML = html;
+    if (id === "check" && target.querySelector(".problem")) // where it is mended
+      place("columns").querySelector("details")?.setAttribute("open", "");
     if (id === "play-controls") target.querySelectorAll("input[type=range]").forEach(label);
   };
 
