@@ -3,7 +3,7 @@
 import pytest
 from made_joint import COEFFICIENTS, log, made
 
-import flexid.identification.identify as steps_of_identify
+import flexid.identification.final_fits as final
 from flexid.estimators.integration_error import refinement
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.fitting import climb, fit_to, lengths, refit, with_steps_refined
@@ -63,7 +63,7 @@ def test_report_takes_the_same_steps(monkeypatch: pytest.MonkeyPatch):
         times.append(data.refinement)
         return fit_to(structure, data, *rest)
 
-    monkeypatch.setattr(steps_of_identify, "fit_to", watched)
+    monkeypatch.setattr(final, "fit_to", watched)
     given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
     identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
     assert min(times) > 1

@@ -5,35 +5,26 @@ One path: recordings, full model, structure, estimate, judgement, result.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.identification.absence import hidden_covariance
 from flexid.identification.alignment import Alignment, Delay, aligned
-from flexid.identification.climbing import hold_covariance
 from flexid.identification.compliance import compare_with_rigid, of_link_alone, one_encoder
 from flexid.identification.estimate import Estimate
 from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
-from flexid.identification.excitations import row_excitation, unexcited
-from flexid.identification.fitting import (
-    expanded,
-    fit_to,
-    refit,
-)
-from flexid.identification.full_model import FINE, LINK, Data, Fitted, Structure, data_of
+from flexid.identification.excitations import row_excitation
+from flexid.identification.final_fits import FinalFits, final_fits, with_doubts
+from flexid.identification.full_model import LINK, Fitted, Structure, data_of
 from flexid.identification.intervals import interval
 from flexid.identification.job import Job, job_of, predicting
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.link_delay import confused_covariance, in_doubt
-from flexid.identification.link_row import with_link_row
-from flexid.identification.measured_input import error_of, widened_by
+from flexid.identification.measured_input import widened_by
 from flexid.identification.mirrored import turned_round
-from flexid.identification.model_error import stand_in_covariance
 from flexid.identification.observer_stream import stream
 from flexid.identification.preparation import SplitRecordings, prepare
 from flexid.identification.progress import Progress, silent
@@ -43,14 +34,13 @@ from flexid.identification.result import (
     CoefficientEstimate,
     Compliance,
     Identification,
-    ModelError,
     ObserverTrace,
     ParameterEstimate,
     TermEvidence,
     Validation,
 )
 from flexid.identification.settings import Settings
-from flexid.identification.starting import least_squares_start, smooth_unknowns
+from flexid.identification.starting import smooth_unknowns
 from flexid.identification.structure import Choice
 from flexid.identification.summary import summary
 from flexid.identification.warnings import (
@@ -63,8 +53,6 @@ from flexid.identification.warnings import (
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Log
 from flexid.recording.velocities import with_velocities
-
-_FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
 
 
 def identify(
@@ -111,87 +99,44 @@ def identify(
     training = data_of(job.joint, recordings.fitted, recordings.groups)
     whole = data_of(job.joint, recordings.whole, recordings.groups)
     choice, validation = predicting(job, training, whole, recordings, progress, thresholds)
-    whole = replace(whole, refinement=choice.fitted.data.refinement)
     progress("fit to all data")
-    reported, rungs, retreat = _reported(choice, whole)
-    error = error_of(reported, rungs, thresholds)
+    fits = final_fits(choice, whole, recordings, settings.filter_rate, thresholds)
     progress("what the model does without")
-    full = _full(choice, whole, reported)
-    filter_rate = _FILTER_RATE if settings.filter_rate == "auto" else settings.filter_rate
-    timely = _timely(reported, recordings)
-    scales = _scales(full, _least_squares(full.structure, timely, reported, filter_rate))
-    estimate = widened_by(reported, error).widened(hidden_covariance(reported, full, scales))
-    estimate = estimate.widened(hold_covariance(reported, choice.climbed.tied))
-    estimate = estimate.widened(stand_in_covariance(reported, error))
-    estimate, row = with_link_row(
-        estimate, reported, rungs, full, recordings, scales, error, thresholds
-    )
-    if job.delay_in_doubt:
-        estimate = estimate.widened(confused_covariance(estimate))
-    heavy = replace(choice.structure, absent=choice.structure.absent - _gravity(choice.full))
-    rows = _least_squares(heavy, timely, reported, filter_rate).rows
-    unknown = (
-        unexcited(rows, thresholds.lost_condition) if reported.converged else {*reported.names}
-    )
-    estimate = estimate.without_knowledge_of(unknown)
-    given = {**job.stated.given, **reported.at_bound}
-    joined = with_prior_knowledge(
-        job.joint, estimate, given, job.stated, job.input_unit, thresholds
-    )
-    estimate = joined.estimate
-    contradicted = (
-        *contradictions(job.stated.given, reported.at_bound, choice.full, whole, thresholds),
-        *joined.contradicted,
-    )
-    squares = _least_squares(choice.structure, timely, reported, filter_rate)
-    unknowns = reported.problem.unknowns
-    coefficients = coefficient_estimates(
-        estimate,
-        job.joint,
-        unknowns,
-        row_sizes(squares.rows),
-        without_estimate(reported.at_bound, job.stated.given),
-        job.input_unit,
-        thresholds,
-    )
-    parameters = parameter_estimates(
-        job.joint, estimate, unknowns, coefficients, job.input_unit, thresholds, joined.exact
-    )
-    if contradicted:  # nothing that rests on it is known
-        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
-        coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
-        parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
+    estimate, row = with_doubts(fits, job.delay_in_doubt, thresholds)
+    numbers = _numbers(job, fits, estimate, thresholds)
     turned = turned_round(
         choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
     )
-    compliance = _compliance(choice.structure, coefficients, recordings, validation, progress)
-    choices = _choices(choice, full, estimate, settings, filter_rate)
+    compliance = _compliance(
+        choice.structure, numbers.coefficients, recordings, validation, progress
+    )
+    choices = _choices(fits, numbers.estimate, settings)
     if job.delay_in_doubt:
-        choices = replace(choices, alignment=in_doubt(choices.alignment, estimate))
+        choices = replace(choices, alignment=in_doubt(choices.alignment, numbers.estimate))
     return Identification(
         model=job.joint.kind,
-        coefficients=coefficients,
-        parameters=parameters,
-        least_squares={n: v for n, v in _values(squares).items() if n in coefficients},
-        excitation={r.name: row_excitation(r, ()) for r in squares.rows if r.coefficients},
-        residual_excess=_residual_excess(reported),
-        model_error=error,
+        coefficients=numbers.coefficients,
+        parameters=numbers.parameters,
+        least_squares={n: v for n, v in _values(fits.squares).items() if n in numbers.coefficients},
+        excitation={r.name: row_excitation(r, ()) for r in fits.squares.rows if r.coefficients},
+        residual_excess=fits.residual_excess,
+        model_error=fits.error,
         validation=validation,
         compliance=compliance,
         observer=_stream(choice.structure, recordings, choices.alignment),
-        removed=_removed(job, full, given, error, parameters, thresholds),
-        fit=estimate,
+        removed=_removed(job, fits, numbers.parameters, thresholds),
+        fit=numbers.estimate,
         choices=choices,
         summary=summary(choices, job.joint.kind, asked=settings.model != "auto"),
         warnings=(
             *(warning for log in logs for warning in log.warnings),
             *dropped,
-            *retreat,
-            *contradicted,
-            *joined.against,
+            *fits.retreat,
+            *numbers.contradicted,
+            *numbers.against,
             *deflection_warnings(turned_round=turned),
-            *sign_warnings(coefficients),
-            *model_warnings(error, job.joint.kind, row),
+            *sign_warnings(numbers.coefficients),
+            *model_warnings(fits.error, job.joint.kind, row),
             *validation_warnings(validation.fit_percent),
             *compliance_warnings(compliance),
         ),
@@ -201,20 +146,52 @@ def identify(
     )
 
 
-def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
-    """The structure fitted to all data; where that fails, as it was fitted to choose."""
-    try:
-        start = {**choice.structure.timing.delays, **choice.fitted.by_name}
-        return *fit_to(choice.structure, whole, start, choice.duration), ()
-    except ConvergenceError:
-        return (
-            choice.fitted,
-            [choice.fitted],
-            (
-                "the fit to all data does not converge, so the values are those of the data before "
-                "the held-out end: check what happened there",
-            ),
-        )
+class _Numbers(NamedTuple):
+    """What is reported of each number, and what speaks against what is known of it."""
+
+    estimate: Estimate
+    coefficients: dict[str, CoefficientEstimate]
+    parameters: dict[str, ParameterEstimate]
+    contradicted: tuple[str, ...]
+    against: tuple[str, ...]
+
+
+def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Thresholds) -> _Numbers:
+    """Join what is known beforehand, and judge each number."""
+    reported, full = fits.reported, fits.choice.full
+    estimate = estimate.without_knowledge_of(fits.unexcited(thresholds.lost_condition))
+    given = {**job.stated.given, **reported.at_bound}
+    joined = with_prior_knowledge(
+        job.joint, estimate, given, job.stated, job.input_unit, thresholds
+    )
+    contradicted = (
+        *contradictions(job.stated.given, reported.at_bound, full, reported.data, thresholds),
+        *joined.contradicted,
+    )
+    unknowns = reported.problem.unknowns
+    coefficients = coefficient_estimates(
+        joined.estimate,
+        job.joint,
+        unknowns,
+        row_sizes(fits.squares.rows),
+        without_estimate(reported.at_bound, job.stated.given),
+        job.input_unit,
+        thresholds,
+    )
+    parameters = parameter_estimates(
+        job.joint,
+        joined.estimate,
+        unknowns,
+        coefficients,
+        job.input_unit,
+        thresholds,
+        joined.exact,
+    )
+    if contradicted:  # nothing that rests on it is known
+        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
+        coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
+        parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
+    return _Numbers(joined.estimate, coefficients, parameters, contradicted, joined.against)
 
 
 def _compliance(
@@ -234,42 +211,18 @@ def _compliance(
     return compare_with_rigid(structure, recordings, validation)
 
 
-def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
-    """The model with all usual terms again, fitted to all data, to say how large they may be."""
-    shapes = choice.structure.joint.shapes & choice.structure.absent
-    usual = replace(
-        choice.full,
-        absent=choice.full.absent | shapes,
-        fixed={**choice.full.fixed, **reported.at_bound},
-    )
-    try:
-        return refit(
-            usual,
-            whole,
-            reported.by_name,
-            reported.problem.segments,
-            FINE,
-            reported.minimum.point.initial_states,
-        )
-    except ConvergenceError:
-        return expanded(usual, reported)
-
-
 def _removed(
-    job: Job,
-    full: Fitted,
-    given: Mapping[str, float],
-    error: ModelError,
-    kept: Mapping[str, ParameterEstimate],
-    thresholds: Thresholds,
+    job: Job, fits: FinalFits, kept: Mapping[str, ParameterEstimate], thresholds: Thresholds
 ) -> dict[str, ParameterEstimate]:
     """Parameters of the full model that the reported one does without; none if it has no fit."""
+    full = fits.full
     if not np.isfinite(full.minimum.last_step):
         return {}
-    estimate = widened_by(full, error)
+    estimate = widened_by(full, fits.error)
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
     unknowns = full.problem.unknowns
+    given = {**job.stated.given, **fits.reported.at_bound}
     every = coefficient_estimates(
         estimate, job.joint, unknowns, {}, without_estimate(full.at_bound, given), job.input_unit
     )
@@ -277,51 +230,8 @@ def _removed(
     return {name: p for name, p in found.items() if name not in kept}
 
 
-def _gravity(full: Structure) -> frozenset[str]:
-    """Gravity, if the log might show it."""
-    return frozenset({"theta1", "gamma1"} - full.absent)
-
-
-def _scales(full: Fitted, squares: LeastSquaresFit) -> dict[str, float]:
-    """How large each coefficient may be: as much as moves its row as it does move; and delays."""
-    sizes = row_sizes(squares.rows)
-    scales = {name: 1.0 / size for name, size in sizes.items() if size > 0.0}
-    return scales | dict.fromkeys(full.structure.timing.sought, full.data.margin)
-
-
-def _timely(reported: Fitted, recordings: SplitRecordings) -> Data:
-    """All data with the channels' delays corrected."""
-    alignment = _alignment(reported.structure, reported.delays)
-    timely = [with_velocities(aligned(recording, alignment)) for recording in recordings.whole]
-    return data_of(reported.structure.joint, timely, recordings.groups)
-
-
-def _least_squares(
-    structure: Structure, timely: Data, reported: Fitted, filter_rate: float
-) -> LeastSquaresFit:
-    """Least squares of the same unknowns on aligned data: what each does to its row."""
-    bare = replace(structure, fixed={**structure.fixed, **reported.at_bound})
-    return least_squares_start(bare, timely, filter_rate)[1]
-
-
-def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
-    """Delays as they are to be corrected, no more."""
-    input_delay, link_delay = (
-        Delay(delays.get(name, 0.0), 0.0, (0.0, 0.0), "given") for name in (INPUT, LINK)
-    )
-    return Alignment(structure.timing.hold, input_delay, link_delay, "")
-
-
 def _values(fit: LeastSquaresFit) -> dict[str, float]:
     return dict(zip(fit.names, fit.values.tolist(), strict=True))
-
-
-def _residual_excess(reported: Fitted) -> dict[str, float]:
-    """Residual of each position over its sensor's noise, as root mean squares."""
-    ratios = reported.minimum.noise(reported.problem) / reported.data.noise
-    rows = [row.name for row in reported.problem.unknowns.system.rows]
-    names = ["motor" if name == "rigid" else name for name in rows]
-    return {f"{name}_position": float(r) for name, r in zip(names, ratios, strict=True)}
 
 
 def _stream(
@@ -343,14 +253,9 @@ def without_estimate(
     return fixed | {name: (value, "at its bound") for name, value in at_bound.items()}
 
 
-def _choices(
-    choice: Choice,
-    full: Fitted,
-    estimate: Estimate,
-    settings: Settings,
-    filter_rate: float,
-) -> Choices:
-    delays = {name: _delay(name, settings, estimate, full) for name in (INPUT, LINK)}
+def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices:
+    choice = fits.choice
+    delays = {name: _delay(name, settings, estimate, fits.full) for name in (INPUT, LINK)}
     joint = choice.structure.joint
     smooth = settings.coulomb_velocity
     return Choices(
@@ -360,7 +265,7 @@ def _choices(
         ),
         hold=choice.structure.timing.hold,
         coulomb_velocity=joint.smooth.constants[SMOOTHING] if smooth != "auto" else None,
-        filter_rate=filter_rate,
+        filter_rate=fits.filter_rate,
         estimator="prediction-error",
         segment_duration=choice.duration,
         term_evidence=_evidence(choice),
