@@ -1,25 +1,43 @@
 """Excitation of the rows of a log: assumption (A4) of Huang (2003), measured."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
 from flexid.analysis.excitation import Excitation, excitation_of_gram
+from flexid.arrays import FloatArray
 from flexid.estimators.rowwise import RowSums
 
 # By the spring, which acts on both rows, with how it is curved and damped.
 _COUPLED = {"theta2", "alpha1", "beta1"} | {
     f"{row}_{law}" for row in ("theta", "alpha") for law in ("cubic", "damping")
 }
+_SPRINGS = ("theta2", "alpha1")
+_OFFSETS = ("theta_offset", "alpha_offset")
 
 
 def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
-    """Excitation of a row beside what is known of it."""
+    """Excitation of a row beside what is known of it.
+
+    Where a constant is sought beside the spring, the deflection counts from its mean: where the
+    encoders have their zeros says nothing about the motion.
+    """
     sought = [place for place, name in enumerate(row.coefficients) if name not in known]
     if not sought:
         return Excitation(row.name, (), np.ones(1), 0.0, (), np.empty(0), 0.0, ())
     names = [row.coefficients[place] for place in sought]
-    return excitation_of_gram(row.name, names, row.gram[np.ix_(sought, sought)] / row.count)
+    gram = _from_its_mean(names, row.gram[np.ix_(sought, sought)])
+    return excitation_of_gram(row.name, names, gram / row.count)
+
+
+def _from_its_mean(names: Sequence[str], gram: FloatArray) -> FloatArray:
+    """Gram matrix with the deflection less its part along the constants that are sought."""
+    constants = [i for i, name in enumerate(names) if name.partition("[")[0] in _OFFSETS]
+    springs = [i for i, name in enumerate(names) if name in _SPRINGS]
+    change = np.eye(len(names))
+    constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, springs)]
+    change[np.ix_(springs, constants)] = -np.linalg.lstsq(constant, along)[0].T
+    return change @ gram @ change.T
 
 
 def unexcited(rows: Iterable[RowSums], lost_condition: float) -> frozenset[str]:
