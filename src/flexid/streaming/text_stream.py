@@ -145,16 +145,16 @@ class LineReader:
         RecordingError
             If the first lines are no table, or a line does not end.
         """
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if ended and self._rest.endswith(b"\r"):
-            lines.append(self._rest)
-            self._rest = b""
         if len(self._rest) > LONGEST_LINE:
             raise RecordingError(
                 self.source,
                 "",
                 f"a line has more than {LONGEST_LINE} bytes: send one line for each sample",
             )
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if ended and self._rest.endswith(b"\r"):
+            lines.append(self._rest)
+            self._rest = b""
         if self.layout is None:
             self._head += lines
             if len(self._head) < self.fewest and not ended:
