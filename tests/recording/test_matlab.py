@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import h5py
@@ -151,3 +152,17 @@ def test_damaged_files(tmp_path: Path):
     assert "this is a MATLAB file: rename it so that it ends in .mat" in refusal(
         tmp_path / "log.csv"
     )
+
+
+def test_a_damaged_size_takes_little_memory(tmp_path: Path):
+    """Assert that a matrix of 800 MB, by what a small file of version 4 says, is refused."""
+    path = tmp_path / "log.mat"
+    savemat(path, {"time": np.arange(100.0)}, format="4")
+    raw = bytearray(path.read_bytes())
+    raw[4:12] = (100_000_000).to_bytes(4, "little") + (1).to_bytes(4, "little")
+    path.write_bytes(raw)
+    tracemalloc.start()
+    assert "no MATLAB file that can be read" in refusal(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100_000_000

@@ -12,7 +12,7 @@ from flexid.recording.arrays import WIDEST, Arrays
 from flexid.recording.hdf5 import open_series as open_hdf5
 from flexid.recording.limits import LARGEST_FILE, LARGEST_UNPACKED, MOST_COLUMNS
 from flexid.recording.matlab_elements import TooLargeError, check_elements
-from flexid.recording.outside import DEEPEST, digest_of, readable
+from flexid.recording.outside import DEEPEST, OutsideFile, digest_of, readable
 from flexid.recording.series import SeriesFile
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ def open_series(path: Path) -> SeriesFile:
         from scipy.io import loadmat
 
         _check(path)
-        content = loadmat(str(path), appendmat=False)
+        with OutsideFile(path) as opened:
+            content = loadmat(opened)
         found = Arrays("()")
         for name, value in content.items():
             if not name.startswith("__"):
