@@ -115,3 +115,11 @@ def error_order(hold: Hold) -> float:
         lines = held_input(np.sin(t)[:, None], h, hold, 0.3 * h)[:, 0]
         errors.append(np.abs((lines[:, 0] + 0.5 * lines[:, 1] - exact)[5:-5]).max())
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+@pytest.mark.parametrize("delay", [1e300, -1e300, np.inf, 1e9])
+def test_any_delay_is_one(delay: float):
+    """Assert that a delay beyond all samples leaves the first or the last one."""
+    line = held_input(SAMPLES[:, None], H, "cubic", delay)
+    np.testing.assert_allclose(line[:, 0, 0], SAMPLES[-1] if delay < 0.0 else SAMPLES[0])
+    np.testing.assert_allclose(line[:, 0, 1:], 0.0, atol=1e-9)

@@ -31,12 +31,12 @@ def test_a_condition_number_of_a_hundred_thousand_is_the_edge(condition, lost):
     )
 
 
-def made_row(zero: float, *, constant: bool) -> Any:
+def made_row(zero: float, *, constant: bool, moved: float = 1e-3) -> Any:
     """Sums of a row whose spring's regressor has its zero elsewhere, over two logs."""
     rng = np.random.default_rng(8)
     gravity, deflection, viscous = rng.standard_normal((3, 400))
     first = np.arange(400) < 150
-    columns = {"theta1": gravity, "theta2": 1e-3 * deflection + zero, "theta_viscous": viscous}
+    columns = {"theta1": gravity, "theta2": moved * deflection + zero, "theta_viscous": viscous}
     if constant:
         columns |= {"theta_offset[0]": 1.0 * first, "theta_offset[1]": 1.0 * ~first}
     regressors = np.array([*columns.values()])
@@ -44,13 +44,21 @@ def made_row(zero: float, *, constant: bool) -> Any:
     return SimpleNamespace(name="link", coefficients=tuple(columns), gram=gram, count=400)
 
 
-@pytest.mark.parametrize("zero", [0.2, -6.3, 40.0])
+@pytest.mark.parametrize("zero", [0.2, -6.3, 20.0])
 def test_zeros_of_encoders_are_no_lack_of_motion(zero: float):
     """Assert that with constants sought the excitation is that of a deflection about its mean."""
     there, here = (row_excitation(made_row(z, constant=True), ()) for z in (zero, 0.0))
     assert there.condition_number == pytest.approx(here.condition_number, rel=1e-4)
     assert there.singular_values == pytest.approx(here.singular_values, rel=1e-4)
     assert unexcited([made_row(zero, constant=True)], THRESHOLDS.lost_condition) == frozenset()
+
+
+@pytest.mark.parametrize("moved", [1e-6, 1e-12, 1e-16, 0.0])
+def test_a_joint_that_does_not_bend_is_not_excited(moved: float):
+    """Assert that noise and rounding of a deflection are no motion, though constants are sought."""
+    row = made_row(0.3, constant=True, moved=moved)
+    assert row_excitation(row, ()).condition_number > 1e9
+    assert "theta2" in unexcited([row], THRESHOLDS.lost_condition)
 
 
 def test_a_constant_deflection_without_constants_is_one():

@@ -239,6 +239,37 @@ def test_a_counter_of_unknown_turns_is_told_of(tmp_path: Path) -> None:
     assert any("jumps by more than half of its range" in warning for warning in log.warnings)
 
 
+@pytest.mark.parametrize("displaced", [0.6, 0.7, 0.8, 1.0])
+def test_a_pause_is_no_wrap(tmp_path: Path, displaced: float) -> None:
+    """Assert that a motor that moved during a pause, in front of a gear, is read as it is."""
+    turns = 0.1 * np.sin(3.0 * SLOW)  # of the motor
+    late = np.arange(len(SLOW)) >= len(SLOW) // 2
+    turns[late] += displaced
+    motor = 2.0 * np.pi * turns / 100.0
+    columns = {
+        "time": SLOW + late,
+        "link_position": motor + 0.002 * np.sin(4.0 * SLOW),
+        "encoder": turns,
+        "motor_torque": np.cos(SLOW),
+    }
+    entry = {"column": "encoder", "unit": "turn"}
+    log = read_log(write_csv(tmp_path, columns), {"motor_position": entry, "gear_ratio": 100})
+    read = np.concatenate([recording.motor_position for recording in log.recordings])
+    np.testing.assert_allclose(read, motor, atol=1e-9)
+
+
+def test_an_encoder_of_one_count_is_no_jump(tmp_path: Path) -> None:
+    """Assert that a position all of whose steps are as large as its range does not jump."""
+    columns = {
+        "time": SLOW,
+        "link_position": 1e-3 * (np.arange(len(SLOW)) % 2),
+        "motor_position": np.sin(SLOW),
+        "motor_torque": np.cos(SLOW),
+    }
+    warnings = read_log(write_csv(tmp_path, columns)).warnings
+    assert not any("jumps" in warning for warning in warnings)
+
+
 def test_turns_that_an_encoder_does_not_know(tmp_path: Path) -> None:
     """Assert that encoders that begin on either side of zero do not differ by a turn."""
     motion = 4.0 * np.sin(1.5 * SLOW)

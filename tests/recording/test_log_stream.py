@@ -46,6 +46,20 @@ def refusal(path: Path, size: int = 10_007) -> str:
     return str(caught.value)
 
 
+@pytest.mark.parametrize("size", [997, 25_000])
+def test_encoders_on_either_side_of_zero_are_in_one_turn(tmp_path: Path, size: int):
+    """Assert that chunks of encoders that wrap have the deflection of the log read at once."""
+    motor = 4.0 * np.sin(1.5 * TIME)
+    columns = {
+        **table(),
+        "link_position [deg]": np.degrees(np.mod(motor + 0.02 * np.cos(7.0 * TIME), 2.0 * np.pi)),
+        "motor_position [rad]": np.mod(motor - 0.01, 2.0 * np.pi),
+    }
+    chunks, _ = read(written(tmp_path / "log.parquet", columns), size)
+    found = np.concatenate([chunk.recording.deflection for chunk in chunks])
+    np.testing.assert_allclose(found, 0.01 + 0.02 * np.cos(7.0 * TIME), atol=1e-9)
+
+
 @pytest.mark.parametrize("size", [997, 25_000, 10**6])
 def test_chunks_are_the_log(tmp_path: Path, size: int):
     """Assert that chunks of any size, joined at gaps, are the recordings of the file read at once.

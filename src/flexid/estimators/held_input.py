@@ -39,6 +39,9 @@ def held_input(inputs: FloatArray, sample_time: float, hold: Hold, delay: float)
         Over the interval from each sample on: value at its start, change over it, and the
         derivatives of both by the delay in 1/s.
     """
+    # A fit that diverges may ask for any delay: beyond the samples all of it is alike.
+    reach = sample_time * (len(inputs) + len(_OFFSETS))
+    delay = float(np.fmax(np.fmin(delay, reach), -reach))
     whole = int(np.floor(delay / sample_time))
     fraction = min(max(delay / sample_time - whole, _INSIDE), 1.0 - _INSIDE)
     mean, moment = _moments(hold, fraction)

@@ -46,6 +46,8 @@ def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
         return 0.0
     moved = halved.solve(equations).values_step - found.reduced.values_step
     square = float(moved @ found.reduced.information @ moved) / variance
+    if not np.isfinite(square):
+        return 0.0
     return float(np.sqrt(max(square, 0.0))) / (1.0 - 0.5**_ORDER)
 
 

@@ -14,8 +14,15 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.fitting import climb, lengths, motion_at, onward, with_steps_refined
-from flexid.identification.full_model import Data, Fitted, Structure
+from flexid.identification.fitting import (
+    climb,
+    lengths,
+    motion_at,
+    onward,
+    refit,
+    with_steps_refined,
+)
+from flexid.identification.full_model import FINE, Data, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.progress import Progress
 from flexid.identification.starting import starts
@@ -348,6 +355,22 @@ def _correlated(fitted: Fitted) -> float:
     return ratio**2 if np.isfinite(ratio) else 1.0
 
 
+def _settled(found: Fitted) -> Fitted:
+    """A fit in as short steps as what is reported; itself where that fails."""
+    point = found.minimum.point
+    try:
+        return refit(
+            found.structure,
+            found.data,
+            found.by_name,
+            found.problem.segments,
+            FINE,
+            point.initial_states,
+        )
+    except ConvergenceError:
+        return found
+
+
 def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
     """Covariance, shape (k, k), of what was reported, from holds that the log cannot tell apart.
 
@@ -359,7 +382,9 @@ def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
         The others.
     """
     added = np.zeros((len(reported.names), len(reported.names)))
-    others = [found for hold in tied if (found := held_otherwise(reported, hold)) is not None]
+    others = [
+        _settled(found) for hold in tied if (found := held_otherwise(reported, hold)) is not None
+    ]
     misfits = _misfits((reported, *others))
     weights = np.exp(-0.5 * (misfits - misfits.min()))
     for other, weight in zip(others, (weights / weights.sum())[1:].tolist(), strict=True):

@@ -14,6 +14,9 @@ _COUPLED = {"theta2", "alpha1", "beta1"} | {
 }
 _SPRINGS = ("theta2", "alpha1")
 _OFFSETS = ("theta_offset", "alpha_offset")
+_LEAST_MOTION = (
+    1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
+)
 
 
 def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
@@ -37,7 +40,10 @@ def _from_its_mean(names: Sequence[str], gram: FloatArray) -> FloatArray:
     change = np.eye(len(names))
     constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, springs)]
     change[np.ix_(springs, constants)] = -np.linalg.lstsq(constant, along)[0].T
-    return change @ gram @ change.T
+    centred = change @ gram @ change.T
+    # A deflection that does not move leaves noise and rounding, which would pass for a motion.
+    moves = np.diag(centred)[springs] > _LEAST_MOTION * np.diag(gram)[springs]
+    return centred if moves.all() else gram
 
 
 def unexcited(rows: Iterable[RowSums], lost_condition: float) -> frozenset[str]:

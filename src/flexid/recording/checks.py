@@ -101,16 +101,20 @@ def unwrap(file: str, name: str, channel: Channel, time: FloatArray) -> tuple[Fl
     """
     values = channel.values
     steps = np.diff(values)
-    turn = _turn(channel, steps)
-    if not len(steps) or max(steps.max(), -steps.min()) <= turn / 2:
+    clock = np.diff(time)
+    # A position may be another after a gap: there only a turn of the link's side is a wrap.
+    within = clock <= 1.5 * np.median(clock) if len(clock) else np.zeros(0, dtype=bool)
+    turn = _turn(channel, steps[within])
+    seen = within | (turn == TURN)
+    is_jump = (np.abs(steps) > turn / 2) & seen
+    if not is_jump.any():
         return values, ""
-    is_jump = np.abs(steps) > turn / 2
     jumps = np.flatnonzero(is_jump)
     if turn == TURN and len(jumps) > len(steps) // 4:
         return values, ""  # not wraps but a wrong unit, which the check of the speed will tell
     turns = np.rint(steps[jumps] / turn)
     left_over = np.abs(steps[jumps] - turn * turns).max()
-    others = np.abs(steps[~is_jump]).max(initial=0.0)
+    others = np.abs(steps[~is_jump & seen]).max(initial=0.0)
     place = f"column {channel.column!r}"
     times = ", ".join(f"{time[index + 1]:.6g} s" for index in jumps[:3])
     if len(jumps) > 3:
@@ -166,7 +170,11 @@ def check_jumps(file: str, name: str, channel: Channel, time: FloatArray) -> tup
     extent = float(np.ptp(values))
     is_jump = steps > 0.5 * extent
     jumps = np.flatnonzero(is_jump)
-    if not len(jumps) or steps[~is_jump].max() > 0.25 * extent or len(np.unique(values)) <= 20:
+    if (
+        not len(jumps)
+        or steps[~is_jump].max(initial=0.0) > 0.25 * extent
+        or len(np.unique(values)) <= 20
+    ):
         return ()
     times = ", ".join(f"{time[index + 1]:.6g} s" for index in jumps[:3])
     if len(jumps) > 3:

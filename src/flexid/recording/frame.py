@@ -57,7 +57,13 @@ def table_of_frame(frame: Any) -> Table:
 def _with_index(frame: Any) -> Any:
     """A frame of pandas whose index, if it has names, is among the columns."""
     names = [name for name in frame.index.names if name is not None]
-    return frame.reset_index() if names and not {*names} & {*frame.columns} else frame
+    again = {_bare(name) for name in names} & {_bare(name) for name in frame.columns}
+    return frame.reset_index() if names and not again else frame
+
+
+def _bare(name: object) -> str:
+    """A name without its unit, in small letters."""
+    return str(name).partition("[")[0].strip().casefold()
 
 
 def _values(column: Any) -> Any:

@@ -139,9 +139,9 @@ class _State:
         begins = self._begins(table, clock.column, clock.values)
         for name in ENCODERS:
             if name in channels:
-                fresh = Wraps(self.file, name, channels[name].column)
-                wraps = self.wraps.setdefault(name, fresh)
-                channels[name] = wraps.undone(channels[name], clock.values)
+                if name not in self.wraps:
+                    self.wraps[name] = self._wraps(name, channels[name])
+                channels[name] = self.wraps[name].undone(channels[name], clock.values)
         if "deflection" in channels:
             motor, deflection = channels["motor_position"], channels["deflection"]
             values = motor.values + deflection.values
@@ -152,6 +152,12 @@ class _State:
             part = slice(first, stop)
             recording = recording_of(self.file, channels, clock.values, self.sample_time, part)
             yield Chunk(recording, bool(begins[first]), row + first)
+
+    def _wraps(self, name: str, channel: Channel) -> Wraps:
+        """Wraps of an encoder, in the turn in which the head of the log begins."""
+        first = getattr(self.head.recordings[0], name)
+        turns = np.rint((first[0] - channel.values[0]) / checks.TURN)
+        return Wraps(self.file, name, channel.column, offset=checks.TURN * float(turns))
 
     def finished(self, rows: int) -> list[str]:
         """Warnings about the whole."""

@@ -28,13 +28,15 @@ class Wraps:
     ----------
     file, name, column : str
         For messages.
+    offset : float, optional
+        What is added to the channel, in rad: whole turns.
     """
 
     file: str
     name: str
     column: str
+    offset: float = 0.0
     _last: float = np.nan  # as it was read
-    _offset: float = 0.0
     _times: list[str] = field(default_factory=list)
     _count: int = 0
 
@@ -50,13 +52,13 @@ class Wraps:
         found = unwrapped[started:]
         if warning:
             taken = np.diff(values) - np.diff(unwrapped)  # whole turns, or rounding
-            jumps = np.flatnonzero(np.abs(taken) > 0.5 * np.abs(taken).max()) + 1
+            jumps = np.flatnonzero(np.abs(taken) > 0.25 * np.abs(taken).max()) + 1
             self._count += len(jumps)
             self._times += [f"{t:.6g} s" for t in times[jumps[: SHOWN - len(self._times)]]]
-        if self._offset:
-            found = found + self._offset
+        if self.offset:
+            found = found + self.offset
         self._last = float(raw[-1])
-        self._offset = float(found[-1] - raw[-1])
+        self.offset = float(found[-1] - raw[-1])
         return replace(channel, values=found)
 
     def warnings(self) -> list[str]:

@@ -94,7 +94,7 @@ class LiveRoom:
         """What a stream is begun with."""
         source, log = self._chosen.source, self._identify.log
         if source == DRIVE or log is None:
-            return _Request(DRIVE, Path(), Choices())
+            return _Request(DRIVE, Path.cwd() / DRIVE, Choices())
         return _Request(source, log, self._identify.choices.asked)
 
     @property
