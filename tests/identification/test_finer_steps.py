@@ -1,11 +1,13 @@
 """Fits to fine encoders take shorter steps, from the longest segments of the full model on."""
 
+import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, log, made
 
 import flexid.identification.final_fits as final
 from flexid.estimators.integration_error import refinement
 from flexid.estimators.segmented_motion import Timing
+from flexid.identification import climbing
 from flexid.identification.fitting import climb, fit_to, lengths, refit, with_steps_refined
 from flexid.identification.full_model import FINE, ROUGH, Fitted, Structure, data_of
 from flexid.identification.identify import identify
@@ -48,6 +50,17 @@ def test_fine_encoders_want_shorter_steps():
     ]
     assert [f.problem.substeps // last.problem.substeps for f in fits] == [times, 1]
     assert refinement(fits[0].problem, fits[0].minimum) == 1
+
+
+def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
+    """Assert that a rival hold's longer steps do not pass for a doubt about the hold."""
+    last = with_steps_refined(climbed(FINE_NOISE))[-1]
+    segments, states = last.problem.segments, last.minimum.point.initial_states
+    fine = refit(STRUCTURE, last.data, last.by_name, segments, FINE, states)
+    monkeypatch.setattr(climbing, "held_otherwise", lambda *_: last)  # the same hold, as it is
+    apart = np.sqrt(np.diag(climbing.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
+    assert np.abs((last.values - fine.values) / fine.unit_deviations).max() > 1.0
+    assert apart.max() < 0.05
 
 
 def test_coarse_encoders_do_not():
