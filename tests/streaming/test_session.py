@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from moving_joint import LINK, OPTIONS, TORQUE, H, same, stream, watched
+from moving_joint import LINK, MOTOR, OPTIONS, TORQUE, H, same, stream, watched
 
 from flexid.errors import SettingError
 from flexid.streaming.checkpoint import read_session, save_session
@@ -80,10 +80,18 @@ def spikes() -> np.ndarray:
     return samples
 
 
+def faint() -> np.ndarray:
+    """A motion whose powers leave the range of numbers."""
+    samples = np.full((3, 4), 4.64249011e-187)
+    samples[0, MOTOR], samples[0, TORQUE] = 0.0, 1.0
+    return samples
+
+
 @FEW
 @example(samples=spikes(), timed=True)
 @example(samples=np.zeros((9, 4)), timed=True)
 @example(samples=np.ones((300, 4)), timed=True)
+@example(samples=faint(), timed=True)
 @example(samples=2.5e-153 * np.arange(400.0).reshape(100, 4) ** 2, timed=True)
 @given(
     arrays(

@@ -84,7 +84,10 @@ def block_covariance(
         scale = np.sqrt(np.diag(total))
         inverse, free = scaled_inverse(total, np.where(scale > 0.0, scale, 1.0))
         segments = np.zeros(count, dtype=np.int64)
-        found = cluster_influences(Clusters(normal, scores, segments, inverse))
+        try:
+            found = cluster_influences(Clusters(normal, scores, segments, inverse))
+        except np.linalg.LinAlgError:  # of numbers that no drive has: nothing is known of the row
+            continue
         influences[part] = found[0]
         freedom[part] = np.where(free, 0.0, found[1] * blocks.fading)
     covariance = influences @ influences.T

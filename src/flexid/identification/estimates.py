@@ -157,7 +157,11 @@ def parameter_estimates(
             impossible = [c for c in made if c.name in POSITIVE and c.value <= 0.0]
             if impossible:
                 judged, reason = "undetermined", impossible[0].reason
-            elif judged != "determined" and all(c.verdict == "determined" for c in made):
+            elif (
+                judged != "determined"
+                and np.isfinite(found.interval).all()
+                and all(c.verdict == "determined" for c in made)
+            ):
                 judged, reason = "determined", ""  # as small as it is
             elif not found.slopes:
                 reason = min(c.reason for c in made)  # at its bound, or given

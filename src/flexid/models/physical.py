@@ -69,10 +69,10 @@ class Product:
         return tuple(self.exponents)
 
     def value(self, coefficients: Mapping[str, float]) -> float:
-        """Value of the parameter; infinite where a denominator is zero."""
+        """Value of the parameter; infinite where a denominator is zero, or as good as that."""
         try:
             return prod(coefficients[c] ** power for c, power in self.exponents.items())
-        except ZeroDivisionError:
+        except (ZeroDivisionError, OverflowError):
             return float("inf")
 
     def gradient(
