@@ -16,13 +16,13 @@ from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import Segments
 from flexid.identification.fitting import (
     climb,
+    fit_like,
     lengths,
     motion_at,
     onward,
-    refit,
     with_steps_refined,
 )
-from flexid.identification.full_model import FINE, Data, Fitted, Structure
+from flexid.identification.full_model import Data, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.progress import Progress
 from flexid.identification.starting import starts
@@ -355,22 +355,6 @@ def _correlated(fitted: Fitted) -> float:
     return ratio**2 if np.isfinite(ratio) else 1.0
 
 
-def _settled(found: Fitted) -> Fitted:
-    """A fit in as short steps as what is reported; itself where that fails."""
-    point = found.minimum.point
-    try:
-        return refit(
-            found.structure,
-            found.data,
-            found.by_name,
-            found.problem.segments,
-            FINE,
-            point.initial_states,
-        )
-    except ConvergenceError:
-        return found
-
-
 def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
     """Covariance, shape (k, k), of what was reported, from holds that the log cannot tell apart.
 
@@ -382,9 +366,9 @@ def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
         The others.
     """
     added = np.zeros((len(reported.names), len(reported.names)))
-    others = [
-        _settled(found) for hold in tied if (found := held_otherwise(reported, hold)) is not None
-    ]
+    found = [other for hold in tied if (other := held_otherwise(reported, hold)) is not None]
+    # In as short steps as what is reported, or their error would pass for a doubt.
+    others = [fit_like(rough.structure, rough) or rough for rough in found]
     misfits = _misfits((reported, *others))
     weights = np.exp(-0.5 * (misfits - misfits.min()))
     for other, weight in zip(others, (weights / weights.sum())[1:].tolist(), strict=True):

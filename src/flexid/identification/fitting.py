@@ -218,6 +218,21 @@ def refit(
     return replace(fitted, structure=structure, at_bound=at_bound)
 
 
+def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> Fitted | None:
+    """Another structure over the same segments, from where a fit ended; None if it fails."""
+    try:
+        return refit(
+            structure,
+            fitted.data,
+            fitted.by_name,
+            fitted.problem.segments,
+            tolerance,
+            fitted.minimum.point.initial_states,
+        )
+    except ConvergenceError:
+        return None
+
+
 def motion_at(
     structure: Structure,
     data: Data,

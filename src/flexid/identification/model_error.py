@@ -16,9 +16,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError
 from flexid.identification.estimate import Estimate
-from flexid.identification.fitting import refit
+from flexid.identification.fitting import fit_like
 from flexid.identification.full_model import ROUGH, Fitted
 from flexid.identification.judgement import Thresholds
 from flexid.identification.result import ModelError
@@ -105,11 +104,8 @@ def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
     stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
     if error.share == 0.0 or not stand_ins:
         return none
-    try:
-        point, segments = fitted.minimum.point, fitted.problem.segments
-        without = fitted.structure.without(stand_ins)
-        bare = refit(without, fitted.data, fitted.by_name, segments, ROUGH, point.initial_states)
-    except ConvergenceError:
+    bare = fit_like(fitted.structure.without(stand_ins), fitted, ROUGH)
+    if bare is None:
         return none
     found = {**fitted.by_name, **bare.by_name}
     moved = np.array([found[name] for name in fitted.names]) - fitted.values

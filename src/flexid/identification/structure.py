@@ -13,15 +13,11 @@ import numpy as np
 from scipy.special import stdtr
 
 from flexid.arrays import FloatArray
-from flexid.errors import ConvergenceError
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segmented_motion import INPUT
 from flexid.identification.climbing import Climb
-from flexid.identification.fitting import (
-    onward,
-    refit,
-)
-from flexid.identification.full_model import FINE, ROUGH, Fitted, Structure
+from flexid.identification.fitting import fit_like, onward
+from flexid.identification.full_model import ROUGH, Fitted, Structure
 from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.progress import Progress
 from flexid.identification.result import SegmentEvidence, TermEvidence
@@ -100,7 +96,7 @@ def choose_structure(
     structure, evidence = eliminate(wider, kept, thresholds)
     for _ in range(_ROUNDS):
         # What is left may be fitted over longer segments, and these show more.
-        leaner = _fit_like(structure, wider)
+        leaner = fit_like(structure, wider)
         if leaner is None:
             break
         found = [leaner, *onward(leaner, ladder)]
@@ -108,24 +104,24 @@ def choose_structure(
         if longer is leaner:
             best = leaner
             break
-        wider = _fit_like(wider.structure, longer, ROUGH) or wider
+        wider = fit_like(wider.structure, longer, ROUGH) or wider
         best = longer
         if len(wider.problem.segments) != len(longer.problem.segments):
             break  # the wider model does not follow; what it said of shorter segments stands
         structure, evidence = eliminate(wider, kept, thresholds)
-    fitted = best if best.structure is structure else _fit_like(structure, best)
+    fitted = best if best.structure is structure else fit_like(structure, best)
     while fitted is not None:
         # Far from where it was expanded a quadratic form is none; the leaner fit has its own.
         leaner, own = eliminate(fitted, kept, thresholds)
         evidence = _latest(evidence, own)
         if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
             break
-        structure, fitted = leaner, _fit_like(leaner, fitted)
+        structure, fitted = leaner, fit_like(leaner, fitted)
     tests = tuple(SegmentEvidence(f.duration, f.excess, relative_deviation(f)) for f in found)
     if fitted is None:
         structure, fitted = best.structure, best
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
-    generous = None if more.absent >= structure.absent else _fit_like(more, fitted)
+    generous = None if more.absent >= structure.absent else fit_like(more, fitted)
     rivals = [f for f in (generous, _without_negative_friction(fitted, kept)) if f is not None]
     if fitted.excess > thresholds.sensor_excess and climbed.free_length:
         rivals += [other for other in found if other.duration != fitted.duration]
@@ -144,7 +140,7 @@ def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted 
         for name, value in zip(base, fitted.values.tolist(), strict=True)
         if name in DISSIPATIVE and value < 0.0 and name not in kept
     }
-    return _fit_like(fitted.structure.without(negative), fitted) if negative else None
+    return fit_like(fitted.structure.without(negative), fitted) if negative else None
 
 
 def _latest(
@@ -161,22 +157,7 @@ def _wider(best: Fitted, with_shapes: bool) -> Fitted:
     joint = best.structure.joint
     shapes = joint.shapes - joint.remembered
     extended = replace(best.structure, absent=best.structure.absent - shapes)
-    return _fit_like(extended, best, ROUGH) or best
-
-
-def _fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> Fitted | None:
-    """Another structure over the same segments, from where a fit ended; None if it fails."""
-    try:
-        return refit(
-            structure,
-            fitted.data,
-            fitted.by_name,
-            fitted.problem.segments,
-            tolerance,
-            fitted.minimum.point.initial_states,
-        )
-    except ConvergenceError:
-        return None
+    return fit_like(extended, best, ROUGH) or best
 
 
 def relative_deviation(fitted: Fitted) -> float:
