@@ -1,15 +1,20 @@
 """Fits to fine encoders take shorter steps, from the longest segments of the full model on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, log, made
 
 import flexid.identification.final_fits as final
-from flexid.estimators.integration_error import refinement
+import flexid.identification.fitting as fitting
+import flexid.identification.identify as identifying
+from flexid.estimators.integration_error import MOST, refinement
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification import climbing
+from flexid.identification.final_fits import FinalFits, final_fits
 from flexid.identification.fitting import climb, fit_to, lengths, refit, with_steps_refined
-from flexid.identification.full_model import FINE, ROUGH, Fitted, Structure, data_of
+from flexid.identification.full_model import FINE, ROUGH, Data, Fitted, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.joint import flexible
 from flexid.identification.settings import Settings
@@ -30,10 +35,15 @@ START = {
 }
 
 
-def climbed(noise: float) -> list[Fitted]:
-    """Fits to six seconds with dry friction, over segments of growing length."""
+def recorded(noise: float) -> Data:
+    """Six seconds with dry friction."""
     recording = made(4, 6.0, noise=noise, held=True, **STIFF)
-    data = data_of(JOINT, [with_velocities(recording)], [0])
+    return data_of(JOINT, [with_velocities(recording)], [0])
+
+
+def climbed(noise: float) -> list[Fitted]:
+    """Fits to them over segments of growing length."""
+    data = recorded(noise)
     return climb(STRUCTURE, data, START, lengths(data))
 
 
@@ -66,6 +76,47 @@ def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
 def test_coarse_encoders_do_not():
     """Assert that what noise hides is not computed."""
     assert {fit.data.refinement for fit in with_steps_refined(climbed(COARSE_NOISE))} == {1}
+
+
+def test_other_data_are_asked_again():
+    """Assert that a fit to data that want shorter steps than it began with ends in these."""
+    fitted, rungs = fit_to(STRUCTURE, recorded(FINE_NOISE), START, 1.0)
+    assert fitted.data.refinement > 1
+    assert refinement(fitted.problem, fitted.minimum) == 1
+    assert [rung for rung in rungs if rung is fitted]
+    beyond = [rung for rung in rungs if rung.duration > fitted.duration]
+    assert {rung.data.refinement for rung in beyond} == {fitted.data.refinement}
+
+
+@pytest.mark.parametrize(("taken", "wanted", "times"), [(1, 3, 3), (3, 3, MOST), (2, 1, 2)])
+def test_steps_are_asked_for_once(
+    taken: int, wanted: int, times: int, monkeypatch: pytest.MonkeyPatch
+):
+    """Assert that they multiply up to a limit, and that nothing is fitted anew for the same."""
+    asked = []
+    monkeypatch.setattr(fitting, "refinement", lambda *_: asked.append(None) or wanted)
+    last = climbed(COARSE_NOISE)[-1]
+    last = replace(last, data=replace(last.data, refinement=taken))
+    own = fitting.in_own_steps(last)
+    assert (own.data.refinement, len(asked)) == (times, 1)
+    assert (own is last) == (times == taken)
+
+
+def test_rivals_of_the_report_take_its_steps(monkeypatch: pytest.MonkeyPatch):
+    """Assert that the model with all terms is fitted as the report is, whatever was chosen in."""
+    found: list[FinalFits] = []
+
+    def watched(*given):
+        found.append(final_fits(*given))
+        return found[-1]
+
+    monkeypatch.setattr(climbing, "with_steps_refined", tuple)  # chosen in the usual steps
+    monkeypatch.setattr(identifying, "final_fits", watched)
+    given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
+    identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
+    assert found[0].choice.fitted.data.refinement == 1
+    assert found[0].reported.data.refinement > 1
+    assert found[0].full.problem.substeps == found[0].reported.problem.substeps
 
 
 def test_report_takes_the_same_steps(monkeypatch: pytest.MonkeyPatch):

@@ -135,7 +135,7 @@ def final_fits(
     reported, rungs, retreat = _reported(choice, whole)
     error = error_of(reported, rungs, thresholds)
     rate = _FILTER_RATE if isinstance(filter_rate, str) else filter_rate
-    full = _full(choice, whole, reported)
+    full = _full(choice, reported)
     return FinalFits(choice, recordings, reported, rungs, retreat, error, full, rate)
 
 
@@ -189,8 +189,11 @@ def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[
         )
 
 
-def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
-    """The model with all usual terms again, fitted to all data, to say how large they may be."""
+def _full(choice: Choice, reported: Fitted) -> Fitted:
+    """The model with all usual terms again, to say how large they may be.
+
+    Fitted as the reported one was: what shorter steps change is no sign of a term.
+    """
     shapes = choice.structure.joint.shapes & choice.structure.absent
     usual = replace(
         choice.full,
@@ -200,7 +203,7 @@ def _full(choice: Choice, whole: Data, reported: Fitted) -> Fitted:
     try:
         return refit(
             usual,
-            whole,
+            reported.data,
             reported.by_name,
             reported.problem.segments,
             FINE,

@@ -12,7 +12,7 @@ import numpy as np
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
-from flexid.estimators.integration_error import refinement
+from flexid.estimators.integration_error import MOST, refinement
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
@@ -109,6 +109,20 @@ def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
     return tuple(replace(fit, data=replace(fit.data, refinement=finer)) for fit in found)
 
 
+def in_own_steps(fitted: Fitted) -> Fitted:
+    """A fit in steps as short as it wants itself; the same fit where those that it took are.
+
+    It is asked once, and takes `MOST` times as many steps as usual at most. Where the shorter ones
+    lead nowhere, it stays as it was.
+    """
+    data = fitted.data
+    finer = min(data.refinement * refinement(fitted.problem, fitted.minimum), MOST)
+    if finer <= data.refinement:
+        return fitted
+    wanted = replace(fitted, data=replace(data, refinement=finer))
+    return fit_like(fitted.structure, wanted) or fitted
+
+
 def fit_to(
     structure: Structure, data: Data, start: Mapping[str, float], duration: float
 ) -> tuple[Fitted, list[Fitted]]:
@@ -117,7 +131,7 @@ def fit_to(
     Returns
     -------
     fitted : Fitted
-        Over segments of that length.
+        Over segments of that length, in steps that suit these data: those of `in_own_steps`.
     rungs : list of Fitted
         Rough fits over segments of growing length, up to four times as long.
 
@@ -135,7 +149,7 @@ def fit_to(
         )
     last = found[-1]
     states = last.minimum.point.initial_states
-    fitted = refit(structure, data, last.by_name, ladder[-1], FINE, states)
+    fitted = in_own_steps(refit(structure, data, last.by_name, ladder[-1], FINE, states))
     return fitted, [*found[:-1], fitted, *_beyond(fitted)]
 
 
