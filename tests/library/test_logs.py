@@ -1,5 +1,7 @@
 """Whatever holds a log: the same samples from files, data frames, arrays and recordings."""
 
+from datetime import date
+
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -130,7 +132,7 @@ WRONG = {
     "text": ({"time [s]": ["a", "b"]}, "time"),
     "objects": ({"time [s]": [object(), object()]}, "time"),
     "masked": ({"time [s]": np.ma.masked_greater([0.0, 1.0, 9.0], 2.0)}, "masked"),
-    "dates": (pd.DataFrame({"time [s]": pd.date_range("2026", periods=3)}), "seconds"),
+    "dates": (pl.DataFrame({"time [s]": [date(2026, 1, day) for day in (1, 2, 3)]}), "seconds"),
 }
 
 

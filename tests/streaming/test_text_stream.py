@@ -1,6 +1,7 @@
 """Bytes of a stream become the samples that a log of the same text holds."""
 
 import gzip
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 
@@ -65,6 +66,22 @@ def test_a_column_map_means_the_same(tmp_path: Path):
     np.testing.assert_allclose(samples[:, 1], recording.link_position, atol=1e-15)
     np.testing.assert_allclose(samples[:, 2], recording.motor_position, rtol=1e-12)
     np.testing.assert_allclose(samples[:, 3], recording.input, rtol=1e-12)
+
+
+@pytest.mark.parametrize("parts", [1, 40])
+def test_time_stamps_count_from_1970(parts: int):
+    """Assert that they are read as in a log, and one that is none leaves its sample without."""
+    begin = datetime(2024, 5, 1, 23, 59, 59, 900_000, tzinfo=UTC)
+    stamps = [(begin + k * timedelta(milliseconds=2)).isoformat() for k in range(len(ROWS))]
+    stamps[250] = "2024-05-02"
+    rows = [stamp + row[row.index(",") :] for stamp, row in zip(stamps, ROWS, strict=True)]
+    header = HEADER.replace("time [ms]", "time [UTC]")
+    samples = samples_of("\n".join([header, *rows, ""]), parts)
+    right = begin.timestamp() + 2e-3 * np.arange(len(ROWS))
+    right[250] = np.nan
+    np.testing.assert_allclose(samples[:, 0], right, rtol=0.0, atol=1e-6)
+    whole = samples_of("\n".join([HEADER, *ROWS, ""]))
+    np.testing.assert_array_equal(samples[:, 1:], whole[:, 1:])
 
 
 def test_a_line_that_is_no_row_is_a_sample_without_numbers():

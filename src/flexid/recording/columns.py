@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from math import isclose
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from flexid.errors import RecordingError
-from flexid.recording.channel import GEARED, INPUTS, SI_UNITS, Channel, Origin
+from flexid.recording.channel import INPUTS, SI_UNITS, Channel
+from flexid.recording.clock import Clock
 from flexid.recording.names import (
     LONGEST,
     did_you_mean,
@@ -19,6 +18,7 @@ from flexid.recording.names import (
     split_header,
     usual_channel,
 )
+from flexid.recording.si_channels import direct, find_header, mapped
 from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class _Plan:
 
 
 def read_channels(
-    table: Table, columns: MapSource | None
+    table: Table, columns: MapSource | None, clock: Clock | None = None
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
     """Return the canonical channels of a table, in SI units.
 
@@ -72,6 +72,8 @@ def read_channels(
     table : Table
     columns : Path, mapping or None
         A column map: a TOML file, or what it would hold.
+    clock : Clock, optional
+        That of the log, where the table is a part of one.
 
     Returns
     -------
@@ -85,14 +87,16 @@ def read_channels(
         If the map cannot be used, a required column is missing, or a cell or a unit is bad.
     """
     plan = _plan(table, columns)
+    clock = clock or Clock()
     channels = {}
     for name in SI_UNITS:
         if name in plan.wanted:
             if plan.column_map is not None and name in plan.entries:
-                channels[name] = _mapped(table, name, plan.column_map)
+                channels[name] = mapped(table, name, plan.column_map, clock)
             else:
                 gear = None if plan.column_map is None else plan.column_map.gear(name)
-                channels[name] = _direct(table, name, plan.found[name], gear)
+                header, unit = plan.found[name]
+                channels[name] = direct(table, name, header, unit, gear, clock)
     return channels, tuple(plan.warnings)
 
 
@@ -154,7 +158,7 @@ def sources(
             continue
         if plan.column_map is not None and name in plan.entries:
             terms, map_file = plan.entries[name].terms, plan.column_map.file
-            headers[name] = tuple(_find(table, term.column, name, map_file) for term in terms)
+            headers[name] = tuple(find_header(table, term.column, name, map_file) for term in terms)
         else:
             headers[name] = (plan.found[name].header,)
     return headers, tuple(plan.warnings)
@@ -264,10 +268,10 @@ def _require(table: Table, plan: _Plan) -> None:
     missing = [label for label, names in choices.items() if not plan.available & set(names)]
     if not missing:
         return
-    mapped = {
+    named = {
         split_header(term.column)[0] for entry in plan.entries.values() for term in entry.terms
     }
-    taken = mapped | {split_header(column.header)[0] for column in plan.found.values()}
+    taken = named | {split_header(column.header)[0] for column in plan.found.values()}
     bare = [name for name, _ in map(split_header, table.names) if name not in taken]
     hints = [did_you_mean(label.split(" ")[0], bare) for label in missing]
     labels = ", no ".join(label + hint for label, hint in zip(missing, hints, strict=True))
@@ -312,87 +316,3 @@ def _choose(table: Table, plan: _Plan) -> None:
     inputs = [name for name in INPUTS if name in wanted]
     for name in inputs[1:]:
         leave_out(name, f"{inputs[0]} is there: remove {inputs[0]} to use it")
-
-
-def _direct(table: Table, name: str, column: _Column, gear: float | None) -> Channel:
-    """Read a column under its canonical name."""
-    header, unit = column
-    place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
-    factor, si_unit = _scale(table.file, place, unit, name)
-    gear, geared = _geared(name, si_unit, gear)
-    factor *= geared
-    values = table.numbers(header)
-    if factor != 1.0:
-        with np.errstate(over="ignore"):
-            values *= factor
-    origin = Origin({header: 1.0}, factor, 0.0, si_unit, gear)
-    return Channel(values, si_unit, header, unit is not None, origin)
-
-
-def _mapped(table: Table, name: str, column_map: ColumnMap) -> Channel:
-    """Compute a channel by its entry in the column map."""
-    entry, map_file = column_map.entries[name], column_map.file
-    headers = [_find(table, term.column, name, map_file) for term in entry.terms]
-    units = {split_header(header)[1] for header in headers}
-    if entry.unit is None and len(units) > 1:
-        raise RecordingError(
-            map_file,
-            f"key '{name}'",
-            f"the columns {quoted(headers)} differ in unit: scale them to one and name it by "
-            f"'unit'",
-        )
-    unit = entry.unit if entry.unit is not None else units.pop()
-    factor, si_unit = _scale(map_file, f"key '{name}'", unit, name)
-    gear, geared = _geared(name, si_unit, column_map.gear(name))
-    factor *= geared
-    weights: dict[str, float] = {}
-    total = np.zeros(table.frame.height)
-    with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
-        for term, header in zip(entry.terms, headers, strict=True):
-            total += term.scale * table.numbers(header)
-            weights[header] = weights.get(header, 0.0) + term.scale
-        values = factor * (entry.scale * total + entry.offset)
-    origin = Origin(weights, factor * entry.scale, factor * entry.offset, si_unit, gear)
-    return Channel(values, si_unit, " + ".join(headers), unit is not None, origin)
-
-
-def _geared(name: str, si_unit: str, gear: float | None) -> tuple[float | None, float]:
-    """The gear ratio that acts on a channel, and the factor that it makes."""
-    if gear is None or name not in GEARED or si_unit in ("V", "A"):
-        return None, 1.0
-    return gear, gear if name == "motor_torque" else 1.0 / gear
-
-
-def _scale(file: str, place: str, unit: str | None, name: str) -> tuple[float, str]:
-    if unit is None:
-        return 1.0, SI_UNITS[name][0]
-    try:
-        return scale_to_si(unit, SI_UNITS[name])
-    except UnitError as error:
-        raise RecordingError(file, place, str(error)) from error
-
-
-def _find(table: Table, column: str, name: str, map_file: str) -> str:
-    """Return the header that the map names: exactly, without its unit, or in other letters."""
-    bare = {header: split_header(header)[0] for header in table.names}
-    for matches in (
-        [header for header in table.names if header == column],
-        [header for header in table.names if bare[header] == column],
-        [
-            header
-            for header in table.names
-            if folded(column) in (folded(header), folded(bare[header]))
-            or column == split_header(table.short_name(header))[0]
-        ],
-    ):
-        if len(matches) == 1:
-            return matches[0]
-        if matches:
-            reason = f"{quoted(matches)} both match {column!r}: write the name as in the file"
-            raise RecordingError(map_file, f"key '{name}'", reason)
-    hint = did_you_mean(column, bare.values())
-    raise RecordingError(
-        map_file,
-        f"key '{name}'",
-        f"{table.file} has no column {column!r}{hint}: name one of {table.listing}",
-    )

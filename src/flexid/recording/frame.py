@@ -67,7 +67,13 @@ def _bare(name: object) -> str:
 
 
 def _values(column: Any) -> Any:
-    """Values of a column, numbers as an array; anything else as Polars takes it."""
+    """Values of a column, numbers and times as an array; anything else as Polars takes it."""
+    import narwhals as nw
+
+    if isinstance(column.dtype, nw.Datetime):  # NumPy's has no zone
+        if column.dtype.time_zone is not None:
+            column = column.dt.convert_time_zone("UTC").dt.replace_time_zone(None)
+        return column.to_numpy()
     return column.to_numpy() if column.dtype.is_numeric() else column.to_list()
 
 

@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from flexid.errors import RecordingError
+from flexid.recording.clock import is_stamp
 from flexid.recording.names import split_header
 from flexid.recording.units import is_usual
 
@@ -37,6 +38,8 @@ class Layout:
         Where that line begins, in bytes.
     skipped : tuple of (int, int)
         First and last line of a preamble that is no comment; empty without one.
+    stamped : tuple of int
+        Columns that begin with a date and a time, or a time of day.
     """
 
     names: tuple[str, ...]
@@ -45,6 +48,7 @@ class Layout:
     first_line: int
     start: int
     skipped: tuple[int, int] | tuple[()] = ()
+    stamped: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -188,8 +192,8 @@ def _first_row(plain: list[_Line]) -> tuple[_Line, str, int] | None:
 
 
 def _is_row(cells: list[str], *, all_of_them: bool = False) -> bool:
-    """Whether most cells, two or more in all, are numbers."""
-    count = sum(map(is_number, cells))
+    """Whether most cells, two or more in all, are numbers or time stamps."""
+    count = sum(is_number(cell) or is_stamp(cell) for cell in cells)
     return len(cells) >= 2 and (count == len(cells) if all_of_them else 2 * count > len(cells))
 
 
@@ -253,9 +257,12 @@ def _layout(file: str, lines: list[_Line], parts: _Parts) -> Layout:
             file, place, f"the column {twice[0]!r} stands there twice: rename or remove one"
         )
     before = [line.number for line in lines if line.number < header.number and not line.is_comment]
+    first = next((line for line in lines if line.number == parts.first_line), None)
+    cells = split(first.text, separator) if first is not None else []
     return Layout(
         tuple(names), separator, header.number, parts.first_line, parts.start,
         (before[0], before[-1]) if before else (),
+        tuple(column for column, cell in enumerate(cells) if is_stamp(cell)),
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ _QUANTITIES = {
     "torque": {"torque", "tau", "trq", "effort"},
     "current": {"current", "cur", "curr", "i", "iq"},
     "voltage": {"voltage", "volt", "u"},
-    "time": {"time", "t", "timestamp", "clock"},
+    "time": {"time", "t", "timestamp", "datetime", "clock"},
 }
 _SIDES = {
     "motor": {"motor", "mot", "m", "rotor", "drive"},
@@ -24,6 +24,7 @@ _SIDES = {
 _FILLERS = {
     "meas", "measured", "act", "actual", "enc", "encoder", "side", "sensor", "value", "data",
 }  # fmt: skip
+_OF_TIME = {"date", "stamp"}  # fillers beside the time
 _UNITS = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "rad": "rad", "deg": "deg", "rpm": "rpm",
     "rad_s": "rad/s", "rad/s": "rad/s", "radps": "rad/s", "rads": "rad/s",
@@ -93,8 +94,9 @@ def usual_channel(header: str) -> tuple[str, str | None] | None:
     words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+|\d+", stem)]
     quantities = [_kind(word, _QUANTITIES) for word in words]
     sides = [_kind(word, _SIDES) for word in words]
+    fillers = _FILLERS | (_OF_TIME if "time" in quantities else set())
     if any(
-        quantity is None and side is None and word not in _FILLERS
+        quantity is None and side is None and word not in fillers
         for word, quantity, side in zip(words, quantities, sides, strict=True)
     ):
         return None

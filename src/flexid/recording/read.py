@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexid.arrays import FloatArray
+    from flexid.recording.clock import Clock
     from flexid.recording.column_map import MapSource
     from flexid.recording.table import Table
 
@@ -45,23 +46,23 @@ def read_log(path: Path, columns: MapSource | None = None) -> Log:
     return log_of_table(table_of_file(path, columns), columns)
 
 
-def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
-    """As `read_log`, from a file's columns."""
-    channels, warnings = read_channels(table, columns)
+def log_of_table(table: Table, columns: MapSource | None = None, clock: Clock | None = None) -> Log:
+    """As `read_log`, from a file's columns; of a part of a log with the clock of the whole."""
+    channels, warnings = read_channels(table, columns, clock)
     warnings = tuple(dict.fromkeys(table.warnings + warnings))
     origins = {name: channel.origin for name, channel in channels.items()}
-    clock = channels.pop("time")
-    checks.check_magnitude(table.file, "time", clock)
-    check_increasing(table, clock.column, clock.values)
-    grid = even_grid(table, clock.column, clock.values)
+    time = channels.pop("time")
+    checks.check_magnitude(table.file, "time", time)
+    check_increasing(table, time.column, time.values)
+    grid = even_grid(table, time.column, time.values)
     warnings += grid.warnings
     warnings += _check_each(table.file, channels)
-    warnings += _unwrap(table.file, channels, clock.values)
+    warnings += _unwrap(table.file, channels, time.values)
     _add_link_position(table.file, channels)
-    warnings += _check_together(table.file, channels, clock.values)
+    warnings += _check_together(table.file, channels, time.values)
     recordings = [
         recording_of(
-            table.file, channels, clock.values, grid.sample_time, part, resample=grid.resample
+            table.file, channels, time.values, grid.sample_time, part, resample=grid.resample
         )
         for part in grid.recordings
     ]

@@ -64,6 +64,8 @@ def check_increasing(table: Table, column: str, time: FloatArray) -> None:
         else f"time runs backwards (from {before} s to {now} s): sort the rows, or cut the file "
         f"there into two logs"
     )
+    if abs(time[index] - time[index - 1] + 3600.0) < 1.0:
+        reason += "; if the clock was set to winter time, log the time in UTC"
     raise RecordingError(table.file, table.place(index, column), reason)
 
 

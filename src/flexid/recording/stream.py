@@ -16,6 +16,7 @@ from flexid.errors import RecordingError
 from flexid.files import sha256
 from flexid.recording import checks
 from flexid.recording.blocks import ParquetBlocks
+from flexid.recording.clock import Clock
 from flexid.recording.columns import channel_columns, read_channels
 from flexid.recording.read import ENCODERS, log_of_table, recording_of
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS
@@ -83,11 +84,12 @@ class LogStream:
         """What was found in the stream, once it is over."""
         self._path = path
         self._map = columns
+        self._clock = Clock()
         self.head_rows = min(head_rows, self.rows)
         """Rows that were read and checked at once."""
         table = self._blocks.head(self.head_rows)
         self._columns = channel_columns(table, columns)
-        self.head: Log = log_of_table(table, columns)
+        self.head: Log = log_of_table(table, columns, self._clock)
         self.sample_time = self.head.recordings[0].sample_time
         self.sha256 = ""
         """Digest of the file's bytes, once the stream is over."""
@@ -109,7 +111,8 @@ class LogStream:
         with ThreadPoolExecutor(1) as digests:
             digest = digests.submit(sha256, self._path)
             for table in self._blocks.tables(self._columns, size):
-                yield from state.chunks(table, read_channels(table, self._map)[0])
+                channels, _ = read_channels(table, self._map, self._clock)
+                yield from state.chunks(table, channels)
             self.warnings += state.finished(self.rows)
             self.sha256 = digest.result()
 

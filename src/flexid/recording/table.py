@@ -14,6 +14,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.files import check_file, read_bytes, shown
+from flexid.recording.clock import EXAMPLE
 from flexid.recording.limits import (
     LARGEST_FILE,
     LARGEST_UNPACKED,
@@ -36,7 +37,9 @@ LARGE_REMEDY = "identify it as Parquet with --stream, or cut the log into shorte
 PARQUET_SUFFIXES = (".parquet", ".pq")
 WANTED = "a log"
 _DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eE][+-]?\d+)?$"
+_DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eE][+-]?\d+)?$"
 _THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
+_TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
 _OTHERS = {  # what else flexid reads, and where it belongs
     ".toml": "this is a TOML file, not a log: a column map is given with --columns",
     ".json": "this is a JSON file, not a log: export the log as CSV or Parquet",
@@ -165,13 +168,15 @@ class Table:
         import polars as pl
 
         texts = [c.str.strip_chars() for c in self.frame if c.dtype == pl.String]
-        if any(text.str.contains(r"^[+-]?\d*\.\d").any() for text in texts):
+        if any(text.str.contains(_DECIMAL_POINT).any() for text in texts):
             return False
         commas = [text.filter(text.str.contains(_DECIMAL_COMMA)) for text in texts]
         return not all(text.str.contains(_THOUSANDS).all() for text in commas)
 
     def _not_numeric(self, name: str, found: str) -> RecordingError:
-        remedy = "seconds since the start" if "time" in name.lower() else "floating-point numbers"
+        remedy = "floating-point numbers"
+        if "time" in name.lower():
+            remedy = f"seconds since the start, or as stamps such as {EXAMPLE}"
         return RecordingError(
             self.file, f"column {name!r}", f"it holds {found}: write it as {remedy}"
         )
@@ -316,6 +321,6 @@ def _bad_cell(cell: object) -> str:
     with suppress(ValueError):
         if not np.isfinite(float(text)):
             return f"{cut} is not a finite number: remove the row"
-    if re.match(r"\d{4}-\d\d|\d{1,2}[:.]\d\d[:.]\d\d", text):
-        return f"{cut!r} is a date or a time of day: write seconds since the start"
+    if re.match(r"\d{4}[-/]\d\d|\d\d?[:./]\d\d?[:./]\d\d", text):
+        return f"{cut!r} is a date or a time of day, and no number: {_TIME_REMEDY}"
     return f"{cut!r} is not a number: correct it, or remove the row"

@@ -10,6 +10,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.files import shown
+from flexid.recording.clock import Clock
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
 from flexid.recording.formats import SERIES, tables_of_file
@@ -202,7 +203,8 @@ class Replay:
         self._map, self._model, self._at_once = column_map, model, at_once
         self._tables = tables_of_file(path, column_map, BLOCK)
         table = next(self._tables)
-        channels, warnings = read_channels(table, column_map)
+        self._clock = Clock(since_1970=True)
+        channels, warnings = read_channels(table, column_map, self._clock)
         self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
         chosen, self.channels = chosen_channels(self.name, channels, self.warnings, model)
         self._samples: FloatArray = np.column_stack([channel.values for channel in chosen])
@@ -230,7 +232,7 @@ class Replay:
         table = next(self._tables, None)
         if table is None:
             return False
-        channels, _ = read_channels(table, self._map)
+        channels, _ = read_channels(table, self._map, self._clock)
         self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
         chosen, _ = chosen_channels(self.name, channels, (), self._model)
         self._samples = np.column_stack([channel.values for channel in chosen])

@@ -5,13 +5,16 @@ on them, and on the sample time. A line that is no row of numbers becomes a samp
 which is counted.
 """
 
+from collections import defaultdict
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.channel import Channel
+from flexid.recording.clock import EXAMPLE, Clock
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
 from flexid.recording.layout import BLANK, COMMENTS, LONGEST_LINE, Layout, layout_of
@@ -19,6 +22,8 @@ from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_
 from flexid.recording.table import Table
 from flexid.recording.text import UTF_16, check_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
+
+Clocks: TypeAlias = defaultdict[int, Clock]
 
 HEAD_LINES = 200
 """Lines at the beginning from which layout and sample time are taken."""
@@ -81,7 +86,8 @@ def stream_columns(
     import polars as pl
 
     names = layout.names
-    frame = pl.DataFrame({name: ["0"] for name in names})
+    stamps = {names[column] for column in layout.stamped}
+    frame = pl.DataFrame({name: [EXAMPLE if name in stamps else "0"] for name in names})
     table = Table(source, f"line {layout.header_line}", layout.first_line, "line", frame, "")
     channels, warnings = read_channels(table, column_map)
     chosen, meant = chosen_channels(source, channels, warnings, model)
@@ -120,6 +126,7 @@ class LineReader:
     layout: Layout | None = None
     left_out: int = 0
     """Lines at the end that were too few to say what their columns are."""
+    _clocks: Clocks = field(default_factory=lambda: defaultdict(_clock))
     _rest: bytes = b""
     _head: list[bytes] = field(default_factory=list)
 
@@ -170,7 +177,7 @@ class LineReader:
             self.layout = self._layout(text)
             lines = text[self.layout.start :].split(b"\n")
             self._head = []
-        return _numbers(lines, self.layout)
+        return _numbers(lines, self.layout, self._clocks)
 
     @property
     def rest(self) -> bytes:
@@ -189,25 +196,37 @@ class LineReader:
         """Whether the first line is a row of the text before: no name stands among its cells."""
         if self.before is None or not self._head:
             return False
-        return bool(np.isfinite(_numbers(self._head[:1], self.before)).all())
+        row = _numbers(self._head[:1], self.before, defaultdict(_clock))
+        return bool(np.isfinite(row).all())
 
 
-def _numbers(lines: list[bytes], layout: Layout) -> FloatArray:
+def _clock() -> Clock:
+    return Clock(since_1970=True)
+
+
+def _numbers(lines: list[bytes], layout: Layout, clocks: Clocks) -> FloatArray:
     """Numbers of lines that are not empty nor comments; a line that is no row has none."""
     separator = None if layout.separator == BLANK else layout.separator.encode()
     width = len(layout.names)
     rows = []
+    stamps: dict[int, list[bytes]] = {column: [] for column in layout.stamped}
     for line in lines:
         stripped = line.strip()
         if not stripped or stripped.startswith(_COMMENTS):
             continue
         cells = stripped.split(separator)
+        for column, found in stamps.items():
+            found.append(cells[column] if column < len(cells) else b"")
+            cells[column : column + 1] = [b"0"]
         try:
             row = [float(cell) for cell in cells]
         except ValueError:
             row = [_number(cell, layout.separator) for cell in cells]
         rows.append(row if len(row) == width else [np.nan] * width)
-    return np.array(rows, dtype=np.float64).reshape(len(rows), width)
+    numbers = np.array(rows, dtype=np.float64).reshape(len(rows), width)
+    for column, found in stamps.items():
+        numbers[:, column] = clocks[column].of_cells(found)
+    return numbers
 
 
 _COMMENTS = tuple(mark.encode() for mark in COMMENTS)

@@ -1,0 +1,253 @@
+"""Times as stamps, as times of day, and as numbers that count from long ago."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+from joint_log import csv_text, joint_columns
+
+from flexid.errors import RecordingError
+from flexid.recording import read_log
+from flexid.recording.clock import Clock
+from flexid.recording.frame import table_of_arrays, table_of_frame
+from flexid.recording.read import log_of_table
+from flexid.recording.stream import LogStream
+from flexid.streaming.incoming import Replay
+
+COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number would be 0.1 % off
+BEGIN = datetime(2024, 5, 1, 23, 59, 59, 950_000, tzinfo=UTC)  # midnight is among them
+COLUMNS = joint_columns(COUNT, STEP.total_seconds())
+CELLS = {name: values.tolist() for name, values in COLUMNS.items() if name != "time"}
+FORMS: dict[str, Callable[[datetime], str]] = {
+    "iso": lambda t: t.isoformat(),  # leaves the fraction out where it is zero
+    "iso, Z": lambda t: t.isoformat().replace("+00:00", "Z"),
+    "iso, summer": lambda t: (t + timedelta(hours=2)).isoformat().replace("+00:00", "+0200"),
+    "blank": lambda t: f"{t:%Y-%m-%d %H:%M:%S.%f}",
+    "blank, UTC": lambda t: f"{t:%Y-%m-%d %H:%M:%S.%f} UTC",
+    "comma": lambda t: f"{t:%Y-%m-%dT%H:%M:%S,%f}",
+    "slashes": lambda t: f"{t:%Y/%m/%d %H:%M:%S.%f}",
+    "days first": lambda t: f"{t:%d.%m.%Y %H:%M:%S.%f}",
+    "nanoseconds": lambda t: f"{t:%Y-%m-%dT%H:%M:%S.%f}125",
+    "time of day": lambda t: f"{t:%H:%M:%S.%f}".lstrip("0") if t.hour else f"{t:%H:%M:%S.%f}",
+}
+
+
+def moments(begin: datetime = BEGIN, step: timedelta = STEP) -> list[datetime]:
+    """When the samples were taken."""
+    return [begin + k * step for k in range(COUNT)]
+
+
+def text_of(stamps: list[str], header: str = "time") -> str:
+    """A log with such stamps."""
+    rows = zip(stamps, *CELLS.values(), strict=True)
+    lines = [";".join([header, *CELLS]), *(";".join(map(str, row)) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def written(folder: Path, stamps: list[str], header: str = "time") -> Path:
+    """The same as a file."""
+    path = folder / "log.csv"
+    path.write_text(text_of(stamps, header))
+    return path
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_stamps_are_seconds_from_the_first(tmp_path: Path, form: str):
+    """Assert that they are exact, however they are written, over midnight too."""
+    (recording,) = read_log(written(tmp_path, [*map(FORMS[form], moments())])).recordings
+    assert recording.start_time == 0.0
+    assert recording.sample_time == pytest.approx(2e-4, rel=1e-12)
+    np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
+
+
+def test_stamps_beside_decimal_commas(tmp_path: Path):
+    """Assert that the points of a date are no decimal points."""
+    text = text_of([*map(FORMS["days first"], moments())])
+    head, *rows = text.splitlines()
+    cells = [row.partition(";") for row in rows]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([head, *(a + b + c.replace(".", ",") for a, b, c in cells)]))
+    (recording,) = read_log(path).recordings
+    np.testing.assert_array_equal(recording.link_position, COLUMNS["link_position"])
+
+
+@pytest.mark.parametrize("header", ["timestamp [UTC]", "Date Time", "date/time", "DateTime (ISO)"])
+def test_names_of_stamps(tmp_path: Path, header: str):
+    """Assert that the time is found by its usual names, and what stands there as a unit is none."""
+    log = read_log(written(tmp_path, [*map(FORMS["iso"], moments())], header))
+    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
+
+
+def test_a_date_in_a_column_of_its_own(tmp_path: Path):
+    """Assert that the time of day is enough, and rows of two numbers are rows."""
+    cells = zip(moments(), CELLS["motor_position"], CELLS["motor_torque"], strict=True)
+    rows = [f"{t:%Y-%m-%d},{t:%H:%M:%S.%f},{a},{b}" for t, a, b in cells]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["date,time,motor_position,motor_torque", *rows]))
+    log = read_log(path)
+    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
+    assert any("'date' not used" in warning for warning in log.warnings)
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        ("", r"line 9, column 'time': the cell is empty"),
+        ("2024-05-01", r"line 9, column 'time': '2024-05-01' is no time stamp"),
+        ("2024-05-01 23:59:59.9514", "written otherwise than the first one, '2024-05-01T23:59:59"),
+        ("2024-05-01T23:59:59.9514", "written otherwise than the first one"),
+        ("0.0014", "'0.0014' is no time stamp"),
+        ("2024-02-30T23:59:59.9514+00:00", "'2024-02-30T23:59:59.9514.00:00' is no time stamp"),
+        ("9024-05-01T23:59:59.9514+00:00", "is no time stamp"),
+    ],
+)
+def test_a_bad_stamp_among_good_ones(tmp_path: Path, cell: str, words: str):
+    """Assert that it is named with its line: no other form, zone or century is mixed in."""
+    stamps = [*map(FORMS["iso"], moments())]
+    stamps[7] = cell
+    with pytest.raises(RecordingError, match=words):
+        read_log(written(tmp_path, stamps))
+
+
+@pytest.mark.parametrize(
+    ("stamps", "words"),
+    [
+        ([f"{t:%Y-%m-%dT%H:%M:%S}" for t in moments()], r"line 3.*time repeats \(0 s\).*digits"),
+        (
+            [f"{t - timedelta(hours=t.minute == 0):%Y-%m-%dT%H:%M:%S.%f}" for t in moments()],
+            "runs backwards.*winter time, log the time in UTC",
+        ),
+        (
+            [f"{t:%m/%d/%Y %I:%M:%S.%f %p}" for t in moments()],
+            "is a date or a time of day.*such as",
+        ),
+    ],
+)
+def test_stamps_that_do_not_do(tmp_path: Path, stamps: list[str], words: str):
+    """Assert that whole seconds, an hour that comes twice and American dates get a remedy."""
+    with pytest.raises(RecordingError, match=words):
+        read_log(written(tmp_path, stamps))
+
+
+def test_the_summer_begins(tmp_path: Path):
+    """Assert that an hour which the clock leaves out is a gap."""
+    late = [t + timedelta(hours=k >= 200) for k, t in enumerate(moments())]
+    log = read_log(written(tmp_path, [*map(FORMS["blank"], late)]))
+    assert [len(recording) for recording in log.recordings] == [200, 200]
+    assert log.recordings[1].start_time == pytest.approx(3600.04, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"column": "time", "scale": 2},
+        {"column": "time", "offset": 1},
+        {"column": "time", "unit": "ms"},
+        {"sum": ["time", "motor_torque"]},
+    ],
+)
+def test_a_column_map_does_not_compute_with_stamps(tmp_path: Path, entry: dict[str, object]):
+    """Assert that scales and units of stamps are refused, and their name alone is not."""
+    path = written(tmp_path, [*map(FORMS["iso"], moments())])
+    with pytest.raises(RecordingError, match=r"'time'.*holds time stamps.*give its name alone"):
+        read_log(path, {"time": entry})
+    assert read_log(path, {"time": "time"}).recordings[0].start_time == 0.0
+
+
+@pytest.mark.parametrize("kind", ["ns", "us", "zone", "time of day", "duration", "text"])
+def test_columns_of_parquet_files(tmp_path: Path, kind: str):
+    """Assert that times of each type are read, whole and in a stream of parts alike."""
+    times = pl.Series("time", moments())
+    column = {
+        "ns": times.dt.replace_time_zone(None).cast(pl.Datetime("ns")),
+        "us": times.dt.replace_time_zone(None),
+        "zone": times.dt.convert_time_zone("Europe/Vienna"),
+        "time of day": times.dt.time(),
+        "duration": times - moments()[0],
+        "text": times.dt.to_string("iso"),
+    }[kind]
+    path = tmp_path / "log.parquet"
+    pl.DataFrame(CELLS).insert_column(0, column).write_parquet(path, row_group_size=50)
+    (recording,) = read_log(path).recordings
+    assert recording.sample_time == pytest.approx(2e-4, rel=1e-12)
+    stream = LogStream(path, None, 300)
+    chunks = [chunk.recording for chunk in stream.chunks(90)]
+    assert sum(map(len, chunks)) == COUNT
+    assert stream.warnings == []
+    assert chunks[-1].start_time == pytest.approx(2e-4 * (COUNT - len(chunks[-1])), abs=1e-12)
+
+
+def test_dates_without_a_time(tmp_path: Path):
+    """Assert that they are refused, with what the time may be."""
+    path = tmp_path / "log.parquet"
+    dates = pl.Series("time", [t.date() for t in moments()])
+    pl.DataFrame(CELLS).insert_column(0, dates).write_parquet(path)
+    with pytest.raises(RecordingError, match="stamps such as 2024-05-01T10:00:00"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("zone", [None, "UTC", "Europe/Vienna"])
+def test_frames_and_arrays(zone: str | None):
+    """Assert that stamps of pandas and NumPy are read to the nanosecond."""
+    times = pd.date_range("2024-05-01", periods=COUNT, freq="200001ns", tz=zone)
+    frame = pd.DataFrame(CELLS, index=times.rename("time"))
+    for table in (
+        table_of_frame(frame),
+        table_of_frame(pl.from_pandas(frame.reset_index())),
+        table_of_arrays({"time": times.tz_localize(None).to_numpy()} | CELLS),
+    ):
+        (recording,) = log_of_table(table).recordings
+        assert recording.sample_time == pytest.approx(2.00001e-4, rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["ns", "us", "s"])
+def test_numbers_since_1970(tmp_path: Path, unit: str):
+    """Assert that whole numbers lose no digit, and others none that they have."""
+    first = 1_714_607_999_950_000_000
+    ticks = [first + 200_000 * k for k in range(COUNT)]
+    per = {"ns": 1, "us": 1000, "s": 10**9}[unit]
+    numbers = [tick // per for tick in ticks] if per < 10**9 else [tick / per for tick in ticks]
+    exact = 1e-12 if unit != "s" else 1e-5
+    log = read_log(written(tmp_path, [*map(str, numbers)], f"time [{unit}]"))
+    assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=exact)
+    assert log.recordings[0].start_time == 0.0
+    path = tmp_path / "log.parquet"
+    column = pl.Series(f"time [{unit}]", numbers)
+    pl.DataFrame(CELLS).insert_column(0, column).write_parquet(path)
+    assert read_log(path).recordings[0].sample_time == pytest.approx(2e-4, rel=exact)
+
+
+def test_seconds_and_nanoseconds_in_two_columns(tmp_path: Path):
+    """Assert that a column map which adds them keeps what both hold."""
+    text = csv_text(COLUMNS).splitlines()
+    rows = [f"{1_714_607_999 + k // 5000},{200_000 * (k % 5000)}" for k in range(COUNT)]
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "\n".join(f"{a},{b}" for a, b in zip(["sec,nanosec", *rows], text, strict=True))
+    )
+    entry = {"sum": ["sec", {"column": "nanosec", "scale": 1e-9}]}
+    (recording,) = read_log(path, {"time": entry}).recordings
+    assert recording.sample_time == pytest.approx(2e-4, rel=1e-12)
+
+
+def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):
+    """Assert that a stream keeps its clock, so that the next day's goes on from it."""
+    path = tmp_path / "log.parquet"
+    pl.DataFrame(CELLS).insert_column(0, pl.Series("time", moments())).write_parquet(path)
+    replay = Replay(path, None, at_once=True)
+    samples = replay.read(last=False)
+    assert samples is not None
+    assert samples[:, 0] == pytest.approx([t.timestamp() for t in moments()], abs=1e-6)
+
+
+def test_times_of_day_of_a_stream():
+    """Assert that late ones stay in their day, on either side of midnight."""
+    clock = Clock(since_1970=True)
+    first = clock.of_cells([b"23:59:59.5", b"00:00:00.5", b"23:59:59.75", b"", b"1:2", b"0:00:01"])
+    second = clock.of_cells([b"00:00:01.5"])
+    found = np.concatenate((first, second)) - 86_400.0
+    np.testing.assert_array_equal(found, [-0.5, 0.5, -0.25, np.nan, np.nan, 1.0, 1.5])
