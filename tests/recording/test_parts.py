@@ -110,22 +110,56 @@ def test_several_clocks(tmp_path: Path, size: int, delay: int, every: int):
     assert len(counts) > 1
 
 
-def test_a_clock_that_pauses_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that a topic that is silent for long leaves a gap, and that no more is kept for it."""
-    kept: list[int] = []
+@pytest.fixture
+def kept(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many values a clock had in memory, each time that some were read."""
+    found: list[int] = []
     sort = Values._sort
 
     def noted(values: Values) -> None:
-        kept.append(max(map(len, values._stamps.values())))
+        found.append(max(map(len, values._stamps.values())))
         sort(values)
 
     monkeypatch.setattr(Values, "_sort", noted)
+    return found
+
+
+def test_a_clock_that_pauses_holds_nobody_up(tmp_path: Path, kept: list[int]):
+    """Assert that a topic that is silent for long leaves a gap, and that no more is kept for it."""
     quiet = (BEGIN + 300 * STEP, BEGIN + 1700 * STEP)
     messages = [m for m in apart(0) if m[0] != "/torque" or not quiet[0] < m[1] < quiet[1]]
     path = written(tmp_path / "log.mcap", messages)
     found, _, _ = joined(path, 50)
     assert max(kept) <= 500
     assert_close(found, table_of_file(path, None).frame, 1e-8)
+
+
+@pytest.mark.parametrize("block", [500, 2000])
+@pytest.mark.parametrize("torque_first", [False, True])
+def test_topics_in_large_blocks(tmp_path: Path, kept: list[int], block: int, torque_first: bool):
+    """Assert that topics that stand far apart in the file lose no row, and little is kept."""
+    topics: dict[str, Messages] = {"/encoders": [], "/torque": []}
+    for message in apart(2_000_000):
+        topics[message[0]].append(message)
+    messages = []
+    for first in range(0, len(TIMES), block):
+        for name in sorted(topics, reverse=torque_first):
+            messages += topics[name][first : first + block]
+    path = written(tmp_path / "log.mcap", messages)
+    found, counts, warnings = joined(path, 40)
+    assert max(kept) <= 500
+    assert_close(found, table_of_file(path, None).frame, 1e-8)
+    assert len(counts) > 40
+    assert not any("left out" in warning for warning in warnings)
+
+
+def test_topics_that_never_overlap(tmp_path: Path):
+    """Assert that they are refused in parts, too."""
+    messages = apart(10**11)
+    path = written(tmp_path / "log.mcap", sorted(messages, key=lambda message: message[0]))
+    for size in (50, 100_000):
+        with pytest.raises(RecordingError, match="no times in common"):
+            joined(path, size)
 
 
 def test_one_stamp_in_the_future(tmp_path: Path):
@@ -187,7 +221,7 @@ def test_an_encoder_at_rest_is_none_that_wraps(tmp_path: Path, wraps: bool, word
     rest = [m for m in messages if m[1] < BEGIN + 1200 * STEP]
     for (_, _, message), off in zip(rest, noise, strict=False):
         if "motor_position" in message:
-            message |= {"motor_position": off, "link_position": off}
+            message |= {"motor_position": MOTOR[1200] + off, "link_position": LINK[1200] + off}
     if wraps:
         for _, _, message in messages[len(rest) :]:
             if "motor_position" in message:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexid.recording.ros_messages import Decode
 
 _AROUND = 200  # values beside a part, which its interpolation and the order of messages may need
-_MOST_PARTS = 4  # times as many values are read as a part has, where another clock has paused
+_MOST_PARTS = 4  # times as many values are read as a part has, for a clock that has too few
 
 
 class Joint(str):
@@ -59,6 +59,33 @@ class Found:
     signals: dict[str, Signal] = field(default_factory=dict)
 
 
+@dataclass(eq=False)
+class _Reading:
+    """Messages of some topics that are read on together.
+
+    Parameters
+    ----------
+    topics : set of str
+        Those of others are passed over.
+    added : iterator of str
+        Adds the values of one message after the other, and says whose clocks they came by.
+    parts : int, optional
+        For how many parts values are read, until each clock has enough for one.
+    ended : bool, optional
+        Whether nothing more comes.
+    """
+
+    topics: set[str]
+    added: Iterator[str]
+    parts: int = 1
+    ended: bool = False
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether so much has been read that a clock without values must have paused."""
+        return self.parts > _MOST_PARTS
+
+
 class Values:
     """Values of chosen signals of a file, and the times at which they were.
 
@@ -77,6 +104,8 @@ class Values:
         """By clock, what to say of messages that came too late for their part."""
         self._file, self._files, self._found = file, files, found
         self._chosen: list[Signal] = []
+        self._by_topic: dict[str, list[Signal]] = {}  # that are chosen
+        self._added: dict[str, int] = {}  # by topic, how many messages have been read
         self._stamps: dict[str, list[int]] = {}  # by clock, in ns
         self._origin = 0  # ns
         self._done = -inf  # ns up to which parts have been read
@@ -97,7 +126,7 @@ class Values:
         RecordingError
             If there are too many, or one is missing in a message.
         """
-        for clock in self._added(chosen):
+        for clock in self._begun(chosen).added:
             if len(self._stamps[clock]) > MOST_ROWS:
                 raise RecordingError(
                     self._file,
@@ -110,35 +139,67 @@ class Values:
     def parts(self, chosen: list[Signal], size: int) -> Iterator[tuple[float, float]]:
         """Read one part after the other, see `SeriesFile`.
 
+        Topics are read on together; one whose messages stand far behind those of the others is
+        read apart from then on, ahead in the file.
+
         Raises
         ------
         RecordingError
             If a value is missing in a message, or the file is damaged, after the parts before.
         """
-        added, damage = self._added(chosen), None
-        ended, any_read, kept, wanted = False, False, 0, size
+        readings, damage = [self._begun(chosen)], None
+        ended, any_read = False, False
         while not ended:
-            try:
-                with readable(self._file, WHAT):
-                    ended = self._is_read_to_its_end(added, kept + wanted)
-            except RecordingError as error:
-                ended, damage = True, self._said(error)
+            for reading in readings:
+                damage = self._read_on(reading, size) or damage
+            ended = all(reading.ended for reading in readings)
             if any_read:
                 self._sort()
             else:
                 self._begin()
-            is_paused = wanted > _MOST_PARTS * size
-            end = inf if ended else self._end(size, is_paused=is_paused)
-            if end <= self._done and not is_paused:
-                wanted += size
+            if self._has_to_wait(readings, size):
                 continue
+            end = min(self._end(reading, size) for reading in readings)
             if self._is_together() or (not (any_read or damage) and ended):
                 any_read = True
                 yield self._seconds(self._done), self._seconds(end)
             self._done = max(self._done, end)
-            kept, wanted = self._drop(size), size
+            self._drop(size)
+            for reading in readings:
+                reading.parts = 1
         if damage is not None:
             raise damage
+
+    def _read_on(self, reading: _Reading, size: int) -> RecordingError | None:
+        """Read until a clock has values of some parts and those around; return what was wrong."""
+        around = self._around(size)
+        most = {
+            name: bisect_right(times, self._done) + reading.parts * size + around[name]
+            for name, times in self._stamps.items()
+        }
+        if reading.ended or any(len(self._stamps[n]) >= most[n] for n in self._clocks(reading)):
+            return None
+        try:
+            with readable(self._file, WHAT):
+                reading.ended = all(len(self._stamps[name]) < most[name] for name in reading.added)
+        except RecordingError as error:
+            reading.ended = True
+            return self._said(error)
+        return None
+
+    def _has_to_wait(self, readings: list[_Reading], size: int) -> bool:
+        """Whether more has to be read for the next part; then see to it that it will be."""
+        late = [one for one in readings if self._end(one, size) <= self._done and not one.is_paused]
+        for reading in late:
+            reading.parts += 1
+            if not reading.is_paused:
+                continue
+            behind = [t for t in reading.topics if self._end_of(t, size, most=True) <= self._done]
+            if len(behind) < len(reading.topics):
+                reading.topics -= {*behind}
+                readings += [self._reading({topic}) for topic in behind]
+                reading.parts = 1 if behind else reading.parts
+        return bool(late)
 
     def _said(self, error: RecordingError) -> RecordingError:
         """Name the place at which a library failed; what we found wrong names its own."""
@@ -151,35 +212,48 @@ class Values:
             "the file cannot be read on from there: export or copy it again",
         )
 
-    def _is_read_to_its_end(self, added: Iterator[str], most: int) -> bool:
-        """Read on until a clock has so many time stamps."""
-        return all(len(self._stamps[clock]) < most for clock in added)
-
     def _begin(self) -> None:
         self._sort()
         self._origin = min((times[0] for times in self._stamps.values() if times), default=0)
 
     def _around(self, size: int) -> dict[str, int]:
         """How many values belong to a part beside its own, for each clock by its rate."""
-        fewest = max(1, min(map(len, self._stamps.values())))
-        return {n: min(size, _AROUND * len(times) // fewest) for n, times in self._stamps.items()}
+        steps = {
+            n: max(1.0, float(np.median(np.diff(t)))) for n, t in self._stamps.items() if t[1:]
+        }
+        slowest = max(steps.values(), default=1.0)
+        return {
+            name: min(size, int(_AROUND * slowest / steps.get(name, slowest)))
+            for name in self._stamps
+        }
 
-    def _end(self, size: int, *, is_paused: bool) -> float:
+    def _end(self, reading: _Reading, size: int) -> float:
         """The time up to which there is all that is needed, of clocks that have not paused."""
+        if reading.ended:
+            return inf
+        return min(self._end_of(topic, size, most=reading.is_paused) for topic in reading.topics)
+
+    def _end_of(self, topic: str, size: int, *, most: bool) -> float:
+        """The same of a topic; with `most`, of the one of its clocks that has the most."""
         around = self._around(size)
         ends = [
-            times[-around[name] - 1] if len(times) > around[name] else -inf
-            for name, times in self._stamps.items()
+            self._stamps[name][-around[name] - 1]
+            if len(self._stamps[name]) > around[name]
+            else -inf
+            for name in {signal.clock for signal in self._by_topic[topic]}
         ]
-        return max(ends) if is_paused else min(ends)
+        return max(ends) if most else min(ends)
+
+    def _clocks(self, reading: _Reading) -> set[str]:
+        return {signal.clock for topic in reading.topics for signal in self._by_topic[topic]}
 
     def _is_together(self) -> bool:
         """Whether the clocks have some time in common."""
         clocks = self._stamps.values()
         return min(map(len, clocks)) > 1 and max(t[0] for t in clocks) < min(t[-1] for t in clocks)
 
-    def _drop(self, size: int) -> int:
-        """Keep what the next part needs; return how many values of the fastest clock that is."""
+    def _drop(self, size: int) -> None:
+        """Keep what the next part needs."""
         first = {
             name: max(0, bisect_right(self._stamps[name], self._done) - count)
             for name, count in self._around(size).items()
@@ -189,23 +263,36 @@ class Values:
         for name, count in first.items():
             del self._stamps[name][:count]
             self._left[name] = self._left.get(name, 0) + count
-        return max(map(len, self._stamps.values()))
 
-    def _added(self, chosen: list[Signal]) -> Iterator[str]:
-        """Add the values of one message after the other; whose clocks they came by."""
+    def _begun(self, chosen: list[Signal]) -> _Reading:
+        """Forget what was read; all topics are read together."""
         self._chosen = chosen
         self._stamps = {signal.clock: [] for signal in chosen}
-        by_topic: dict[str, list[Signal]] = {}
+        self._by_topic = {}
         for signal in chosen:
             signal.values.clear()
-            by_topic.setdefault(signal.topic, []).append(signal)
-        for topic, logged, raw in raw_messages(self._file, self._files, set(by_topic)):
+            self._by_topic.setdefault(signal.topic, []).append(signal)
+        self._added = dict.fromkeys(self._by_topic, 0)
+        return self._reading({*self._by_topic})
+
+    def _reading(self, topics: set[str]) -> _Reading:
+        """Read topics on from where they are."""
+        before = {topic: self._added[topic] for topic in topics}
+        return _Reading(topics, self._add_all(topics, before))
+
+    def _add_all(self, topics: set[str], before: dict[str, int]) -> Iterator[str]:
+        """Add the values of one message after the other; whose clocks they came by."""
+        for topic, logged, raw in raw_messages(self._file, self._files, {*topics}):
             known = self._found[topic.name]
-            if known.decode is None:
+            if known.decode is None or topic.name not in topics:  # it is read apart
                 continue
+            if before[topic.name]:
+                before[topic.name] -= 1
+                continue
+            self._added[topic.name] += 1
             message = known.decode(raw)
             time = stamp_of(message) if known.stamped else logged
-            yield from self._add(message, time, by_topic[topic.name])
+            yield from self._add(message, time, self._by_topic[topic.name])
 
     def _add(self, message: Any, time: int, signals: list[Signal]) -> set[str]:
         """Add the values of a message; return their clocks."""

@@ -151,6 +151,10 @@ def tables_of_series(held: SeriesFile, columns: MapSource | None, size: int) -> 
             if table.frame.height:
                 yield table
                 row += table.frame.height
+        if row == 1:
+            raise RecordingError(
+                held.file, "", "its channels have no times in common: log them by one clock"
+            )
     finally:
         held.close()
 
@@ -279,6 +283,8 @@ def _clocked(
     ranges: dict[str, tuple[float, float]] | None,
 ) -> tuple[polars.DataFrame, tuple[str, ...]]:
     """The chosen signals at common times; with ranges, of a part, whose values widen them."""
+    import polars as pl
+
     first = [chosen[header] for header in headers.get("motor_position", ())]
     names = dict.fromkeys(series.clock for series in (*first, *chosen.values()))
     warnings = tuple(held.clock_warnings[name] for name in names if name in held.clock_warnings)
@@ -297,6 +303,8 @@ def _clocked(
             span = high - low
         signals.append(Signal(header, series.clock, values, header in inputs, span))
     times, columns, found = on_one_clock(held.file, clocks, signals)
+    if ranges is not None and not len(times):
+        return pl.DataFrame({TIME: times, **columns}), warnings
     return _frame(held.file, {TIME: times, **columns}), warnings + found
 
 
