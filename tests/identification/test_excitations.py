@@ -5,9 +5,12 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from made_joint import TRUTH, log, made
 
-from flexid.identification.excitations import row_excitation, unexcited
+from flexid.identification.excitations import row_excitation, unexcited, worst_share
+from flexid.identification.identify import identify
 from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.settings import Settings
 
 SPRING = ("theta_cubic", "alpha_cubic", "theta_damping", "alpha_damping")
 
@@ -16,16 +19,18 @@ def row(names, correlation) -> Any:
     """A row whose first two regressors correlate."""
     gram = np.eye(len(names))
     gram[0, 1] = gram[1, 0] = correlation
-    return SimpleNamespace(name="link", coefficients=tuple(names), gram=gram, count=1)
+    total = float(len(names))
+    return SimpleNamespace(
+        name="link", coefficients=tuple(names), gram=total * gram, count=1, total_sum=total
+    )
 
 
-# Of two regressors with correlation c the condition number is (1 + c)/(1 - c).
-@pytest.mark.parametrize(("condition", "lost"), [(0.9e5, False), (1.1e5, True)])
-def test_a_condition_number_of_a_hundred_thousand_is_the_edge(condition, lost):
-    """Assert that beyond it the confounded pair is lost, and what the spring couples with it."""
-    correlation = (condition - 1.0) / (condition + 1.0)
-    rows = [cast(Any, row(("theta1", "theta2", "theta_viscous"), correlation))]
-    found = unexcited(rows, THRESHOLDS.lost_condition)
+# Two regressors of the acceleration's size, with correlation c, can make 1 - c of its square.
+@pytest.mark.parametrize(("share", "lost"), [(0.0071, False), (0.0069, True)])
+def test_seven_thousandths_of_the_acceleration_are_the_edge(share, lost):
+    """Assert that below them the confounded pair is lost, and what the spring couples with it."""
+    rows = [cast(Any, row(("theta1", "theta2", "theta_viscous"), 1.0 - share**2))]
+    found = unexcited(rows, {"theta1": 1.0}, THRESHOLDS.lost_share)
     assert found == (
         frozenset({"theta1", "theta2", "alpha1", "beta1", *SPRING}) if lost else frozenset()
     )
@@ -39,9 +44,20 @@ def made_row(zero: float, *, constant: bool, moved: float = 1e-3) -> Any:
     columns = {"theta1": gravity, "theta2": moved * deflection + zero, "theta_viscous": viscous}
     if constant:
         columns |= {"theta_offset[0]": 1.0 * first, "theta_offset[1]": 1.0 * ~first}
+    return row_of(columns, gravity + deflection)
+
+
+def row_of(columns: dict[str, np.ndarray], acceleration: np.ndarray) -> Any:
+    """Sums of a row with these regressors."""
     regressors = np.array([*columns.values()])
-    gram = regressors @ regressors.T
-    return SimpleNamespace(name="link", coefficients=tuple(columns), gram=gram, count=400)
+    total = float(acceleration @ acceleration)
+    return SimpleNamespace(
+        name="link",
+        coefficients=tuple(columns),
+        gram=regressors @ regressors.T,
+        count=len(acceleration),
+        total_sum=total,
+    )
 
 
 @pytest.mark.parametrize("zero", [0.2, -6.3, 20.0])
@@ -50,7 +66,14 @@ def test_zeros_of_encoders_are_no_lack_of_motion(zero: float):
     there, here = (row_excitation(made_row(z, constant=True), ()) for z in (zero, 0.0))
     assert there.condition_number == pytest.approx(here.condition_number, rel=1e-4)
     assert there.singular_values == pytest.approx(here.singular_values, rel=1e-4)
-    assert unexcited([made_row(zero, constant=True)], THRESHOLDS.lost_condition) == frozenset()
+    spring = {"theta1": 1.0, "theta2": 1e3}
+    offsets = dict.fromkeys(("theta_offset[0]", "theta_offset[1]"), -1e3 * zero)
+    shares = (
+        worst_share(made_row(zero, constant=True), spring | offsets),
+        worst_share(made_row(0.0, constant=True), spring),
+    )
+    assert shares[0][0] == pytest.approx(shares[1][0], rel=1e-4)
+    assert unexcited([made_row(zero, constant=True)], spring, THRESHOLDS.lost_share) == frozenset()
 
 
 @pytest.mark.parametrize("moved", [1e-6, 1e-12, 1e-16, 0.0])
@@ -58,7 +81,10 @@ def test_a_joint_that_does_not_bend_is_not_excited(moved: float):
     """Assert that noise and rounding of a deflection are no motion, though constants are sought."""
     row = made_row(0.3, constant=True, moved=moved)
     assert row_excitation(row, ()).condition_number > 1e9
-    assert "theta2" in unexcited([row], THRESHOLDS.lost_condition)
+    spring = {"theta1": 1.0, "theta2": 1e5}
+    for offset in (0.0, -3e4):
+        offsets = dict.fromkeys(("theta_offset[0]", "theta_offset[1]"), offset)
+        assert "theta2" in unexcited([row], spring | offsets, THRESHOLDS.lost_share)
 
 
 def test_a_constant_deflection_without_constants_is_one():
@@ -70,4 +96,40 @@ def test_a_constant_deflection_without_constants_is_one():
 def test_a_row_without_unknowns_loses_nothing():
     """Assert that a row in which all is given says nothing."""
     empty = SimpleNamespace(name="link", coefficients=(), gram=np.empty((0, 0)), count=1)
-    assert unexcited([cast(Any, empty)], THRESHOLDS.lost_condition) == frozenset()
+    assert unexcited([cast(Any, empty)], {}, THRESHOLDS.lost_share) == frozenset()
+
+
+def test_what_does_not_move_is_lost():
+    """Assert that a regressor of zeros is, whatever its coefficient, and nothing beside it."""
+    rng = np.random.default_rng(4)
+    moving, resting = rng.standard_normal(50), np.zeros(50)
+    columns = {"alpha2": moving, "alpha_offset": rng.standard_normal(50), "alpha_cubic": resting}
+    share, confounded = worst_share(row_of(columns, moving), {"alpha_cubic": 1e9})
+    assert (share, confounded) == (0.0, {"alpha_cubic"})
+
+
+@pytest.mark.parametrize("light", [200.0, 1000.0])
+def test_torques_that_all_but_cancel_say_what_they_leave(light):
+    """Assert that a row is seen whose acceleration is a small part of each of its torques.
+
+    The coefficients of a hundredth of the size would leave as little of it.
+    """
+    rng = np.random.default_rng(5)
+    torque, left = rng.standard_normal((2, 400))
+    columns = {"alpha1": torque - left / light, "beta1": torque}
+    row = row_of(columns, left)
+    values = {"alpha1": -light, "beta1": light}
+    share, _ = worst_share(row, values)
+    assert 0.5 < share < 1.0
+    weaker, confounded = worst_share(row, {name: 0.01 * c for name, c in values.items()})
+    assert weaker == pytest.approx(0.01 * share, rel=1e-6)
+    assert confounded == {"alpha1", "beta1"}
+
+
+def test_a_light_motor_is_identified():
+    """Assert that every parameter is determined where the motor has 1/500 of the link's inertia."""
+    given = Settings(terms=("gravity", "motor_viscous"), hold="cubic")
+    found = identify([log(made(3, 12.0, motor_inertia=0.002))], given).parameters
+    for name, true in (TRUTH | {"motor_inertia": 0.002}).items():
+        lower, upper = found[name].interval
+        assert (lower <= true <= upper, found[name].verdict) == (True, "determined"), name

@@ -106,7 +106,7 @@ def test_thresholds_are_these():
         "memory_share": 0.7,
         "white_growth": 0.4,
         "repeated_growth": 0.8,
-        "lost_condition": 1e5,
+        "lost_share": 0.007,
         "mirrored_share": 0.25,
         "row_doubt": 2.0,
         "contradiction": 3.0,

@@ -1,6 +1,7 @@
 """Excitation of the rows of a log: assumption (A4) of Huang (2003), measured."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ _COUPLED = {"theta2", "alpha1", "beta1"} | {
 }
 _SPRINGS = ("theta2", "alpha1")
 _OFFSETS = ("theta_offset", "alpha_offset")
+_PART = 0.1  # of the worst direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (
     1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
 )
@@ -29,34 +31,94 @@ def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
     if not sought:
         return Excitation(row.name, (), np.ones(1), 0.0, (), np.empty(0), 0.0, ())
     names = [row.coefficients[place] for place in sought]
-    gram = _from_its_mean(names, row.gram[np.ix_(sought, sought)])
-    return excitation_of_gram(row.name, names, gram / row.count)
+    gram = row.gram[np.ix_(sought, sought)]
+    centred = _from_its_mean(names, gram)
+    used = centred.gram if centred.moves else gram  # what is left of no motion would pass for one
+    return excitation_of_gram(row.name, names, used / row.count)
 
 
-def _from_its_mean(names: Sequence[str], gram: FloatArray) -> FloatArray:
-    """Gram matrix with the deflection less its part along the constants that are sought."""
+class _Centred(NamedTuple):
+    """A Gram matrix with the deflection less its part along the constants that are sought.
+
+    Parameters
+    ----------
+    gram : array, shape (k, k)
+    change : array, shape (k, k)
+        Factors that make its regressors of the row's.
+    moves : bool
+        Whether what is left of the deflection is a motion, or noise and rounding.
+    """
+
+    gram: FloatArray
+    change: FloatArray
+    moves: bool
+
+
+def _from_its_mean(names: Sequence[str], gram: FloatArray) -> _Centred:
     constants = [i for i, name in enumerate(names) if name.partition("[")[0] in _OFFSETS]
     springs = [i for i, name in enumerate(names) if name in _SPRINGS]
     change = np.eye(len(names))
     constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, springs)]
     change[np.ix_(springs, constants)] = -np.linalg.lstsq(constant, along)[0].T
     centred = change @ gram @ change.T
-    # A deflection that does not move leaves noise and rounding, which would pass for a motion.
     moves = np.diag(centred)[springs] > _LEAST_MOTION * np.diag(gram)[springs]
-    return centred if moves.all() else gram
+    return _Centred(centred, change, bool(moves.all()))
 
 
-def unexcited(rows: Iterable[RowSums], lost_condition: float) -> frozenset[str]:
+def unexcited(
+    rows: Iterable[RowSums], values: Mapping[str, float], lost_share: float
+) -> frozenset[str]:
     """Coefficients with a part in a direction that the motion does not excite.
 
     Along such a direction a fit may end anywhere, and the quadratic form about where it ended knows
     nothing of that.
+
+    Parameters
+    ----------
+    rows : iterable of RowSums
+        Least squares of each row.
+    values : mapping of str to float
+        Of the coefficients; those that are missing are zero.
+    lost_share : float
+        Share of a row's acceleration that the worst direction has to make.
     """
     found: set[str] = set()
     for row in rows:
         if not row.coefficients:
             continue
-        excitation = row_excitation(row, ())
-        if excitation.condition_number > lost_condition:
-            found |= {*excitation.confounded}
+        share, confounded = worst_share(row, values)
+        if share < lost_share:
+            found |= confounded
     return frozenset(found | _COUPLED if found else found)
+
+
+def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, frozenset[str]]:
+    """How much of a row's acceleration the worst combination of its coefficients makes.
+
+    Each coefficient counts by its own size, or by what moves the row as much as it does move, if
+    that is more: the torques on a light motor all but cancel, and what they leave is its motion.
+
+    Parameters
+    ----------
+    row, values
+        As of `unexcited`.
+
+    Returns
+    -------
+    share : float
+        Root mean square, over that of the acceleration.
+    confounded : frozenset of str
+        What has a part in that combination; empty for a row of one coefficient.
+    """
+    names = row.coefficients
+    centred = _from_its_mean(names, row.gram)
+    gram = centred.gram if centred.moves else row.gram
+    total = max(row.total_sum, np.finfo(float).tiny)
+    own = np.linalg.solve(centred.change.T, np.array([values.get(name, 0.0) for name in names]))
+    reach = np.maximum(np.abs(own) * np.sqrt(np.diag(centred.gram).clip(0.0) / total), 1.0)
+    norm = np.sqrt(np.diag(gram))
+    scale = reach / np.where(norm > 0.0, norm, 1.0)  # what does not move at all is lost
+    squares, directions = np.linalg.eigh(gram * np.outer(scale, scale))
+    parts = zip(names, directions[:, 0] ** 2, strict=True)
+    confounded = frozenset(name for name, part in parts if part >= _PART and len(names) > 1)
+    return float(np.sqrt(max(squares[0], 0.0))), confounded

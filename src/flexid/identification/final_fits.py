@@ -90,14 +90,15 @@ class FinalFits:
         delays = self.full.structure.timing.sought
         return scales | dict.fromkeys(delays, self.full.data.margin)
 
-    def unexcited(self, lost_condition: float) -> set[str]:
+    def unexcited(self, lost_share: float) -> set[str]:
         """What the motion says nothing of; gravity counts as far as the log might show it."""
         if not self.reported.converged:
             return {*self.reported.names}
         structure, full = self.choice.structure, self.choice.full
         gravity = frozenset({"theta1", "gamma1"} - full.absent)
         heavy = replace(structure, absent=structure.absent - gravity)
-        return {*unexcited(self.least_squares(heavy).rows, lost_condition)}
+        rows = self.least_squares(heavy).rows
+        return {*unexcited(rows, self.reported.by_name, lost_share)}
 
     @property
     def residual_excess(self) -> dict[str, float]:

@@ -159,7 +159,7 @@ class _Numbers(NamedTuple):
 def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Thresholds) -> _Numbers:
     """Join what is known beforehand, and judge each number."""
     reported, full = fits.reported, fits.choice.full
-    estimate = estimate.without_knowledge_of(fits.unexcited(thresholds.lost_condition))
+    estimate = estimate.without_knowledge_of(fits.unexcited(thresholds.lost_share))
     given = {**job.stated.given, **reported.at_bound}
     joined = with_prior_knowledge(
         job.joint, estimate, given, job.stated, job.input_unit, thresholds

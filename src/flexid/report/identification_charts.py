@@ -46,7 +46,7 @@ def excitation_chart(result: Identification) -> Chart:
     worst = max(rows, key=lambda row: row.condition_number)
     says = (
         "Each point is a combination of a row's coefficients, and its height how well the motion "
-        "shows it beside the best; below the red line it is lost. "
+        "shows it beside the best; near the red line it may be lost. "
         f"The weakest is of the {worst.row} row, at {1.0 / worst.condition_number:.2g}"
         f"{_pair(worst)}."
     )
