@@ -1,5 +1,8 @@
 """One fault of a stream after the other, each on a joint whose truth is known."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from moving_joint import (
@@ -13,12 +16,15 @@ from moving_joint import (
     all_hold,
     errors,
     loaded_stream,
+    same,
     stream,
     watched,
 )
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.streaming.checkpoint import read_session, save_session
+from flexid.streaming.gear_wraps import GearWraps
 from flexid.streaming.guard import Guard
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
@@ -167,6 +173,68 @@ def test_encoders_that_wrap_are_unwrapped():
         right.learner.values(right.now.states),
         rtol=1e-6,
     )
+
+
+GEAR = 40.0
+GEARED = replace(OPTIONS, motor_turn=2.0 * np.pi / GEAR)
+
+
+def in_front_of_the_gear(turns: float, samples: np.ndarray) -> None:
+    """Let the motor's encoder stand there, and wrap after so many turns."""
+    samples[:, MOTOR] %= turns * GEARED.motor_turn
+
+
+@pytest.mark.parametrize("turns", [1, 4])
+def test_encoders_that_wrap_in_front_of_a_gear_are_unwrapped(turns: int):
+    """Assert that they are by the motor's turns, and that bad samples beside do no harm."""
+    samples, right = stream(), watched(stream())
+    in_front_of_the_gear(turns, samples)
+    session = watched(samples, GEARED)
+    assert session.counts.wraps > 20 / turns
+    assert session.counts.outliers == session.counts.jumps == 0
+    np.testing.assert_allclose(
+        session.learner.values(session.now.states),
+        right.learner.values(right.now.states),
+        rtol=1e-6,
+    )
+    wraps = np.flatnonzero(np.abs(np.diff(samples[:, MOTOR])) > 0.5 * GEARED.motor_turn)
+    samples[wraps[5], MOTOR] += 0.4 * GEARED.motor_turn
+    samples[wraps[6], MOTOR] = np.nan
+    spoilt = watched(np.delete(samples, wraps[7], axis=0), GEARED)
+    assert spoilt.counts.wraps == session.counts.wraps
+    assert errors(spoilt).max() < CLOSE
+
+
+def test_blocks_and_checkpoints_leave_the_turns_as_they_are(tmp_path: Path):
+    """Assert that a session that is saved between two turns goes on bit for bit."""
+    samples = stream()
+    in_front_of_the_gear(1, samples)
+    first = watched(samples[:2001], GEARED)
+    save_session(first, tmp_path / "state.json")
+    again = read_session(tmp_path / "state.json")
+    for row in samples[2001:2100]:
+        again.feed(row[None])
+    again.feed(samples[2100:])
+    assert same(again, watched(samples, GEARED))
+
+
+def test_a_motor_in_front_of_a_gear_that_does_not_wrap_is_left_alone():
+    """Assert that a counter of all turns is read as it is, where it jumps by a turn, too."""
+    samples = stream()
+    samples[2000:, MOTOR] += GEARED.motor_turn
+    session, right = watched(samples, GEARED), watched(samples)
+    assert session.counts == right.counts
+    np.testing.assert_array_equal(session.now.states[0], right.now.states[0])
+
+
+def test_an_encoder_that_leaves_its_turn_does_not_wrap():
+    """Assert that what looked like a wrap is taken back where the range shows that it was none."""
+    wraps = GearWraps(0.1, H, MOTOR)
+    samples = np.zeros((6, 4))
+    samples[:, TIME] = H * np.arange(6)
+    samples[:, MOTOR] = [0.0, 0.1, 0.105, 0.12, 0.13, 0.14]
+    right = [0.0, 0.0, 0.105, 0.12, 0.13, 0.14]
+    np.testing.assert_array_equal(wraps.undone(samples)[:, MOTOR], right)
 
 
 @pytest.mark.parametrize("column", [LINK, MOTOR])

@@ -35,6 +35,21 @@ def test_a_whole_log_is_watched_as_its_samples_are(tmp_path: Path):
     assert same(follower.session, watched(samples))
 
 
+def test_an_encoder_in_front_of_a_gear_wraps_by_what_the_column_map_says(tmp_path: Path):
+    """Assert that the gear ratio of a column map reaches the session."""
+    samples = stream(3.0)
+    samples[:, MOTOR] = np.mod(40.0 * samples[:, MOTOR], 2.0 * np.pi)
+    path = written(tmp_path / "log.parquet", samples)
+    gear = {"gear_ratio": 40, "motor_torque": {"column": "motor_torque", "side": "link"}}
+    follower = Follower(str(path), CHOICES, column_map=gear, stop_at_end=True)
+    assert sum(follower.turns(1.0)) == 3
+    assert follower.session is not None
+    right, found = watched(stream(3.0)), follower.session
+    assert found.counts.wraps > 20
+    values = [session.learner.values(session.now.states) for session in (found, right)]
+    np.testing.assert_allclose(values[0], values[1], rtol=1e-6)
+
+
 def test_a_parquet_file_is_read_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Assert that no more rows than a block's are read at once, and none is lost between two."""
     samples = stream(3.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from flexid.errors import RecordingError
 from flexid.identification.joint import Kind
 from flexid.recording.channel import INPUTS, Channel
+from flexid.recording.checks import TURN
 
 
 @dataclass(frozen=True)
@@ -22,12 +23,15 @@ class StreamChannels:
         Whether the first position is the joint's deflection.
     warnings : tuple of str
         What was assumed.
+    motor_turn : float, optional
+        See `WatchOptions`.
     """
 
     kind: Kind
     input_unit: str
     from_deflection: bool
     warnings: tuple[str, ...]
+    motor_turn: float = 0.0
 
     @property
     def words(self) -> str:
@@ -79,4 +83,7 @@ def chosen_channels(
     chosen = [channels[name] for name in names if name is not None]
     unit = channels[drive].unit if drive is not None and kind != "link" else ""
     from_deflection = kind != "rigid" and link == "deflection"
-    return chosen, StreamChannels(kind, unit, from_deflection, warnings)  # type: ignore[arg-type]
+    gear = channels["motor_position"].origin.gear_ratio
+    turn = TURN / abs(gear) if gear else 0.0
+    meant = StreamChannels(kind, unit, from_deflection, warnings, turn)  # type: ignore[arg-type]
+    return chosen, meant

@@ -99,6 +99,7 @@ def _content(session: Session) -> dict[str, Any]:
         "n_read": session.n_read,
         "first_read": _text(session.first_read.ravel()),
         "guard": _text(session.guard_state),
+        "gear": _text(np.array(session.gear.state)),
         **{
             name: {
                 "fed": memory.fed,
@@ -131,6 +132,7 @@ def _session(content: Mapping[str, Any]) -> Session:
     session.n_read = _count(content["n_read"])
     session.first_read = _rows(content["first_read"], session.options.width)
     session.guard_state = _array(content["guard"], len(session.guard_state))
+    session.gear.state = _array(content["gear"], len(session.gear.state)).tolist()
     session.now = _memory(content["now"], sizes)
     session.newer = _memory(content["newer"], sizes)
     session.older = _memory(content["older"], sizes)

@@ -72,6 +72,7 @@ class Choices:
         sample_time: float,
         *,
         from_deflection: bool,
+        motor_turn: float = 0.0,
     ) -> WatchOptions:
         """Options of a session.
 
@@ -85,6 +86,8 @@ class Choices:
             In s.
         from_deflection : bool
             Whether the link's position comes as the joint's deflection.
+        motor_turn : float, optional
+            See `WatchOptions`.
 
         Raises
         ------
@@ -122,6 +125,7 @@ class Choices:
             {**made.given, **self.known},
             self.known_deviations,
             made.reference,
+            motor_turn,
         )
 
     def warnings(self, sample_time: float) -> tuple[str, ...]:

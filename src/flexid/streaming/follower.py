@@ -198,6 +198,7 @@ class Follower:
             channels.input_unit,
             choices.sample_time or sample_time_of(incoming.name, head),
             from_deflection=channels.from_deflection,
+            motor_turn=channels.motor_turn,
         )
         self.warnings += choices.warnings(options.sample_time)
         return opened_session(options, self._checkpoint)

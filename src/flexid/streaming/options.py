@@ -17,6 +17,7 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
 from flexid.models.row_alone import row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
+from flexid.recording.checks import TURN
 from flexid.recording.sampling import check_sample_time
 
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
@@ -68,6 +69,9 @@ class WatchOptions:
         Standard deviations of what is known; what has none is known exactly.
     reference : mapping of str to tuple of float, optional
         Physical parameters by an estimate made before, and half of their intervals.
+    motor_turn : float, optional
+        A turn of the motor at the link's side of the gear, in rad, where its encoder may wrap by
+        such turns; 0 where it stands behind the gear, or there is none.
 
     Raises
     ------
@@ -88,6 +92,7 @@ class WatchOptions:
     known: Mapping[str, float] = field(default_factory=dict)
     known_deviations: Mapping[str, float] = field(default_factory=dict)
     reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    motor_turn: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
@@ -105,6 +110,10 @@ class WatchOptions:
                 "memory",
                 f"{self.memory} s is shorter than the filter's own: give more than "
                 f"{20.0 / self.filter_rate:.3g} s",
+            )
+        if not 0.0 <= self.motor_turn <= TURN:
+            raise SettingError(
+                "motor turn", f"{self.motor_turn} rad is none at the link's side of a gear"
             )
         if self.kind == "link":
             object.__setattr__(self, "input_unit", "")

@@ -15,6 +15,7 @@ from flexid.estimators.online import Status
 from flexid.identification.result import CoefficientEstimate, ParameterEstimate
 from flexid.streaming.commissioned import Departure
 from flexid.streaming.findings import Findings, findings
+from flexid.streaming.gear_wraps import GearWraps
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import LIMITS, Evidence, Judgement, Recent, contradicts, judge
 from flexid.streaming.learner import Learner, States
@@ -90,6 +91,7 @@ class Session:
             options.n_inputs,
             from_deflection=options.from_deflection,
         )
+        self.gear = GearWraps(options.motor_turn, options.sample_time, options.n_encoders)
         self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
         states = self.learner.first_states()
         self.guard_state = self.guard.first_state()
@@ -128,6 +130,7 @@ class Session:
             raise SettingError(
                 "samples", f"have the shape {samples.shape}: give {width} numbers for each"
             )
+        samples = self.gear.undone(samples)
         done = 0
         while done < len(samples):
             until_closed = self.window - self.fed % self.window
@@ -194,7 +197,8 @@ class Session:
     @property
     def counts(self) -> Counts:
         """What happened so far."""
-        return self.guard.counts(self.guard_state)
+        found = self.guard.counts(self.guard_state)
+        return replace(found, wraps=found.wraps + self.gear.wraps)
 
     @property
     def time(self) -> float:
