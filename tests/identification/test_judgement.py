@@ -95,6 +95,7 @@ def test_thresholds_are_these():
         "determined_width": 0.2,
         "weak_width": 1.0,
         "negligible_share": 0.04,
+        "noted_width": 0.01,
         "term_chance": 0.005,
         "generous_chance": 0.1,
         "generous_gain": 0.05,

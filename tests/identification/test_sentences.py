@@ -1,9 +1,11 @@
 """Sentences about a result: no number in them is rounded until it says nothing."""
 
+import numpy as np
 import pytest
 
 from flexid.identification.alignment import Delay
-from flexid.identification.result import ModelError
+from flexid.identification.estimates import widest
+from flexid.identification.result import CoefficientEstimate, ModelError
 from flexid.identification.summary import _delay
 from flexid.identification.warnings import model_warnings
 
@@ -27,5 +29,34 @@ def test_the_ends_of_a_delay_differ_as_printed(value, ends, text):
 @pytest.mark.parametrize("kind", ["flexible", "link"])
 def test_residuals_are_never_one_times_the_noise(excess, words, kind):
     """Assert that a small excess is said in words."""
-    (warning,) = model_warnings(ModelError(excess, 1.0, 1.0), kind)
+    (warning,) = model_warnings(ModelError(excess, 1.0, 1.0), kind, 0.1)
     assert f"the residuals {words} sensors' noise" in warning
+
+
+@pytest.mark.parametrize("kind", ["flexible", "link", "rigid"])
+@pytest.mark.parametrize(
+    ("excess", "widest", "said"),
+    [(0.09, 0.009, False), (0.11, 0.009, True), (0.09, 0.011, True), (0.09, np.inf, True)],
+)
+def test_a_model_error_that_changes_no_number_is_no_alarm(excess, widest, said, kind):
+    """Assert that one is said that is larger than the noise is known, or widens an interval."""
+    assert bool(list(model_warnings(ModelError(excess, 1.0, 1.0), kind, widest))) == said
+
+
+def test_the_widest_interval_counts_by_what_it_means():
+    """Assert that what was given has none, and one about zero counts by what it does to its row."""
+    found = {
+        "theta2": estimate("theta2", 100.0, 1.0),
+        "beta1": estimate("beta1", 3.0, 0.0),
+        "alpha_offset": estimate("alpha_offset", 0.0, 2.0),
+    }
+    assert widest(found, {"theta2": 0.5, "alpha_offset": 0.003}) == pytest.approx(0.01)
+    assert widest(found, {"alpha_offset": 0.02}) == pytest.approx(0.04)
+    assert widest(found, {}) == np.inf
+    assert widest({}, {}) == 0.0
+
+
+def estimate(name: str, value: float, half: float) -> CoefficientEstimate:
+    """A coefficient with its interval."""
+    ends = (value - half, value + half)
+    return CoefficientEstimate(name, "", value, 0.5 * half, ends, "determined", "")

@@ -27,6 +27,26 @@ def row_sizes(rows: Sequence[RowSums]) -> dict[str, float]:
     return sizes
 
 
+def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, float]) -> float:
+    """Half the widest interval, over the value or over what moves its row, whichever is less.
+
+    Parameters
+    ----------
+    estimates : mapping of str to CoefficientEstimate
+    sizes : mapping of str to float
+        What each coefficient does to its row; see `row_sizes`.
+    """
+
+    def relative(found: CoefficientEstimate) -> float:
+        half = 0.5 * (found.interval[1] - found.interval[0])
+        if half == 0.0:
+            return 0.0  # given
+        own = 1.0 / abs(found.value) if found.value else np.inf
+        return half * min(own, sizes.get(found.name, np.inf))
+
+    return max(map(relative, estimates.values()), default=0.0)
+
+
 def coefficient_estimates(
     estimate: Estimate,
     joint: Joint,

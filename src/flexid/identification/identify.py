@@ -14,7 +14,12 @@ from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.compliance import compare_with_rigid, of_link_alone, one_encoder
 from flexid.identification.estimate import Estimate
-from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
+from flexid.identification.estimates import (
+    coefficient_estimates,
+    parameter_estimates,
+    row_sizes,
+    widest,
+)
 from flexid.identification.excitations import row_excitation
 from flexid.identification.final_fits import FinalFits, final_fits, with_doubts
 from flexid.identification.full_model import LINK, Fitted, Structure, data_of
@@ -136,7 +141,7 @@ def identify(
             *numbers.against,
             *deflection_warnings(turned_round=turned),
             *sign_warnings(numbers.coefficients),
-            *model_warnings(fits.error, job.joint.kind, row),
+            *model_warnings(fits.error, job.joint.kind, numbers.widest, row, thresholds),
             *validation_warnings(validation.fit_percent),
             *compliance_warnings(compliance),
         ),
@@ -154,6 +159,7 @@ class _Numbers(NamedTuple):
     parameters: dict[str, ParameterEstimate]
     contradicted: tuple[str, ...]
     against: tuple[str, ...]
+    widest: float
 
 
 def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Thresholds) -> _Numbers:
@@ -169,11 +175,12 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
         *joined.contradicted,
     )
     unknowns = reported.problem.unknowns
+    sizes = row_sizes(fits.squares.rows)
     coefficients = coefficient_estimates(
         joined.estimate,
         job.joint,
         unknowns,
-        row_sizes(fits.squares.rows),
+        sizes,
         without_estimate(reported.at_bound, job.stated.given),
         job.input_unit,
         thresholds,
@@ -191,7 +198,14 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}
         parameters = {name: replace(p, **doubt) for name, p in parameters.items()}
-    return _Numbers(joined.estimate, coefficients, parameters, contradicted, joined.against)
+    return _Numbers(
+        joined.estimate,
+        coefficients,
+        parameters,
+        contradicted,
+        joined.against,
+        widest(coefficients, sizes),
+    )
 
 
 def _compliance(

@@ -36,6 +36,13 @@ class Thresholds:
         "share of its row's acceleration that a term makes within its interval, up to which the "
         "term is determined to be as small as it is",
     )
+    noted_width: float = _threshold(
+        0.01,
+        "1",
+        "half the widest interval, over the value or over what moves its row, up to which a model "
+        "error within `sensor_excess` is not worth a warning: the intervals hold it, and nobody "
+        "would decide otherwise for 1 %",
+    )
     term_chance: float = _threshold(
         0.005,
         "1",

@@ -22,7 +22,12 @@ from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.streamed_least_squares import StreamedFit
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimate import Estimate
-from flexid.identification.estimates import coefficient_estimates, parameter_estimates, row_sizes
+from flexid.identification.estimates import (
+    coefficient_estimates,
+    parameter_estimates,
+    row_sizes,
+    widest,
+)
 from flexid.identification.excitations import row_excitation
 from flexid.identification.full_model import Data, data_of
 from flexid.identification.identify import without_estimate
@@ -109,7 +114,7 @@ def stream_result(
             *contradicted,
             *joined.against,
             *sign_warnings(estimates),
-            *model_warnings(head.model_error, head.model),
+            *model_warnings(head.model_error, head.model, widest(estimates, sizes)),
             *validation_warnings(predicted.validation.fit_percent),
             *compliance_warnings(head.compliance),
         ),

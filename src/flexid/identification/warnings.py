@@ -5,6 +5,7 @@ from math import isfinite, isnan
 
 from flexid.identification.compliance import WEAK_FIT
 from flexid.identification.joint import Kind
+from flexid.identification.judgement import THRESHOLDS, Thresholds
 from flexid.identification.result import CoefficientEstimate, Compliance, LinkRow, ModelError
 
 _SLIGHT = 1.005  # which would be printed as 1
@@ -50,9 +51,32 @@ def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
 
 
 def model_warnings(
-    error: ModelError, model: Kind, link_row: LinkRow | None = None
+    error: ModelError,
+    model: Kind,
+    widest: float,
+    link_row: LinkRow | None = None,
+    thresholds: Thresholds = THRESHOLDS,
 ) -> Iterator[str]:
-    """Warn of residuals that show a drive which no model here describes."""
+    """Warn of residuals that show a drive which no model here describes.
+
+    One that is no larger than the sensors' noise is uncertain, and that leaves every interval
+    narrow, is no cause for alarm.
+
+    Parameters
+    ----------
+    error : ModelError
+        What they show.
+    model : {"flexible", "link", "rigid"}
+        What was fitted.
+    widest : float
+        Half the widest interval with the allowance for it, as of `flexid.identification.estimates`.
+    link_row : LinkRow, optional
+        The link's row alone.
+    thresholds : Thresholds, optional
+        How large the one and how wide the other has to be.
+    """
+    if error.excess <= thresholds.sensor_excess - 1.0 and widest <= thresholds.noted_width:
+        return
     if error.share > 0.0 and model == "link":
         yield (
             f"the residuals are {_times(error)} the sensors' noise: the joint has something that "
