@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from asammdf import MDF, Signal
 from joint_log import joint_columns
 from test_matlab import refusal
 
+from flexid.errors import RecordingError
 from flexid.recording import mdf, outside, read_log
+from flexid.recording.formats import table_of_file, tables_of_file
 
 COLUMNS = joint_columns(200)
 TIME = COLUMNS["time"]
@@ -65,6 +68,47 @@ def test_clocks_that_differ(tmp_path: Path):
         recording.input, np.sin(4.0 * TIME[: len(recording)]), atol=1e-5
     )  # twice the cubic's error over a step: 4**4 * 0.001**4 / 50
     assert "'motor_torque' had time stamps of their own and were interpolated" in log.warnings[0]
+
+
+@pytest.mark.parametrize("rate", [200, 1000])
+@pytest.mark.parametrize("size", [70, 1000])
+@pytest.mark.parametrize(("version", "name"), [("4.10", "log.mf4"), ("3.30", "log.mdf")])
+def test_parts_are_the_whole(tmp_path: Path, rate: int, size: int, version: str, name: str):
+    """Assert that a file is read in parts, of one clock or of two, as it is at once."""
+    columns = joint_columns(2000)
+    time = columns["time"]
+    fast = time if rate == 200 else np.arange(0.0007, 9.9, 1.0 / rate)
+    group = [signal(one, columns[one], time) for one in ENCODERS]
+    torque = [signal("motor_torque", np.sin(4.0 * fast), fast)]
+    groups = [[*group, *torque]] if rate == 200 else [group, torque]
+    path = written(tmp_path / name, *groups, version=version)
+    whole = table_of_file(path, None).frame
+    parts = [table.frame for table in tables_of_file(path, None, size)]
+    assert max(part.height for part in parts) <= size
+    assert len(parts) >= len(whole) / size
+    assert pl.concat(parts).columns == whole.columns
+    np.testing.assert_allclose(pl.concat(parts).to_numpy(), whole.to_numpy(), rtol=0.0, atol=1e-9)
+
+
+def test_a_clock_that_runs_backwards(tmp_path: Path):
+    """Assert that it is said of the part in which it does."""
+    late = TIME.copy()
+    late[150] = late[149]
+    torque = [signal("motor_torque", COLUMNS["motor_torque"], late)]
+    path = written(tmp_path / "log.mf4", encoders(), torque)
+    with pytest.raises(RecordingError, match="time runs backwards or repeats"):
+        list(tables_of_file(path, None, 50))
+
+
+def test_invalid_samples_in_a_part(tmp_path: Path):
+    """Assert that what comes before them is read, and that it is said where they begin."""
+    torque = signal("motor_torque", COLUMNS["motor_torque"])
+    torque.invalidation_bits = np.arange(200) == 117
+    path = written(tmp_path / "log.mf4", [*encoders(), torque])
+    tables = tables_of_file(path, None, 50)
+    assert [next(tables).frame.height for _ in range(2)] == [50, 50]
+    with pytest.raises(RecordingError, match="1 of its 50 samples, from 101 on, are marked"):
+        next(tables)
 
 
 def test_the_same_name_in_two_groups(tmp_path: Path):

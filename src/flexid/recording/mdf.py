@@ -7,20 +7,23 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.files import shown
+from flexid.recording.one_clock import values_around
 from flexid.recording.outside import digest_of, need
 from flexid.recording.series import Series, SeriesFile
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Iterator, Mapping
     from pathlib import Path
 
     from flexid.arrays import FloatArray
+
+    Range: TypeAlias = tuple[int, int]  # the first of some records, from 0, and how many they are
 
 PROGRAM = "from flexid.recording.mdf_apart import main; main()"
 
@@ -57,11 +60,30 @@ def open_series(path: Path) -> SeriesFile:
         places[name] = channel["group"], channel["index"]
     groups = {one.clock: places[name][0] for name, one in series.items()}
 
-    def prepare(chosen: Collection[Series]) -> None:
+    lengths = {one.clock: one.length for one in series.values()}
+
+    def read(chosen: Collection[Series], ranges: Mapping[str, Range]) -> None:
+        """Records of each group from the first to the last of a range."""
         paths = [one.path for one in chosen]
-        clocks = sorted({one.clock for one in chosen})
-        read = apart.arrays([places[name] for name in paths], [groups[name] for name in clocks])
-        values.update(zip([*paths, *map(_clock, clocks)], read, strict=True))
+        channels = [(*places[one.path], *ranges[one.clock]) for one in chosen]
+        read = apart.arrays(channels, [(groups[name], *own) for name, own in ranges.items()])
+        values.update(zip([*paths, *map(_clock, ranges)], read, strict=True))
+
+    def prepare(chosen: Collection[Series]) -> None:
+        read(chosen, {one.clock: (0, lengths[one.clock]) for one in chosen})
+
+    def parts(chosen: Collection[Series], size: int) -> Iterator[tuple[float, float]]:
+        clocks = {one.clock: lengths[one.clock] for one in chosen}
+        if len(clocks) == 1:
+            ((clock, length),) = clocks.items()
+            for first in range(0, length, size):
+                read(chosen, {clock: (first, min(size, length - first))})
+                yield -np.inf, np.inf
+            return
+        stamps = apart.arrays([], [(groups[name], 0, length) for name, length in clocks.items()])
+        for begin, end, ranges in _ranges(dict(zip(clocks, stamps, strict=True)), size):
+            read(chosen, ranges)
+            yield begin, end
 
     return SeriesFile(
         file,
@@ -70,8 +92,28 @@ def open_series(path: Path) -> SeriesFile:
         others,
         {name: _kept(values, _clock(name)) for name in groups},
         prepare=prepare,
+        parts=parts,
         close=apart.close,
     )
+
+
+def _ranges(
+    stamps: Mapping[str, FloatArray], size: int
+) -> Iterator[tuple[float, float, dict[str, Range]]]:
+    """Parts of about so many records of the fastest clock: from when to when, and which records."""
+    around = values_around(stamps)
+    # Where a clock runs backwards the part is refused in which it does.
+    ordered = {name: np.maximum.accumulate(times) for name, times in stamps.items()}
+    fastest = max(ordered.values(), key=len)
+    begin = -np.inf
+    for end in [*fastest[size - 1 : -1 : size].tolist(), np.inf]:
+        ranges = {}
+        for name, times in ordered.items():
+            first = max(0, int(np.searchsorted(times, begin, "right")) - around[name])
+            last = min(len(times), int(np.searchsorted(times, end, "right")) + around[name])
+            ranges[name] = (first, last - first)
+        yield begin, end, ranges
+        begin = end
 
 
 def _clock(group: str) -> str:
@@ -106,8 +148,10 @@ class _Apart:
             raise RecordingError(self._file, *found["refused"])
         return found
 
-    def arrays(self, channels: list[tuple[int, int]], clocks: list[int]) -> list[FloatArray]:
-        """Values of channels, and the time stamps of groups."""
+    def arrays(
+        self, channels: list[tuple[int, int, int, int]], clocks: list[tuple[int, int, int]]
+    ) -> list[FloatArray]:
+        """Values of channels, by group and index, and time stamps of groups, each of a range."""
         assert self._process.stdin is not None
         asked = json.dumps({"channels": channels, "clocks": clocks})
         try:

@@ -122,20 +122,29 @@ def _group_name(content: Any, group: int) -> str:
 
 
 def _read(content: Any, asked: dict[str, Any]) -> tuple[dict[str, Any], list[FloatArray]]:
-    """Channels by group and index, and the time stamps of groups."""
-    arrays = [_samples(content, group, index) for group, index in asked["channels"]]
-    arrays += [np.asarray(content.get_master(group), dtype=float) for group in asked["clocks"]]
+    """Channels by group and index, and the time stamps of groups, each from a record on."""
+    arrays = [_samples(content, *channel) for channel in asked["channels"]]
+    for group, first, count in asked["clocks"]:
+        stamps = content.get_master(group, record_offset=first, record_count=count)
+        arrays.append(np.asarray(stamps, dtype=float))
     return {"lengths": [len(array) for array in arrays]}, arrays
 
 
-def _samples(content: Any, group: int, index: int) -> FloatArray:
-    signal = content.get(group=group, index=index, ignore_invalidation_bits=False)
-    cycles = int(content.groups[group].channel_group.cycles_nr)
+def _samples(content: Any, group: int, index: int, first: int, count: int) -> FloatArray:
+    signal = content.get(
+        group=group,
+        index=index,
+        ignore_invalidation_bits=False,
+        record_offset=first,
+        record_count=count,
+    )
+    cycles = min(count, int(content.groups[group].channel_group.cycles_nr) - first)
     lost = cycles - len(signal.samples)  # those that are marked are left out
     if lost:
+        where = f", from {first + 1} on," if first else ""
         raise RefusedError(
             f"{signal.name!r}",
-            f"{lost} of its {cycles} samples are marked as invalid: cut the log to where all are "
-            f"valid",
+            f"{lost} of its {cycles} samples{where} are marked as invalid: cut the log to where "
+            f"all are valid",
         )
     return np.asarray(signal.samples, dtype=float)

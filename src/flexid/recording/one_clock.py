@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
 
+AROUND = 200
+"""Values beside a part of a log, which its interpolation and the order of messages may need."""
+
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
 _LENGTH = 4.0  # samples of the slower clock to either side that the filter spans
@@ -35,6 +38,16 @@ class Signal(NamedTuple):
     values: FloatArray
     held: bool
     range: float | None = None
+
+
+def values_around(clocks: Mapping[str, Sequence[float] | FloatArray]) -> dict[str, int]:
+    """How many values belong to a part of a log beside its own, for each clock by its rate."""
+    steps = {name: float(np.median(np.diff(t))) for name, t in clocks.items() if len(t) > 1}
+    slowest = max(steps.values(), default=0.0)
+    return {
+        name: int(AROUND * slowest / step) if (step := steps.get(name, 0.0)) > 0.0 else AROUND
+        for name in clocks
+    }
 
 
 def on_one_clock(
@@ -118,7 +131,7 @@ def _slow(stamps: FloatArray, values: FloatArray, ratio: float) -> FloatArray:
     """What a clock slower by some ratio can show of an input, part by part between gaps."""
     from scipy.signal import firwin, oaconvolve
 
-    half = ceil(_LENGTH * ratio)
+    half = ceil(round(_LENGTH * ratio, 6))  # a rate is known but for rounding
     weights = firwin(2 * half + 1, _PASSED / ratio)
     steps = np.diff(stamps)
     edges = [0, *(np.flatnonzero(steps > GAP * np.median(steps)) + 1).tolist(), len(stamps)]

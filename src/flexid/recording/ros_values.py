@@ -12,6 +12,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.recording.limits import MOST_ROWS
+from flexid.recording.one_clock import AROUND, values_around
 from flexid.recording.outside import readable
 from flexid.recording.ros_messages import WHAT, Topic, raw_messages
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
     from flexid.recording.ros_messages import Decode
 
-_AROUND = 200  # values beside a part, which its interpolation and the order of messages may need
 _MOST_PARTS = 4  # times as many values are read as a part has, for a clock that has too few
 
 
@@ -218,14 +218,7 @@ class Values:
 
     def _around(self, size: int) -> dict[str, int]:
         """How many values belong to a part beside its own, for each clock by its rate."""
-        steps = {
-            n: max(1.0, float(np.median(np.diff(t)))) for n, t in self._stamps.items() if t[1:]
-        }
-        slowest = max(steps.values(), default=1.0)
-        return {
-            name: min(size, int(_AROUND * slowest / steps.get(name, slowest)))
-            for name in self._stamps
-        }
+        return {name: min(size, count) for name, count in values_around(self._stamps).items()}
 
     def _end(self, reading: _Reading, size: int) -> float:
         """The time up to which there is all that is needed, of clocks that have not paused."""
@@ -314,7 +307,7 @@ class Values:
         if time <= self._done:
             for clock in seen:
                 self.late[clock] = (
-                    f"{self._file}: messages of {clock!r} that stand behind {_AROUND} later ones "
+                    f"{self._file}: messages of {clock!r} that stand behind {AROUND} later ones "
                     f"are left out: sort the file by time"
                 )
         return seen
