@@ -9,6 +9,7 @@ from flexid.recording import checks
 from flexid.recording.channel import INPUTS, VELOCITIES, Channel
 from flexid.recording.columns import read_channels
 from flexid.recording.formats import table_of_file
+from flexid.recording.frozen import without_frozen
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import check_increasing, even_grid, to_grid
 
@@ -54,6 +55,8 @@ def log_of_table(table: Table, columns: MapSource | None = None, clock: Clock | 
     time = channels.pop("time")
     checks.check_magnitude(table.file, "time", time)
     check_increasing(table, time.column, time.values)
+    channels, time, frozen = without_frozen(table.file, channels, time)
+    warnings += frozen
     grid = even_grid(table, time.column, time.values)
     warnings += grid.warnings
     warnings += _check_each(table.file, channels)
