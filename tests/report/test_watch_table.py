@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
+from flexid.identification.result import ParameterEstimate, Verdict
 from flexid.report.terminal import laid_out
-from flexid.report.watch_table import Sparks, live_view, samples_sentence, sparkline, watch_parts
+from flexid.report.watch_table import (
+    Sparks,
+    live_view,
+    next_to_none,
+    samples_sentence,
+    sparkline,
+    watch_parts,
+)
 from flexid.streaming.guard import Counts
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Session
@@ -29,6 +37,32 @@ def test_the_report_begins_with_the_health(session: Session):
     assert any(line.startswith("joint_stiffness") for line in lines)
     assert lines[-1] == "Samples: 1500 of 1500 learnt from"
     assert max(map(len, lines)) <= 80
+
+
+def parameter(name: str, low: float, high: float, verdict: Verdict) -> ParameterEstimate:
+    """One in the middle of its interval."""
+    return ParameterEstimate(name, "", 0.5 * (low + high), 0.1, (low, high), verdict, "")
+
+
+def test_what_may_be_none_is_named():
+    """Assert that a determined interval about zero is said to be one, and no other."""
+    found = (
+        parameter("motor_coulomb_friction", -0.3, 0.2, "determined"),
+        parameter("joint_damping", 0.01, 0.2, "determined"),
+        parameter("link_viscous_friction", -0.3, 0.2, "undetermined"),
+        parameter("gravity_angle", -0.01, 0.01, "determined"),
+        parameter("joint_stiffness", 0.0, 0.0, "determined"),
+    )
+    assert next_to_none(found) == ["motor_coulomb_friction"]
+
+
+def test_a_friction_that_is_not_there_is_next_to_none(monkeypatch: pytest.MonkeyPatch):
+    """Assert that the report says so in a line below the table."""
+    session = Session(WatchOptions(2e-3, ("motor_coulomb",), hold="linear"))
+    small = {"motor_coulomb_friction": parameter("motor_coulomb_friction", -1.0, 2.0, "determined")}
+    monkeypatch.setattr(Session, "parameters", property(lambda _: small))
+    lines = [line.plain for line in laid_out(watch_parts(session), 120)]
+    assert any(line.startswith("Next to none, or none at all: motor_coulomb") for line in lines)
 
 
 def test_the_view_has_a_line_of_bars(session: Session):

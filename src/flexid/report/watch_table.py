@@ -1,12 +1,13 @@
 """What is known of a stream, as it is printed: the last report, and a view that is renewed."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import isfinite
 
 from rich.text import Text
 
 from flexid.identification.angles import ANGLES, difference
+from flexid.identification.result import ParameterEstimate
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
 from flexid.streaming.guard import Counts
@@ -84,6 +85,9 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
             cells.append(sparks.line(name, found.value))
         table.add(*cells)
     yield table
+    if small := next_to_none(session.parameters.values()):
+        ends = "even the ends of such an interval hardly move the joint"
+        yield Text(f"Next to none, or none at all: {', '.join(small)}; {ends}")
     conditions = ", ".join(
         f"{name} {found.condition_number:.3g}" for name, found in session.excitation.items()
     )
@@ -95,6 +99,17 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
         yield Text(f"Contradiction: {sentence}.", style="red")
     for change in session.changes[-3:]:
         yield Text(f"Change: {change.sentence}.", style="red")
+
+
+def next_to_none(parameters: Iterable[ParameterEstimate]) -> list[str]:
+    """Names of parameters that are determined to be so small that they may be zero."""
+    return [
+        found.name
+        for found in parameters
+        if found.verdict == "determined"
+        and found.interval[0] < 0.0 < found.interval[1]
+        and found.name not in ANGLES
+    ]
 
 
 def _change(name: str, was: float, now: float) -> str:
