@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flexid.errors import RecordingError
 from flexid.recording.clock import is_stamp
@@ -17,7 +17,7 @@ BLANK = " "  # the separator where columns are separated by any number of blanks
 COMMENTS = ("#", "%", "//")
 LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
 LONGEST_LINE = 1_000_000  # bytes
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,19 @@ def layout_of(file: str, text: bytes) -> Layout:
     found = _first_row(plain)
     if found is None:  # no row of numbers: the first line is taken for the header, and rows follow
         first = plain[0]
+        if first.text.lstrip().startswith(("{", "[{")):
+            raise RecordingError(
+                file,
+                f"line {first.number}",
+                "this is JSON: write a header with the column names, and a line of numbers for "
+                "each sample",
+            )
         separator = _header_separator(first.text)
         return _layout(file, lines, _Parts(first, None, separator, first.number + 1, first.end))
     first, separator, width = found
+    if not split(first.text, separator)[-1]:
+        lines = [_ended(line, separator, width) for line in lines]
+        plain = [line for line in lines if not line.is_comment]
     header, units = _above(file, lines[: lines.index(first)], first, separator, width)
     # A row before it may have another length, and is refused later.
     first = next(line for line in plain if line.number > header.number and line is not units)
@@ -118,6 +128,12 @@ def layout_of(file: str, text: bytes) -> Layout:
             f"{width} values nor of units: mend or remove it",
         )
     return _layout(file, lines, _Parts(header, units, separator, first.number, first.begin))
+
+
+def _ended(line: _Line, separator: str, width: int) -> _Line:
+    """A line with a separator at its end, where the rows have one and it has not."""
+    is_short = len(_names(line, separator)) == width - 1
+    return replace(line, text=line.text + separator) if is_short else line
 
 
 def _above(
@@ -134,11 +150,13 @@ def _above(
         named = [line for line in above if not line.is_comment]
         if not named:
             raise _no_header(file, first.number)
-        return named[0], None
+        several = [line for line in named if len(_names(line, separator)) > 1]
+        return several[-1] if several else named[0], None
     units = None
     if len(named) > 1 and _is_units(_names(named[-1], separator)):
         units = named.pop()
-    header = named[-1]
+    without_numbers = [line for line in named if not any(map(is_number, _names(line, separator)))]
+    header = (without_numbers or named)[-1]
     if units is None:
         below = [line for line in fitting if line.number > header.number]
         units = next((line for line in below if _is_units(_names(line, separator))), None)
@@ -200,7 +218,12 @@ def _is_row(cells: list[str], *, all_of_them: bool = False) -> bool:
 def _is_units(cells: list[str]) -> bool:
     """Whether at least half of the cells that are not empty are units."""
     filled = [cell for cell in cells if cell]
-    usual = [cell for cell in filled if is_usual(cell) or re.fullmatch(r"\[.*\]|\(.*\)", cell)]
+    usual = [
+        cell
+        for cell in filled
+        if is_usual(cell)
+        or (re.fullmatch(r"\[.*\]|\(.*\)", cell) and not is_number(cell.strip("[()]")))
+    ]
     return bool(usual) and 2 * len(usual) >= len(filled)
 
 

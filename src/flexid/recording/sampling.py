@@ -156,10 +156,11 @@ def to_grid(
 
 def _check_count(file: str, count: int) -> None:
     if count < FEWEST_SAMPLES:
+        found = "is 1 sample" if count == 1 else f"are {count} samples"
         raise RecordingError(
             file,
             "",
-            f"there are {count} samples where {FEWEST_SAMPLES} are the fewest that are read, and "
+            f"there {found} where {FEWEST_SAMPLES} are the fewest that are read, and "
             f"{FEWEST_TO_IDENTIFY} the fewest that can be identified: record for longer",
         )
 

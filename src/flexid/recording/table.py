@@ -36,9 +36,13 @@ if TYPE_CHECKING:
 LARGE_REMEDY = "identify it as Parquet with --stream, or cut the log into shorter files"
 PARQUET_SUFFIXES = (".parquet", ".pq")
 WANTED = "a log"
-_DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eE][+-]?\d+)?$"
-_DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eE][+-]?\d+)?$"
-_THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
+DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?$"
+DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eEdD][+-]?\d+)?$"
+THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
+_GROUPED = (  # 1'234.5, 1 234,5, 1,234.5, 1.234,5
+    r"[+-]?\d{1,3}(?:(?:[ '\u00a0\u202f]\d{3})+(?:[.,]\d*)?|(?:,\d{3})+\.\d*|(?:\.\d{3})+,\d*)"
+)
+_FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
 _OTHERS = {  # what else flexid reads, and where it belongs
     ".toml": "this is a TOML file, not a log: a column map is given with --columns",
@@ -139,6 +143,9 @@ class Table:
         if column.dtype == pl.String:
             column = column.str.strip_chars()
         numbers = column.cast(pl.Float64, strict=False)
+        if column.dtype == pl.String and numbers.null_count() > column.null_count():
+            column = column.str.replace(_FORTRAN, "${1}e$2")
+            numbers = column.cast(pl.Float64, strict=False)
         if (
             column.dtype == pl.String
             and numbers.null_count() > column.null_count()
@@ -153,7 +160,10 @@ class Table:
         if not (np.isfinite(total) or np.isfinite(values).all()):
             bad = np.flatnonzero(~np.isfinite(values))
             index, more = int(bad[0]), len(bad) - 1
-            reason = _bad_cell(self.frame[name][index])
+            cell = self.frame[name][index]
+            reason = _bad_cell(cell)
+            if isinstance(cell, str) and cell.strip() == name:
+                reason = "the header stands here once more: remove the line"
             if more and reason.endswith("remove the row"):
                 reason += f", and {more} more of the column that are no numbers"
             raise RecordingError(self.file, self.place(index, name), reason)
@@ -168,10 +178,10 @@ class Table:
         import polars as pl
 
         texts = [c.str.strip_chars() for c in self.frame if c.dtype == pl.String]
-        if any(text.str.contains(_DECIMAL_POINT).any() for text in texts):
+        if any(text.str.contains(DECIMAL_POINT).any() for text in texts):
             return False
-        commas = [text.filter(text.str.contains(_DECIMAL_COMMA)) for text in texts]
-        return not all(text.str.contains(_THOUSANDS).all() for text in commas)
+        commas = [text.filter(text.str.contains(DECIMAL_COMMA)) for text in texts]
+        return not all(text.str.contains(THOUSANDS).all() for text in commas)
 
     def _not_numeric(self, name: str, found: str) -> RecordingError:
         remedy = "floating-point numbers"
@@ -313,7 +323,7 @@ def _bad_cell(cell: object) -> str:
         return "the cell is empty: fill it in, or remove the row"
     text = str(cell).strip()
     cut = text if len(text) <= 24 else text[:21] + "..."
-    if re.fullmatch(_DECIMAL_COMMA, text):
+    if re.fullmatch(DECIMAL_COMMA, text):
         return (
             f"{cut!r} has a comma, and it cannot be known whether that of a decimal or between "
             f"thousands: export with decimal points"
@@ -321,6 +331,8 @@ def _bad_cell(cell: object) -> str:
     with suppress(ValueError):
         if not np.isfinite(float(text)):
             return f"{cut} is not a finite number: remove the row"
+    if re.fullmatch(_GROUPED, text):
+        return f"{cut!r} has marks between its thousands: export numbers without"
     if re.match(r"\d{4}[-/]\d\d|\d\d?[:./]\d\d?[:./]\d\d", text):
         return f"{cut!r} is a date or a time of day, and no number: {_TIME_REMEDY}"
     return f"{cut!r} is not a number: correct it, or remove the row"

@@ -12,6 +12,9 @@ from flexid.errors import RecordingError
 from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of
 from flexid.recording.limits import check_cells
 
+MINUS = "\N{MINUS SIGN}".encode()
+"""As some languages' formats write it before a number."""
+
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 _PACKED = {
@@ -45,7 +48,7 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
     RecordingError
         If it is no text, has no header, or its rows differ in length.
     """
-    text = _utf_8(file, raw)
+    text = as_utf_8(file, raw)
     layout = layout_of(file, text)
     body = text[layout.start :].rstrip()
     if not body:
@@ -88,14 +91,21 @@ def check_text(file: str, raw: bytes) -> None:
         reason = f"the file is packed by {packed}: unpack it, or save the sheet as CSV"
         raise RecordingError(file, "", reason)
     sample = raw[:65536]
+    sample = sample.rstrip(b"\0") or sample  # a file that was not closed may end so
     if b"\0" in sample or sum(byte < 9 or 13 < byte < 32 for byte in sample) > 0.01 * len(sample):
         raise RecordingError(
             file, "", "this is a binary file, not text: export the log as CSV or Parquet"
         )
 
 
-def _utf_8(file: str, raw: bytes) -> bytes:
-    """The text as UTF-8 without byte-order mark, with line feeds; raise if it is none."""
+def as_utf_8(file: str, raw: bytes) -> bytes:
+    """The text as UTF-8 without byte-order mark, with line feeds, and a hyphen for a minus.
+
+    Raises
+    ------
+    RecordingError
+        If it is no text.
+    """
     if raw.startswith(UTF_16):
         try:
             raw = raw.decode("utf-16").encode("utf-8")
@@ -110,6 +120,7 @@ def _utf_8(file: str, raw: bytes) -> bytes:
             text.decode("utf-8")
         except UnicodeDecodeError:
             text = text.decode("latin-1").encode("utf-8")
+        text = text.replace(MINUS, b"-")
     return text if b"\n" in text else text.replace(b"\r", b"\n")
 
 
@@ -127,16 +138,24 @@ def _ragged_row(file: str, layout: Layout, body: bytes) -> RecordingError | None
                 return _open_quote(file, place)
             if not row:
                 return RecordingError(file, place, "the line is blank: remove it")
+            if "\0" in row[0]:
+                reason = "null bytes stand there, as where a file was not closed: cut them off"
+                return RecordingError(file, place, reason)
             if row[0].lstrip().startswith(COMMENTS):
                 return RecordingError(
                     file, place, "the line is a comment between samples: remove it"
                 )
             if len(row) != width:
+                reason = "complete or remove it; numbers with decimal commas need another separator"
+                if line == layout.first_line:
+                    reason = (
+                        f"let the names in line {layout.header_line} be as many; numbers with "
+                        f"decimal commas need another separator"
+                    )
                 return RecordingError(
                     file,
                     place,
-                    f"the row has {len(row)} cells where the header has {width}: complete or remove"
-                    f" it; numbers with decimal commas need another separator",
+                    f"the row has {len(row)} cells where the header has {width}: {reason}",
                 )
             line += 1
             before = reader.line_num

@@ -133,6 +133,7 @@ class TextSamples:
             assert self._lines.layout is not None
             self._columns = stream_columns(self.name, self._lines.layout, self._map, self._model)
             self._check_same(self._columns.channels)
+            self._lines.check_head(self._columns, self._map)
             self.channels = self._columns.channels
         return self._columns.samples(cells)
 
@@ -141,8 +142,8 @@ class TextSamples:
         self._warn(f"{self.name}: it was written anew, and is read from its beginning")
         self._warn_of_rest()
         old = self._lines
-        fewest = min(old.fewest, LINES_FOR_LAYOUT) if old.layout else old.fewest
-        before = old.layout or old.before
+        fewest = min(old.fewest, LINES_FOR_LAYOUT) if old.rows else old.fewest
+        before = old.rows or old.before
         self._lines = LineReader(self.name, old.header, fewest, before)
         self._columns = None
 

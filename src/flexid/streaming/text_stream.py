@@ -5,25 +5,22 @@ on them, and on the sample time. A line that is no row of numbers becomes a samp
 which is counted.
 """
 
-from collections import defaultdict
-from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.channel import Channel
-from flexid.recording.clock import EXAMPLE, Clock
+from flexid.recording.clock import EXAMPLE
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
-from flexid.recording.layout import BLANK, COMMENTS, LONGEST_LINE, Layout, layout_of
+from flexid.recording.layout import LONGEST_LINE, Layout, layout_of
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.table import Table
-from flexid.recording.text import UTF_16, check_text
+from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
-
-Clocks: TypeAlias = defaultdict[int, Clock]
+from flexid.streaming.text_rows import RowReader, mark_of
 
 HEAD_LINES = 200
 """Lines at the beginning from which layout and sample time are taken."""
@@ -115,24 +112,26 @@ class LineReader:
         Names of the columns, where the stream does not begin with them.
     fewest : int, optional
         Lines that are waited for before the layout is decided.
-    before : Layout, optional
+    before : RowReader, optional
         Of the text that this one follows, as it may without a header of its own.
     """
 
     source: str
     header: str | None = None
     fewest: int = HEAD_LINES
-    before: Layout | None = None
-    layout: Layout | None = None
+    before: RowReader | None = None
+    rows: RowReader | None = None
+    """What reads them, as soon as there is a layout."""
     left_out: int = 0
     """Lines at the end that were too few to say what their columns are."""
-    _clocks: Clocks = field(default_factory=lambda: defaultdict(_clock))
+    head: bytes = b""
+    """The lines by which that was decided, as text in UTF-8."""
     _rest: bytes = b""
-    _head: list[bytes] = field(default_factory=list)
+    _first: list[bytes] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if self.header is not None:
-            self._head.append(self.header.strip().encode())
+            self._first.append(self.header.strip().encode())
 
     def cells(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
         """Cells of the lines that are complete, shape (n, n_columns); None until there is a layout.
@@ -162,81 +161,70 @@ class LineReader:
         if ended and self._rest.endswith(b"\r"):
             lines.append(self._rest)
             self._rest = b""
-        if self.layout is None:
-            self._head += lines
-            if len(self._head) < self.fewest and not ended:
+        if self.rows is None:
+            self._first += lines
+            if len(self._first) < self.fewest and not ended:
                 return None
-            if len(self._head) < FEWEST_LINES and not self._goes_on():
+            if len(self._first) < FEWEST_LINES and not self._goes_on_with(self._first[:1]):
                 if self.before is not None:
-                    self.left_out = len(self._head)
+                    self.left_out = len(self._first)
                     return None
                 raise RecordingError(
                     self.source, "", "it ended before a header and three samples had come"
                 )
-            text = b"\n".join(self._head) + b"\n"
-            self.layout = self._layout(text)
-            lines = text[self.layout.start :].split(b"\n")
-            self._head = []
-        return _numbers(lines, self.layout, self._clocks)
+            lines, self._first = self._first, []
+            self.rows, lines = self._begun(lines)
+        return self.rows.numbers(lines)
+
+    @property
+    def layout(self) -> Layout | None:
+        """Names and their place, as soon as they are known."""
+        return None if self.rows is None else self.rows.layout
+
+    def check_head(self, columns: StreamColumns, column_map: MapSource | None) -> None:
+        """Raise what would be said of a log, where most of the first lines are no rows of numbers.
+
+        Raises
+        ------
+        RecordingError
+            With the first line that is none.
+        """
+        rows = self.rows
+        if rows is None or not self.head:
+            return
+        lines = self.head[rows.layout.start :].split(b"\n")
+        used = np.flatnonzero(columns.weights.any(axis=0)).tolist()
+        if not rows.most_are_rows(lines, used):
+            layout, frame = read_text(self.source, self.head)
+            place = f"line {layout.header_line}"
+            table = Table(self.source, place, layout.first_line, "line", frame, "")
+            read_channels(table, column_map)
+        self.head = b""
 
     @property
     def rest(self) -> bytes:
         """The line that has not ended yet."""
         return self._rest
 
-    def _layout(self, text: bytes) -> Layout:
-        if self.before is not None and self._goes_on():
-            return replace(self.before, start=0)
+    def _begun(self, lines: list[bytes]) -> tuple[RowReader, list[bytes]]:
+        """What reads the rows, by the first lines, and those of them that hold numbers."""
+        if self.before is not None and self._goes_on_with(lines[:1]):
+            return self.before.again(), lines
+        text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
             raise RecordingError(self.source, "", "the text is in UTF-16: send it in UTF-8")
-        check_text(self.source, text)
-        return layout_of(self.source, text)
+        text = as_utf_8(self.source, text)
+        layout = layout_of(self.source, text)
+        # The rest of them may come now or later: nothing may depend on that.
+        self.head = b"\n".join(text.split(b"\n")[: self.fewest]) + b"\n"
+        mark = mark_of(self.head[layout.start :].split(b"\n"), layout)
+        return RowReader(layout, mark), text[layout.start :].split(b"\n")
 
-    def _goes_on(self) -> bool:
-        """Whether the first line is a row of the text before: no name stands among its cells."""
-        if self.before is None or not self._head:
+    def _goes_on_with(self, lines: list[bytes]) -> bool:
+        """Whether a line is a row of the text before: no name stands among its cells."""
+        if self.before is None or not lines:
             return False
-        row = _numbers(self._head[:1], self.before, defaultdict(_clock))
-        return bool(np.isfinite(row).all())
-
-
-def _clock() -> Clock:
-    return Clock(since_1970=True)
-
-
-def _numbers(lines: list[bytes], layout: Layout, clocks: Clocks) -> FloatArray:
-    """Numbers of lines that are not empty nor comments; a line that is no row has none."""
-    separator = None if layout.separator == BLANK else layout.separator.encode()
-    width = len(layout.names)
-    rows = []
-    stamps: dict[int, list[bytes]] = {column: [] for column in layout.stamped}
-    for line in lines:
-        stripped = line.strip()
-        if not stripped or stripped.startswith(_COMMENTS):
-            continue
-        cells = stripped.split(separator)
-        for column, found in stamps.items():
-            found.append(cells[column] if column < len(cells) else b"")
-            cells[column : column + 1] = [b"0"]
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            row = [_number(cell, layout.separator) for cell in cells]
-        rows.append(row if len(row) == width else [np.nan] * width)
-    numbers = np.array(rows, dtype=np.float64).reshape(len(rows), width)
-    for column, found in stamps.items():
-        numbers[:, column] = clocks[column].of_cells(found)
-    return numbers
-
-
-_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
-
-
-def _number(cell: bytes, separator: str) -> float:
-    try:
-        return float(cell if separator == "," else cell.replace(b",", b"."))
-    except ValueError:
-        return float("nan")
+        return bool(np.isfinite(self.before.again().numbers(lines)).all())
 
 
 def sample_time_of(source: str, time: FloatArray) -> float:

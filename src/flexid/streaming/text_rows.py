@@ -1,0 +1,138 @@
+"""Lines of a stream as rows of numbers, by the rules of a log's text.
+
+What a whole log shows, whether its numbers have decimal commas, a stream shows with the first
+number that has one or a point; a comma that may as well stand between thousands decides nothing,
+and is no number until then.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.recording.clock import Clock, is_stamp
+from flexid.recording.layout import BLANK, COMMENTS, Layout, split
+from flexid.recording.table import DECIMAL_COMMA, DECIMAL_POINT, THOUSANDS
+from flexid.recording.text import MINUS
+
+_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
+_COMMA = re.compile(DECIMAL_COMMA.encode())
+_POINT = re.compile(DECIMAL_POINT.encode())
+_THOUSANDS = re.compile(THOUSANDS.encode())
+_EXPONENT = bytes.maketrans(b"dD", b"ee")
+
+
+def mark_of(lines: list[bytes], layout: Layout) -> bytes:
+    """The decimal mark of some lines; empty where no number shows it.
+
+    A point decides, before any comma.
+    """
+    reader, found = RowReader(layout), b""
+    for line in lines:
+        stripped = line.strip()
+        for cell in [] if stripped.startswith(_COMMENTS) else reader.cells(stripped):
+            if _POINT.match(cell):
+                return b"."
+            if _COMMA.match(cell) and not _THOUSANDS.match(cell):
+                found = b","
+    return found
+
+
+class RowReader:
+    """Numbers of one line after the other.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the text.
+    mark : bytes, optional
+        Of decimals, as `mark_of` finds it.
+    """
+
+    def __init__(self, layout: Layout, mark: bytes = b"") -> None:
+        self._separator = None if layout.separator == BLANK else layout.separator.encode()
+        self._clocks = {column: Clock(since_1970=True) for column in layout.stamped}
+        self._mark = mark
+        self.layout = layout
+
+    def again(self) -> RowReader:
+        """A reader of another text that is written in the same way."""
+        return RowReader(self.layout, self._mark)
+
+    def numbers(self, lines: list[bytes]) -> FloatArray:
+        """Numbers of lines that are not empty nor comments, shape (n, n_columns).
+
+        A line that is no row has none, a cell that is no number is NaN.
+        """
+        width = len(self.layout.names)
+        rows = []
+        stamps: dict[int, list[bytes]] = {column: [] for column in self._clocks}
+        for line in lines:
+            stripped = line.strip()
+            if not stripped or stripped.startswith(_COMMENTS):
+                continue
+            cells = self.cells(stripped)
+            for column, found in stamps.items():
+                found.append(cells[column] if column < len(cells) else b"")
+                cells[column : column + 1] = [b"0"]
+            rows.append(self._row(cells) if len(cells) == width else [np.nan] * width)
+        numbers = np.array(rows, dtype=np.float64).reshape(len(rows), width)
+        for column, found in stamps.items():
+            numbers[:, column] = self._clocks[column].of_cells(found)
+        return numbers
+
+    def most_are_rows(self, lines: list[bytes], used: list[int]) -> bool:
+        """Whether half of some lines or more have numbers, or nothing, in the columns that count.
+
+        Numbers that are not finite are such: something else is wrong there.
+        """
+        fitting = []
+        for line in lines:
+            stripped = line.strip()
+            if stripped and not stripped.startswith(_COMMENTS):
+                cells = self.cells(stripped)
+                is_whole = len(cells) == len(self.layout.names)
+                fitting.append(is_whole and all(self._is_value(cells[column]) for column in used))
+        return 2 * sum(fitting) >= len(fitting)
+
+    def _is_value(self, cell: bytes) -> bool:
+        text = cell.decode("utf-8", "replace").strip()
+        if not text or is_stamp(text):
+            return True
+        return text.lower().lstrip("+-") == "nan" or not np.isnan(self._number(cell))
+
+    def cells(self, line: bytes) -> list[bytes]:
+        """The cells of a line, without quotation marks."""
+        if not line.isascii():
+            line = line.replace(MINUS, b"-")
+        if b'"' in line:
+            text = line.decode("utf-8", "replace")
+            return [cell.strip('"').encode() for cell in split(text, self.layout.separator)]
+        return line.split(self._separator)
+
+    def _row(self, cells: list[bytes]) -> list[float]:
+        if self._mark != b",":
+            try:
+                row = [float(cell) for cell in cells]
+            except ValueError:
+                return [self._number(cell) for cell in cells]
+            if not self._mark and any(b"." in cell for cell in cells):
+                self._mark = b"."
+            return row
+        return [self._number(cell) for cell in cells]
+
+    def _number(self, cell: bytes) -> float:
+        cell = cell.strip()
+        if not self._mark and b"," in cell and _COMMA.match(cell) and not _THOUSANDS.match(cell):
+            self._mark = b","
+        if self._mark == b",":
+            cell = b"?" if b"." in cell else cell.replace(b",", b".")
+        try:
+            number = float(cell.translate(_EXPONENT))
+        except ValueError:
+            return float("nan")
+        if b"." in cell:
+            self._mark = self._mark or b"."
+        return number
