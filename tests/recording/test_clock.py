@@ -87,7 +87,7 @@ def test_a_date_in_a_column_of_its_own(tmp_path: Path):
     cells = zip(moments(), CELLS["motor_position"], CELLS["motor_torque"], strict=True)
     rows = [f"{t:%Y-%m-%d},{t:%H:%M:%S.%f},{a},{b}" for t, a, b in cells]
     path = tmp_path / "log.csv"
-    path.write_text("\n".join(["date,time,motor_position,motor_torque", *rows]))
+    path.write_text("\n".join(["Rig 7", "date,time,motor_position,motor_torque", *rows]))
     log = read_log(path)
     assert log.recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
     assert any("'date' not used" in warning for warning in log.warnings)

@@ -212,6 +212,15 @@ def test_a_stream_that_begins_without_numbers_is_waited_for(tmp_path: Path) -> N
     assert np.isfinite(samples[249:]).all()
 
 
+def test_a_minus_sign_behind_the_first_lines() -> None:
+    """Assert that it is one there, too."""
+    reader = LineReader("stream", fewest=4)
+    assert reader.cells(b"time,motor_position\n0,1\n1,-2\n2,3\n") is not None
+    cells = reader.cells("3,\N{MINUS SIGN}4\n".encode())
+    assert cells is not None
+    np.testing.assert_array_equal(cells, [[3.0, -4.0]])
+
+
 @pytest.mark.parametrize("parts", [1, 3, 200])
 def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
     """Assert that thousands are no decimals, whatever comes with which, and however it is cut."""

@@ -171,6 +171,9 @@ def test_thousands(tmp_path: Path) -> None:
         ("a,b\n\n1,2\n3,4\n", ("a", "b"), 3),
         ("a,b\nx,y\n", ("a", "b"), 2),
         ("a,b\nnan,1\n2,3\n", ("a", "b"), 2),
+        ("a,b,c,d\n0,1,2,3\n0,(1),(2),3\n4,5,6,7\n8,9,1,2\n", ("a", "b", "c", "d"), 2),
+        ("Rig\na,b,c,d\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "d"), 3),
+        ("Rig\na,b,c\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "unnamed 4"), 3),
     ],
 )
 def test_layout(text: str, names: tuple[str, ...], first: int) -> None:

@@ -12,7 +12,7 @@ from flexid.report.digits import value_cells
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
 from flexid.streaming.guard import Counts
 from flexid.streaming.health import Health
-from flexid.streaming.session import Session
+from flexid.streaming.session import Session, clock_words
 
 COLOURS = {
     Health.CONVERGING: "yellow",
@@ -176,7 +176,7 @@ def live_view(session: Session | None, sparks: Sparks, width: int) -> Text:
     if session is None:
         return Text("waiting for the first samples")
     lines = [
-        Text(f"flexid watch, {session.time:.6g} s"),
+        Text(f"flexid watch, {clock_words(session.time)}"),
         *laid_out(watch_parts(session, sparks), width),
     ]
     return Text("\n").join(lines)
