@@ -38,61 +38,127 @@ def plain(monkeypatch):
     return load
 
 
+def drawn(system, seed):
+    """Return a state, inputs, modes, coefficients and constants of a system."""
+    generator = np.random.default_rng(seed)
+    x = generator.uniform(0.2, 1.2, len(system.states))
+    u = generator.standard_normal(len(system.inputs))
+    modes = np.sign(x[1 : 2 * len(system.rows) : 2])
+    p = generator.uniform(0.5, 2.0, len(system.coefficients))
+    return x, u, modes, p, np.array(list(system.constants.values()))
+
+
+def columns_of(system):
+    """Return the column of each coefficient, after the state and where it began, and the next."""
+    first, k = 1 + len(system.states), len(system.coefficients)
+    return first + np.arange(k), first + k
+
+
+def slopes_of(functions, system, x, u, du, modes, p, c, at, delay):
+    """Return the derivatives of the rates of velocities and memories by the state and the rest."""
+    n = len(system.rows) + len(system.memories)
+    a, r = np.zeros((n, len(x))), np.zeros(n * functions["WIDTH"])
+    functions["slopes"](x, u, du, modes, p, c, at, delay, a, r)
+    return a, r.reshape(n, functions["WIDTH"])
+
+
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_variations_are_derivatives_of_the_right_hand_side(plain, name):
-    """Assert that every column's rate is the directional derivative of x' along that column."""
+def test_rates_are_the_model_s(plain, name):
+    """Assert that x' is that of the functions which all other kernels have."""
     system = SYSTEMS[name]
-    variations = plain(sensitivity_functions(system, "Test"))
-    model = plain(model_functions(system, "Test"))
-    n, k = len(system.states), len(system.coefficients)
-    generator = np.random.default_rng(11)
-    z = generator.uniform(0.2, 1.2, (n, 1 + n + k))
-    u, p = generator.standard_normal(len(system.inputs)), generator.uniform(0.5, 2.0, k)
-    c = np.array(list(system.constants.values()))
-    rates = np.full_like(z, np.nan)
-    variations["variation_rates"](
-        z,
-        u,
-        0.0 * u,
-        np.sign(z[1 : 2 * len(system.rows) : 2, 0]),
-        p,
-        c,
-        1 + n + np.arange(k),
-        0,
-        rates,
-    )
+    x, u, modes, p, c = drawn(system, 11)
+    rates, expected = np.empty_like(x), np.empty_like(x)
+    plain(sensitivity_functions(system, "Test"))["state_rates"](x, u, modes, p, c, rates)
+    plain(model_functions(system, "Test"))["right_hand_side"](x, u, p, c, expected)
+    assert rates == pytest.approx(expected, rel=1e-12)
 
-    def right_hand_side(x, p):
-        dx = np.empty(n)
-        model["right_hand_side"](x, u, p, c, dx)
-        return dx
 
-    assert rates[:, 0] == pytest.approx(right_hand_side(z[:, 0], p), rel=1e-12)
-    for column in range(1, 1 + n + k):
-        dx = 1e-6 * z[:, column]
-        dp = np.zeros(k)
-        if column > n:
-            dp[column - 1 - n] = 1e-6
-        high, low = right_hand_side(z[:, 0] + dx, p + dp), right_hand_side(z[:, 0] - dx, p - dp)
-        assert rates[:, column] == pytest.approx((high - low) / 2e-6, rel=1e-6, abs=1e-6)
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_slopes_are_derivatives_of_the_rates(plain, name):
+    """Assert that every derivative of a rate is that which differences show."""
+    system = SYSTEMS[name]
+    functions = plain(sensitivity_functions(system, "Test"))
+    x, u, modes, p, c = drawn(system, 12)
+    du = np.random.default_rng(13).standard_normal(len(u))
+    at, delay = columns_of(system)
+    a, r = slopes_of(functions, system, x, u, du, modes, p, c, at, delay)
+    rows = 2 * len(system.rows)
+    places = [*range(1, rows, 2), *range(rows, len(x))]
+
+    def difference(dx, dp, du):
+        ends = []
+        for step in (1e-6, -1e-6):
+            rates = np.empty_like(x)
+            functions["state_rates"](x + step * dx, u + step * du, modes, p + step * dp, c, rates)
+            ends.append(rates[places])
+        return (ends[0] - ends[1]) / 2e-6
+
+    no_x, no_p, no_u = 0.0 * x, 0.0 * p, 0.0 * u
+    for i, dx in enumerate(np.eye(len(x))):
+        assert a[:, i] == pytest.approx(difference(dx, no_p, no_u), rel=1e-6, abs=1e-6)
+    for i, dp in enumerate(np.eye(len(p))):
+        assert r[:, at[i]] == pytest.approx(difference(no_x, dp, no_u), rel=1e-6, abs=1e-6)
+    assert r[:, delay] == pytest.approx(difference(no_x, no_p, du), rel=1e-6, abs=1e-6)
 
 
 def test_a_coefficient_without_a_column_leaves_the_others_alone(plain):
     """Assert that dropping a column changes no other."""
     system = ALL["paper"]
-    rates_of = plain(sensitivity_functions(system, "Test"))["variation_rates"]
-    n, k = len(system.states), len(system.coefficients)
-    generator = np.random.default_rng(12)
-    z = generator.uniform(0.2, 1.2, (n, 1 + n + k))
-    u, p = generator.standard_normal(len(system.inputs)), generator.uniform(0.5, 2.0, k)
-    c = np.array(list(system.constants.values()))
-    full, part = np.empty_like(z), np.empty_like(z[:, :-1])
-    at = 1 + n + np.arange(k)
-    modes = np.ones(len(system.rows))
-    rates_of(z, u, 0.0 * u, modes, p, c, at, 0, full)
+    functions = plain(sensitivity_functions(system, "Test"))
+    x, u, modes, p, c = drawn(system, 12)
+    at, _ = columns_of(system)
     dropped = np.concatenate(([0], at[:-1]))
-    rates_of(np.delete(z, 1 + n, axis=1), u, 0.0 * u, modes, p, c, dropped, 0, part)
-    assert np.array_equal(part, np.delete(full, 1 + n, axis=1))
+    _, full = slopes_of(functions, system, x, u, 0.0 * u, modes, p, c, at, 0)
+    _, part = slopes_of(functions, system, x, u, 0.0 * u, modes, p, c, dropped, 0)
+    first = 1 + len(x)
+    assert np.any(part[:, 0])  # nothing is read there
+    assert np.array_equal(part[:, first:-1], full[:, first + 1 :])
+
+
+def step_of(functions, system, x, u, modes, p, c, h):
+    """Return the stages of a step of Runge-Kutta 4, and its end."""
+    stages, end = [x], x.copy()
+    for weight, reach in ((1 / 6, 0.5), (1 / 3, 0.5), (1 / 3, 1.0), (1 / 6, 0.0)):
+        rates = np.empty_like(x)
+        functions["state_rates"](stages[-1], u, modes, p, c, rates)
+        end += weight * h * rates
+        stages.append(x + reach * h * rates)
+        functions["remember"](stages[-1], x, p)
+    functions["remember"](end, x, p)
+    return [*stages[:4], end]
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_columns_are_derivatives_of_the_step(plain, name):
+    """Assert that each column after a step is the derivative of the step along that column."""
+    system = SYSTEMS[name]
+    functions = plain(sensitivity_functions(system, "Test"))
+    x, u, modes, p, c = drawn(system, 14)
+    at, n = columns_of(system)
+    width, memories, h = functions["WIDTH"], len(system.memories), 0.05
+    z = np.zeros((len(x), width))
+    z[:, 1:n] = np.random.default_rng(15).standard_normal((len(x), n - 1))
+    *stages, end = step_of(functions, system, x, u, modes, p, c, h)
+    slopes = [
+        slopes_of(functions, system, stage, u, 0.0 * u, modes, p, c, at, 0) for stage in stages
+    ]
+    a, r = (np.array(each) for each in zip(*slopes, strict=True))
+    b, q = np.zeros((4, memories, len(x))), np.zeros((4, memories * width))
+    for stage, then in enumerate([*stages[1:], end]):
+        functions["memory_slopes"](then, x, p, at, b[stage], q[stage])
+    after = z.ravel().copy()
+    functions["vary"](after, n, h, a, r.ravel(), b, q.ravel())
+    after = after.reshape(z.shape)
+    for column in range(1, n):
+        dp = np.zeros(len(p))
+        if column > len(x):
+            dp[column - 1 - len(x)] = 1.0
+        high, low = (
+            step_of(functions, system, x + e * z[:, column], u, modes, p + e * dp, c, h)[-1]
+            for e in (1e-6, -1e-6)
+        )
+        assert after[:, column] == pytest.approx((high - low) / 2e-6, rel=1e-6, abs=1e-6)
+    assert not after[:, n:].any()
 
 
 @pytest.fixture
@@ -100,10 +166,10 @@ def moved(plain):
     """Return a function: what a path from some positions to others leaves of the memories."""
     remember = plain(sensitivity_functions(TWO_MEMORIES, "Test"))["remember"]
 
-    def memories(grips, start, end, at=(0,) * 7):
-        z = np.array(end, dtype=np.float64)
-        remember(z, np.array(start, dtype=np.float64), np.array([0.0] * 5 + grips), np.array(at))
-        return z[4:]
+    def memories(grips, start, end):
+        x = np.array(end, dtype=np.float64)
+        remember(x, np.array(start, dtype=np.float64), np.array([0.0] * 5 + grips))
+        return x[4:]
 
     return memories
 
@@ -112,7 +178,7 @@ def test_memories_follow_their_law(moved):
     """Assert that a path's closed form is what the equation h' = s (w - |w| h) comes to."""
     start = np.array([0.1, 0.0, -0.2, 0.0, 0.4, -0.9])
     end = np.array([0.5, 0.0, -0.5, 0.0, np.nan, np.nan])
-    found = moved([3.0, 2.0], start[:, None], end[:, None])[:, 0]
+    found = moved([3.0, 2.0], start, end)
     h, g = 0.4, -0.9
     steps = 20000  # of Euler, whose error is then below 1e-4
     for _ in range(steps):
@@ -124,30 +190,40 @@ def test_memories_follow_their_law(moved):
 
 def test_a_path_may_be_cut(moved):
     """Assert that a path in two parts leaves what it leaves in one."""
-    start = np.array([[0.1], [0.0], [-0.2], [0.0], [0.4], [-0.9]])
-    end = np.array([[0.5], [0.0], [-0.5], [0.0], [0.0], [0.0]])
+    start = np.array([0.1, 0.0, -0.2, 0.0, 0.4, -0.9])
+    end = np.array([0.5, 0.0, -0.5, 0.0, 0.0, 0.0])
     middle = 0.7 * start + 0.3 * end
     middle[4:] = moved([3.0, 2.0], start, middle)
     whole, parts = (moved([3.0, 2.0], a, end) for a in (start, middle))
     assert parts == pytest.approx(whole, rel=1e-14)
 
 
-def test_a_path_s_derivatives_are_those_of_its_memory(moved):
-    """Assert that columns hold the derivatives by start, end and grip that differences show."""
-    generator = np.random.default_rng(3)
-    start, end = generator.standard_normal((2, 6, 3))
-    grips = np.array([3.0, 2.0])
+def test_a_path_s_derivatives_are_those_of_its_memory(plain, moved):
+    """Assert that a memory's derivatives by end, start and grip are those differences show."""
+    functions = plain(sensitivity_functions(TWO_MEMORIES, "Test"))
+    start, end = np.random.default_rng(3).standard_normal((2, 6))
+    grips, width = np.array([3.0, 2.0]), functions["WIDTH"]
+    b, q = np.zeros((2, 6)), np.zeros(2 * width)
     at = np.array([0, 0, 0, 0, 0, 1, 2])
+    functions["memory_slopes"](end, start, np.array([0.0] * 5 + grips.tolist()), at, b, q)
 
-    def at_point(column, step):
-        by_grip = grips + step * (np.arange(2) == column - 1)
-        a, b = (z[:, :1] + step * z[:, column : column + 1] for z in (start, end))
-        return moved(by_grip.tolist(), a, b)[:, 0]
+    def slope(d_start, d_end, d_grips):
+        high, low = (
+            moved((grips + e * d_grips).tolist(), start + e * d_start, end + e * d_end)
+            for e in (1e-6, -1e-6)
+        )
+        return (high - low) / 2e-6
 
-    found = moved(grips.tolist(), start, end, at)
-    for column in (1, 2):
-        slope = (at_point(column, 1e-6) - at_point(column, -1e-6)) / 2e-6
-        assert found[:, column] == pytest.approx(slope, rel=1e-7, abs=1e-8)
+    for place, along in enumerate(np.eye(6)):
+        by_end, by_start = slope(0.0, along, 0.0), slope(along, 0.0, 0.0)
+        if place < 4:
+            assert b[:, place] == pytest.approx(by_end, rel=1e-7, abs=1e-8)
+            assert -b[:, place] == pytest.approx(by_start, rel=1e-7, abs=1e-8)
+        else:
+            assert b[:, place] == pytest.approx(by_start, rel=1e-7, abs=1e-8)
+    for m, along in enumerate(np.eye(2)):
+        found = q.reshape(2, width)[:, 1 + m]
+        assert found == pytest.approx(slope(0.0, 0.0, along), rel=1e-7, abs=1e-8)
 
 
 def test_memory_is_passive(moved):
@@ -157,8 +233,8 @@ def test_memory_is_passive(moved):
     for stop in generator.uniform(-1.0, 1.0, 30):
         steps = np.linspace(x, stop, 400)
         for a, b in pairwise(steps.tolist()):
-            start = [[a], [0.0], [0.0], [0.0], [h], [0.0]]
-            after = float(moved([grip, 1.0], start, [[b], *start[1:]])[0, 0])
+            start = [a, 0.0, 0.0, 0.0, h, 0.0]
+            after = float(moved([grip, 1.0], start, [b, *start[1:]])[0])
             work += 0.5 * (h + after) * (b - a)
             h = after
             assert abs(h) <= 1.0

@@ -134,7 +134,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         lambda: simulate_ensemble([loop()], 0.02, stiff=False),
         LOOP | {"sin_cos", "lanes", "lane_measures", "dopri5"},
     ),
-    "segments": (equations, {"bound", "runge_kutta", "prediction_error"}),
+    "segments": (equations, {"bound", "runge_kutta", "dry_motion", "prediction_error"}),
     "least squares": (
         lambda: filtered_least_squares([samples()], JOINT, 20.0),
         {"state_variable_filter"},
@@ -163,7 +163,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     "Kalman filter": (
         lambda: estimate(extended_kalman_filter(JOINT, H, 1e-4)),
         # Beside it least squares runs, from which it starts.
-        ROWS | {"filtered_rows", "bound", "runge_kutta", "prediction_error", "extended_kalman"},
+        ROWS | {"filtered_rows", "bound", "runge_kutta", "dry_motion", "extended_kalman"},
     ),
 }
 

@@ -1,6 +1,6 @@
 """Source of the functions every kernel of a model shares: regressors and right-hand side."""
 
-from flexid.derivation.source import IMPORTS, assignments, function, unpack
+from flexid.derivation.source import DECORATORS, IMPORTS, assignments, function, unpack
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
@@ -19,7 +19,7 @@ constants     {", ".join(system.constants) or "none"}
 
 import numpy as np
 from numba import njit
-
+{DECORATORS}
 N_STATES = {len(system.states)}
 N_ROWS = {len(system.rows)}
 N_INPUTS = {len(system.inputs)}

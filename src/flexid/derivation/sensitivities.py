@@ -9,6 +9,10 @@ All of them are the columns of one matrix: first x, then ∂x/∂s, then ∂x/�
 are not sought need no column. One more column may hold the derivative by the delay of the inputs,
 whose source is (∂f/∂u) du, with du the derivative of the inputs by that delay.
 
+A step of Runge-Kutta 4 takes the state first. Its derivatives then follow along the same four
+stages, each column for itself: it is linear in the column, so that what costs (∂f/∂x, ∂f/∂p) is
+computed once for all columns, and the columns are worked on side by side by one instruction.
+
 The sign of a row's own velocity is the row's *mode*, which the kernel sets: a dry friction is
 smooth while the joint slides to one side.
 
@@ -27,15 +31,17 @@ import sympy as sp
 
 from flexid.derivation.model_functions import module_header
 from flexid.derivation.source import assignments, function, unpack
-from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
+from flexid.derivation.symbolic import SymbolicMemory, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
 KNOWN = -1
 """Stands in ``DRY`` for a known part with dry friction, which has no coefficient."""
 
+_TOGETHER = 8  # columns that one instruction may take
+
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
-    """Header, ``DRY``, ``remember(z, start, p, at)`` and ``variation_rates(z, u, ..., dz)``.
+    """Header, ``WIDTH``, ``DRY`` and the functions of the state and of its derivatives.
 
     Parameters
     ----------
@@ -47,15 +53,33 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     Returns
     -------
     str
-        A module with the sizes of the model and ``variation_rates(z, u, du, m, p, c, at, delay,
-        dz)``, which fills dz = z' for the matrix z of shape (N_STATES, n_columns); at[i] is the
-        column of coefficient i, or 0 if it has none, `delay` that of the inputs' delay, m[j] the
-        mode of row j. ``DRY[j]`` holds the places of the coefficients of row j that multiply its
-        mode, and `KNOWN` if its known part does. ``remember`` fills the memories of z from its
-        positions and from all that was at the start of a step. A z of one column is x alone.
+        A module with the sizes of the model. ``DRY[j]`` holds the places of the coefficients of
+        row j that multiply its mode, and `KNOWN` if its known part does.
+
+        ``state_rates(x, u, m, p, c, dx)`` fills dx = x'; m[j] is the mode of row j. ``remember(x,
+        start, p)`` sets the memories of x from its positions and from all that was at the start
+        of a step.
+
+        ``slopes(x, u, du, m, p, c, at, delay, a, r)`` fills a = ∂f/∂x and r = ∂f/∂p of the rows
+        and memories. at[i] is the column of coefficient i, or 0 if it has none: nothing is read
+        there; `delay` is that of the inputs' delay. ``memory_slopes(x, start, p, at, a, r)`` does
+        the same for what ``remember`` sets.
+
+        ``vary(z, n, step, a, r, b, q)`` brings the first n columns of z but the state itself over
+        a step in s: a and r of each of the four stages, b and q of the memories at the three later
+        stages and at the end. All arrays of columns have `WIDTH` of them and are flat, so that
+        where a row of them begins is known when it is compiled.
     """
     symbolic = _with_modes(symbolic_system(system))
-    parts = (_dry(symbolic), _remember(symbolic), _variation_rates(symbolic))
+    parts = (
+        _sizes(symbolic),
+        _dry(symbolic),
+        _rates(symbolic),
+        _remember(symbolic),
+        _slopes(symbolic),
+        _memory_slopes(symbolic),
+        _vary(symbolic),
+    )
     return "\n\n".join((module_header(system, purpose), *parts))
 
 
@@ -86,98 +110,190 @@ def _dry(symbolic: SymbolicSystem) -> str:
     return f"DRY = {tuple(places)!r}\n"
 
 
-def _remember(symbolic: SymbolicSystem) -> str:
-    grips = len(symbolic.coefficients) - len(symbolic.memories)
-    blocks = []
-    for m, memory in enumerate(symbolic.memories):
-        place, grip = 2 * len(symbolic.rows) + m, grips + m
-        slopes = {
-            2 * j: float(cast(sp.Expr, sp.diff(memory.path, row.coordinate)))
-            for j, row in enumerate(symbolic.rows)
-            if memory.path.has(row.coordinate)
-        }
-        path = " + ".join(f"{a!r} * (_z[{i}, _j] - _start[{i}, _j])" for i, a in slopes.items())
-        blocks.append(
-            f"    _path = {path.replace('_j]', '0]')}\n"
-            f"    _d = copysign(1.0, _path)\n"
-            f"    _e = exp(-_p[{grip}] * abs(_path))\n"
-            f"    _left = (_start[{place}, 0] - _d) * _e\n"
-            f"    _z[{place}, 0] = _d + _left\n"
-            f"    for _j in range(1, _z.shape[1]):\n"
-            f"        _step = {path}\n"
-            f"        _z[{place}, _j] = _e * _start[{place}, _j]\n"
-            f"        _z[{place}, _j] -= _left * _d * _p[{grip}] * _step\n"
-            f"    if _z.shape[1] > 1 and _at[{grip}]:\n"
-            f"        _z[{place}, _at[{grip}]] -= _left * abs(_path)"
-        )
-    return function(
-        "remember(_z, _start, _p, _at)",
-        "Memories in every column of _z after the path from _start.  # Dahl (1968)",
-        "\n".join(blocks) or "    pass",
-    )
+def _sizes(symbolic: SymbolicSystem) -> str:
+    columns = 1 + len(symbolic.states) + len(symbolic.coefficients) + 1
+    width = _TOGETHER * -(-columns // _TOGETHER)
+    return f"N_MEMORIES = {len(symbolic.memories)}\nWIDTH = {width}\n"
 
 
-def _variation_rates(symbolic: SymbolicSystem) -> str:
-    targets: list[str] = []
-    expressions: list[sp.Expr] = []
-    loop, sources, delayed = [], [], []
-    coefficient = 0
-    for j, row in enumerate(symbolic.rows):
-        jacobian = {
-            place: derivative(row.acceleration, state)
-            for place, state in enumerate(symbolic.states)
-            if row.acceleration.has(state)
-        }
-        targets += [f"_dz[{2 * j + 1}, 0]", *(f"_a{j}_{place}" for place in jacobian)]
-        expressions += [row.acceleration, *jacobian.values()]
-        gains = {i: derivative(row.acceleration, u) for i, u in enumerate(symbolic.inputs)}
-        gains = {i: gain for i, gain in gains.items() if gain != 0}
-        targets += [f"_g{j}_{i}" for i in gains]
-        expressions += list(gains.values())
-        delayed += [f"            _dz[{2 * j + 1}, _delay] += _g{j}_{i} * _du[{i}]" for i in gains]
-        products = [f"_a{j}_{place} * _z[{place}, _j]" for place in jacobian]
-        loop.append(f"        _dz[{2 * j}, _j] = _z[{2 * j + 1}, _j]")
-        loop.append(f"        _dz[{2 * j + 1}, _j] = {' + '.join(products) or '0.0'}")
-        for i, regressor in enumerate(row.regressor):
-            targets.append(f"_r{j}_{i}")
-            expressions.append(regressor)
-            sources.append(
-                f"        if _at[{coefficient}]:\n"
-                f"            _dz[{2 * j + 1}, _at[{coefficient}]] += _r{j}_{i}"
-            )
-            coefficient += 1
-    for m, memory in enumerate(symbolic.memories):
-        place = 2 * len(symbolic.rows) + m
-        jacobian = {
-            i: derivative(memory.rate, state)
-            for i, state in enumerate(symbolic.states)
-            if memory.rate.has(state)
-        }
-        targets += [f"_dz[{place}, 0]", *(f"_b{m}_{i}" for i in jacobian), f"_s{m}"]
-        by_grip = derivative(memory.rate, memory.grip)
-        expressions += [memory.rate, *jacobian.values(), by_grip]
-        products = [f"_b{m}_{i} * _z[{i}, _j]" for i in jacobian]
-        loop.append(f"        _dz[{place}, _j] = {' + '.join(products)}")
-        sources.append(
-            f"        if _at[{coefficient}]:\n            _dz[{place}, _at[{coefficient}]] += _s{m}"
-        )
-        coefficient += 1
-    states = [f"    {name} = _z[{place}, 0]" for place, name in enumerate(symbolic.states)]
-    return function(
-        "variation_rates(_z, _u, _du, _m, _p, _c, _at, _delay, _dz)",
-        "_dz = _z' for the columns x, ∂x/∂s, ∂x/∂p of _z.  # Huang (2003), eq. (1)",
-        "\n".join(states),
+def _variables(symbolic: SymbolicSystem) -> tuple[str, ...]:
+    return (
+        unpack("_x", symbolic.states),
         unpack("_m", [_mode(j) for j in range(len(symbolic.rows))]),
         unpack("_u", symbolic.inputs),
         unpack("_p", symbolic.coefficients),
         unpack("_c", symbolic.constants),
+    )
+
+
+def _rates(symbolic: SymbolicSystem) -> str:
+    targets = [f"_dx[{place}]" for place in range(len(symbolic.states))]
+    return function(
+        "state_rates(_x, _u, _m, _p, _c, _dx)",
+        "_dx = x' for modes _m, coefficients _p and constants _c.  # Huang (2003), eq. (1)",
+        *_variables(symbolic),
+        assignments(targets, symbolic.right_hand_side),
+        decorator="inlined",
+    )
+
+
+def _path(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
+    """How far a memory's path goes with each position, by the place of that among the states."""
+    return {
+        2 * j: float(cast(sp.Expr, sp.diff(memory.path, row.coordinate)))
+        for j, row in enumerate(symbolic.rows)
+        if memory.path.has(row.coordinate)
+    }
+
+
+def _along_path(symbolic: SymbolicSystem, m: int) -> str:
+    """Lines that find where the path of a memory leads, and what is left of where it began."""
+    place, grip = _places_of(symbolic, m)
+    slopes = _path(symbolic, symbolic.memories[m]).items()
+    return (
+        f"    _path = {' + '.join(f'{a!r} * (_x[{i}] - _start[{i}])' for i, a in slopes)}\n"
+        f"    _d = copysign(1.0, _path)\n"
+        f"    _e = exp(-_p[{grip}] * abs(_path))\n"
+        f"    _left = (_start[{place}] - _d) * _e"
+    )
+
+
+def _places_of(symbolic: SymbolicSystem, m: int) -> tuple[int, int]:
+    """Places of a memory among the states, and of its grip among the coefficients."""
+    grips = len(symbolic.coefficients) - len(symbolic.memories)
+    return 2 * len(symbolic.rows) + m, grips + m
+
+
+def _remember(symbolic: SymbolicSystem) -> str:
+    blocks = []
+    for m in range(len(symbolic.memories)):
+        place, _ = _places_of(symbolic, m)
+        blocks.append(f"{_along_path(symbolic, m)}\n    _x[{place}] = _d + _left")
+    return function(
+        "remember(_x, _start, _p)",
+        "Memories of _x after the path from _start.  # Dahl (1968)",
+        "\n".join(blocks) or "    pass",
+        decorator="inlined",
+    )
+
+
+def _memory_slopes(symbolic: SymbolicSystem) -> str:
+    blocks = []
+    for m, memory in enumerate(symbolic.memories):
+        place, grip = _places_of(symbolic, m)
+        lines = [_along_path(symbolic, m), f"    _b[{m}, {place}] = _e"]
+        lines += [
+            f"    _b[{m}, {i}] = -_left * _d * _p[{grip}] * {slope!r}"
+            for i, slope in _path(symbolic, memory).items()
+        ]
+        lines.append(f"    _q[{m} * WIDTH + _at[{grip}]] = -_left * abs(_path)")
+        blocks.append("\n".join(lines))
+    return function(
+        "memory_slopes(_x, _start, _p, _at, _b, _q)",
+        "Derivatives of the memories of _x by where the path began and ended, and by its grip.",
+        "\n".join(blocks) or "    pass",
+        decorator="inlined",
+    )
+
+
+def _equations(symbolic: SymbolicSystem) -> list[tuple[sp.Expr, dict[int, sp.Expr]]]:
+    """Rates of velocities and memories, each with its derivatives by the states, by place."""
+    rates = [row.acceleration for row in symbolic.rows]
+    rates += [memory.rate for memory in symbolic.memories]
+    return [
+        (
+            rate,
+            {
+                place: derivative(rate, state)
+                for place, state in enumerate(symbolic.states)
+                if rate.has(state)
+            },
+        )
+        for rate in rates
+    ]
+
+
+def _slopes(symbolic: SymbolicSystem) -> str:
+    targets: list[str] = []
+    expressions: list[sp.Expr] = []
+    coefficients = list(symbolic.coefficients)
+    delayed = []
+    for j, (rate, jacobian) in enumerate(_equations(symbolic)):
+        targets += [f"_a[{j}, {place}]" for place in jacobian]
+        expressions += jacobian.values()
+        for i, coefficient in enumerate(coefficients):
+            if rate.has(coefficient):
+                targets.append(f"_r[{j} * WIDTH + _at[{i}]]")
+                expressions.append(derivative(rate, coefficient))
+        gains = [(i, derivative(rate, u)) for i, u in enumerate(symbolic.inputs)]
+        products = [f"_g{j}_{i} * _du[{i}]" for i, gain in gains if gain != 0]
+        if products:
+            targets += [f"_g{j}_{i}" for i, gain in gains if gain != 0]
+            expressions += [gain for _, gain in gains if gain != 0]
+            delayed.append(f"        _r[{j} * WIDTH + _delay] = {' + '.join(products)}")
+    return function(
+        "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
+        "Derivatives of the rates of velocities and memories: _a by the states, _r by the rest.",
+        *_variables(symbolic),
         assignments(targets, expressions),
-        "\n".join(f"    _dz[{2 * j}, 0] = {row.velocity}" for j, row in enumerate(symbolic.rows)),
-        "    for _j in range(1, _z.shape[1]):",
-        "\n".join(loop),
-        "    if _z.shape[1] > 1:",
-        "\n".join(sources),
-        "        if _delay:\n" + ("\n".join(delayed) or "            pass"),
+        "    if _delay:",
+        "\n".join(delayed) or "        pass",
+        decorator="inlined",
+    )
+
+
+def _vary(symbolic: SymbolicSystem) -> str:
+    """Four stages of one column, written out: the loop over columns has nothing inside."""
+    rows, memories = len(symbolic.rows), len(symbolic.memories)
+    size = len(symbolic.states)
+    equations = _equations(symbolic)[:rows]
+    paths = [sorted(_path(symbolic, memory)) for memory in symbolic.memories]
+    ahead: list[str] = []
+    body: list[str] = [f"        _s{i} = _z[{i} * WIDTH + _j]" for i in range(size)]
+
+    def known(name: str, source: str) -> str:
+        ahead.append(f"    {name} = {source}")
+        return name
+
+    at = "_s"  # the names of the column's states at a stage
+    for stage in range(4):
+        for j, (_, jacobian) in enumerate(equations):
+            products = [f"_r[({stage} * {rows + memories} + {j}) * WIDTH + _j]"]
+            products += [
+                f"{known(f'_a{stage}_{j}_{i}', f'_a[{stage}, {j}, {i}]')} * {at}{i}"
+                for i in jacobian
+            ]
+            body.append(f"        _k{stage}_{2 * j} = {at}{2 * j + 1}")
+            body.append(f"        _k{stage}_{2 * j + 1} = {' + '.join(products)}")
+        if stage < 3:
+            reach = "_half" if stage < 2 else "_step"
+            then = f"_t{stage}_"
+            for i in range(2 * rows):
+                body.append(f"        {then}{i} = _s{i} + {reach} * _k{stage}_{i}")
+        else:
+            then = "_y"
+            for i in range(2 * rows):
+                total = f"_k0_{i} + 2.0 * (_k1_{i} + _k2_{i}) + _k3_{i}"
+                body.append(f"        {then}{i} = _s{i} + _sixth * ({total})")
+        for m, path in enumerate(paths):
+            place = 2 * rows + m
+            kept = known(f"_b{stage}_{m}_{place}", f"_b[{stage}, {m}, {place}]")
+            terms = [f"_q[({stage} * {memories} + {m}) * WIDTH + _j]", f"{kept} * _s{place}"]
+            terms += [
+                f"{known(f'_b{stage}_{m}_{i}', f'_b[{stage}, {m}, {i}]')} * ({then}{i} - _s{i})"
+                for i in path
+            ]
+            body.append(f"        {then}{place} = {' + '.join(terms)}")
+        at = then
+    body += [f"        _z[{i} * WIDTH + _j] = _y{i}" for i in range(size)]
+    return function(
+        "vary(_z, _n, _step, _a, _r, _b, _q)",
+        "Columns 1 to _n - 1 of _z after a step, along the four stages of the state.",
+        "    _half = 0.5 * _step\n    _sixth = _step / 6.0",
+        "\n".join(ahead),
+        "    for _j in range(1, _n):",
+        "\n".join(body),
+        decorator="uncounted",
     )
 
 

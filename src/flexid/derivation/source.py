@@ -93,9 +93,23 @@ def unpack(array: str, symbols: Sequence[sp.Symbol], indent: str = "    ") -> st
     return "\n".join(f"{indent}{name} = {array}[{place}]" for place, name in enumerate(symbols))
 
 
-def function(signature: str, docstring: str, *body: str, options: str = "") -> str:
+DECORATORS = """
+# References to arrays are counted, by atomic instructions, wherever an array is taken out of a
+# tuple. At every stage of a step this costs more than the mathematics, and what allocates nothing
+# does not need it.
+uncounted = njit(cache=True, error_model="numpy", _nrt=False)
+inlined = njit(cache=True, error_model="numpy", forceinline=True, _nrt=False)
+"""
+"""How functions are compiled that run at every stage of a step: they allocate nothing."""
+
+
+def function(
+    signature: str,
+    docstring: str,
+    *body: str,
+    decorator: str = 'njit(cache=True, error_model="numpy")',
+) -> str:
     """A compiled function from its signature, its docstring and blocks of indented lines."""
     blocks = "\n".join(block for block in body if block)
-    jit = f'@njit(cache=True, error_model="numpy"{options})'
-    head = f'{jit}\ndef {signature}:\n    """{docstring}"""'
+    head = f'@{decorator}\ndef {signature}:\n    """{docstring}"""'
     return f"{head}\n{blocks}\n"

@@ -171,7 +171,7 @@ def extended_kalman_filter(
         beside = recursive_least_squares(system, sample_time, filter_rate, hold)
     else:
         beside = least_squares_observer(system, sample_time, hold)
-    templates = ["bound", "runge_kutta", "prediction_error", "extended_kalman"]
+    templates = ["bound", "runge_kutta", "dry_motion", "extended_kalman"]
     kernel = load_kernel("extended_kalman", [system.digest], build, templates)
     velocity = 0.0 if velocity_noise is None else velocity_noise
     settings = [sample_time, float(hold == "zero"), float(velocity_noise is not None)]

@@ -208,17 +208,22 @@ class SegmentedMotion:
     def _jacobians(self, states: FloatArray, coefficients: FloatArray) -> FloatArray:
         """Derivatives of the rates by the states, about a state at the start of each segment."""
         kernel = self._kernel
-        columns = np.eye(kernel.N_STATES, 1 + kernel.N_STATES, k=1)
-        none = np.zeros(kernel.N_COEFFICIENTS, dtype=np.int64)
+        n, equations = kernel.N_STATES, kernel.N_ROWS + kernel.N_MEMORIES
+        nowhere = np.zeros(kernel.N_COEFFICIENTS, dtype=np.int64)
+        rest = np.zeros(equations * kernel.WIDTH)
         inputs, modes = self.segments.inputs[self.segments.starts], np.sign(states[:, 1::2])
         still = np.zeros_like(inputs[0])
-        rates = np.empty((len(states), *columns.shape))
+        jacobians = np.zeros((len(states), n, n))
+        velocities = np.arange(1, 2 * kernel.N_ROWS, 2)
+        jacobians[:, velocities - 1, velocities] = 1.0
+        places = [*velocities.tolist(), *range(2 * kernel.N_ROWS, n)]
+        found = np.zeros((equations, n))
         for s, p in enumerate(coefficients):
-            columns[:, 0] = states[s]
-            kernel.variation_rates(
-                columns, inputs[s], still, modes[s], p, self.constants, none, 0, rates[s]
+            kernel.slopes(
+                states[s], inputs[s], still, modes[s], p, self.constants, nowhere, 0, found, rest
             )
-        return rates[:, :, 1:]
+            jacobians[s, places] = found
+        return jacobians
 
     def _wanted(self) -> NDArray[np.int64]:
         """Places of the coefficients that some segment's motion is differentiated by."""
@@ -413,7 +418,7 @@ def segmented_motion(
 
         return sensitivity_functions(system, "Segmented prediction error")
 
-    templates = ["bound", "runge_kutta", "prediction_error"]
+    templates = ["bound", "runge_kutta", "dry_motion", "prediction_error"]
     kernel = load_kernel("prediction_error", [system.digest], build, templates)
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(len(segments.measured))

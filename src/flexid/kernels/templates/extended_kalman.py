@@ -6,8 +6,20 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import N_COEFFICIENTS, N_INPUTS, N_ROWS, N_STATES
-    from flexid.kernels.templates.prediction_error import Motion, cross_interval
+    from flexid.kernels.templates.dry_motion import (
+        Motion,
+        cross_interval,
+        room_for_derivatives,
+        start_derivatives,
+    )
+    from flexid.kernels.templates.generated import (
+        N_COEFFICIENTS,
+        N_INPUTS,
+        N_ROWS,
+        N_STATES,
+        WIDTH,
+    )
+    from flexid.kernels.templates.runge_kutta import room_for_a_step
 
 
 SIZE = N_STATES + N_COEFFICIENTS  # states of the model, then its coefficients
@@ -48,7 +60,8 @@ def predict(belief, inputs, settings, work):
     """Bring mean and covariance over one interval; the transition is that of the motion itself."""
     h = settings[SAMPLE_TIME]
     covariance = belief[COVARIANCE_AT:].reshape((SIZE, SIZE))
-    z, product = work[0], work[1]
+    product, derivatives, step = work
+    z = derivatives.z
     at = np.empty(N_COEFFICIENTS, np.int64)
     for i in range(N_COEFFICIENTS):
         at[i] = 1 + N_STATES + i
@@ -57,34 +70,29 @@ def predict(belief, inputs, settings, work):
         drive[j, 0] = belief[INPUTS_AT + j]
         if settings[ZERO_ORDER] == 0.0:
             drive[j, 1] = inputs[j] - belief[INPUTS_AT + j]
-    for i in range(N_STATES):
-        for j in range(1 + SIZE):
-            z[i, j] = 0.0
-        z[i, 0] = belief[i]
-        z[i, 1 + i] = 1.0
+    start_derivatives(derivatives)
+    x = belief[:N_STATES]
     # A filter corrects what it predicts at every sample: no change of mode is located in between.
     modes, dry = np.empty(N_ROWS), np.zeros(N_ROWS, np.bool_)
     for j in range(N_ROWS):
         modes[j] = np.sign(belief[2 * j + 1])
     p, c = belief[N_STATES:SIZE], settings[CONSTANTS:]
     motion = Motion(drive, modes, dry, p, c, at, 0, np.empty(N_INPUTS), np.empty(N_INPUTS))
-    arrays = work[2], work[3], work[4]
-    cross_interval(z, h, 1, motion, arrays, arrays, product)
+    cross_interval(x, derivatives, h, 1, motion, step, step)
     for i in range(N_STATES):
         for k in range(SIZE):
             value = 0.0
             for j in range(SIZE):
-                value += z[i, 1 + j] * covariance[j, k]
+                value += z[i * WIDTH + 1 + j] * covariance[j, k]
             product[i, k] = value
     for i in range(N_STATES):
-        belief[i] = z[i, 0]
         for k in range(N_STATES, SIZE):
             covariance[i, k] = product[i, k]
             covariance[k, i] = product[i, k]
         for k in range(i + 1):
             value = 0.0
             for j in range(SIZE):
-                value += product[i, j] * z[k, 1 + j]
+                value += product[i, j] * z[k * WIDTH + 1 + j]
             covariance[i, k] = value
             covariance[k, i] = value
     for j in range(N_ROWS):
@@ -122,7 +130,8 @@ def correct(belief, place, measured, noise):
 def run(belief, samples, settings, coefficients):
     """Take in samples; belief changes in place, coefficients receive the estimates."""
     width = 2 if settings[WITH_VELOCITIES] != 0.0 else 1
-    work = np.empty((5, N_STATES, 1 + SIZE))
+    derivatives = room_for_derivatives(1 + SIZE)
+    work = np.empty((N_STATES, SIZE)), derivatives, room_for_a_step()
     for n in range(samples.shape[0]):
         sample = samples[n]
         if belief[STARTED_AT] == 0.0:

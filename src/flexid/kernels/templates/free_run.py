@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.bound import BOUND
     from flexid.kernels.templates.generated import N_INPUTS, N_STATES
     from flexid.kernels.templates.held_rates import Motion
-    from flexid.kernels.templates.runge_kutta import runge_kutta
+    from flexid.kernels.templates.runge_kutta import room_for_a_step, runge_kutta
 
 
 @njit(cache=True, error_model="numpy")
@@ -19,12 +19,12 @@ def free_run(x0, u, p, c, h, held, substeps, out):
     Between samples the input is held (held = 1) or interpolated linearly (held = 0).
     Returns the number of samples written: fewer than asked for if the motion diverged.
     """
-    shape = (N_STATES, 1)
-    x, end = np.empty(shape), np.empty(shape)
-    work = end, np.empty(shape), np.empty(shape)
+    x = np.empty(N_STATES)
+    work = room_for_a_step()
+    end = work[0]
     change = np.zeros(N_INPUTS)
     for j in range(N_STATES):
-        x[j, 0] = x0[j]
+        x[j] = x0[j]
         out[0, j] = x0[j]
     room = np.empty(N_INPUTS)
     for i in range(u.shape[0] - 1):
@@ -35,9 +35,9 @@ def free_run(x0, u, p, c, h, held, substeps, out):
         for s in range(substeps):
             runge_kutta(x, s / substeps, 1.0 / substeps, h, motion, work)
             for j in range(N_STATES):
-                x[j, 0] = end[j, 0]
+                x[j] = end[j]
         for j in range(N_STATES):
-            if not abs(x[j, 0]) < BOUND:
+            if not abs(x[j]) < BOUND:
                 return i + 1
-            out[i + 1, j] = x[j, 0]
+            out[i + 1, j] = x[j]
     return u.shape[0]

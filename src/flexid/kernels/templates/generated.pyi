@@ -1,6 +1,9 @@
 # What `flexid.derivation` prints ahead of the templates, for whoever checks types. A kernel has
 # only some of it; tests/kernels/test_templates.py compares the arguments.
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +17,7 @@ LANES: int
 N_BLOCKS: int
 N_COEFFICIENTS: int
 N_INPUTS: int
+N_MEMORIES: int
 N_OBSERVED: int
 N_PARAMETERS: int
 N_ROWS: int
@@ -24,14 +28,23 @@ SAMPLE_SIZE: int
 SIZE: int
 STATE_SIZE: int
 TRACKED: int
+WIDTH: int
+
+# How functions are compiled that run at every stage of a step.
+inlined: Callable[[Any], Any]
+uncounted: Callable[[Any], Any]
 
 # Of a model.
 def regressors(_x: _Array, _u: _Array, _c: _Array, _r: _Array, _k: _Array) -> None: ...
 def right_hand_side(_x: _Array, _u: _Array, _p: _Array, _c: _Array, _dx: _Array) -> None: ...
 def sampled_parts(_x: _Array, _u: _Array, _c: _Array, _g: _Array) -> None: ...
 def velocity_factors(_c: _Array, _a: _Array) -> None: ...
-def variation_rates(
-    _z: _Array,
+def state_rates(
+    _x: _Array, _u: _Array, _m: _Array, _p: _Array, _c: _Array, _dx: _Array
+) -> None: ...
+def remember(_x: _Array, _start: _Array, _p: _Array) -> None: ...
+def slopes(
+    _x: _Array,
     _u: _Array,
     _du: _Array,
     _m: _Array,
@@ -39,9 +52,15 @@ def variation_rates(
     _c: _Array,
     _at: NDArray[np.int64],
     _delay: int,
-    _dz: _Array,
+    _a: _Array,
+    _r: _Array,
 ) -> None: ...
-def remember(_z: _Array, _start: _Array, _p: _Array, _at: NDArray[np.int64]) -> None: ...
+def memory_slopes(
+    _x: _Array, _start: _Array, _p: _Array, _at: NDArray[np.int64], _b: _Array, _q: _Array
+) -> None: ...
+def vary(
+    _z: _Array, _n: int, _step: float, _a: _Array, _r: _Array, _b: _Array, _q: _Array
+) -> None: ...
 
 # Of a closed loop.
 def outputs(_t: float, _z: _Array, _p: _Array, _y: _Array) -> None: ...

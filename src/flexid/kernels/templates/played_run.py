@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from flexid.kernels.templates.bound import BOUND
     from flexid.kernels.templates.generated import N_INPUTS, N_STATES
     from flexid.kernels.templates.held_rates import Motion
-    from flexid.kernels.templates.runge_kutta import runge_kutta
+    from flexid.kernels.templates.runge_kutta import room_for_a_step, runge_kutta
 
 
 @njit(cache=True, error_model="numpy")
@@ -22,24 +22,24 @@ def played_run(x0, command, tracked, p, c, h, substeps, states, inputs):
     samples written: fewer than asked for if the motion diverged.
     """
     torque, reference, gains = command
-    shape = (N_STATES, 1)
-    x, end = np.empty(shape), np.empty(shape)
-    work = end, np.empty(shape), np.empty(shape)
+    x = np.empty(N_STATES)
+    work = room_for_a_step()
+    end = work[0]
     u = np.zeros(N_INPUTS)
     motion = Motion(u, np.zeros(N_INPUTS), p, c, np.empty(N_INPUTS))
     for j in range(N_STATES):
-        x[j, 0] = x0[j]
+        x[j] = x0[j]
     for k in range(torque.shape[0]):
-        u[0] = torque[k] + gains[0] * (reference[k, 0] - x[tracked, 0])
-        u[0] += gains[1] * (reference[k, 1] - x[tracked + 1, 0])
+        u[0] = torque[k] + gains[0] * (reference[k, 0] - x[tracked])
+        u[0] += gains[1] * (reference[k, 1] - x[tracked + 1])
         inputs[k] = u[0]
         for j in range(N_STATES):
-            states[k, j] = x[j, 0]
+            states[k, j] = x[j]
         for _ in range(substeps):
             runge_kutta(x, 0.0, 1.0 / substeps, h, motion, work)
             for j in range(N_STATES):
-                x[j, 0] = end[j, 0]
+                x[j] = end[j]
         for j in range(N_STATES):
-            if not abs(x[j, 0]) < BOUND:
+            if not abs(x[j]) < BOUND:
                 return k + 1
     return torque.shape[0]
