@@ -8,6 +8,7 @@ delay, which can therefore be sought like any coefficient.
 """
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from flexid.arrays import FloatArray
 from flexid.recording.recording import Hold
@@ -49,10 +50,13 @@ def held_input(inputs: FloatArray, sample_time: float, hold: Hold, delay: float)
     mean_slope = (before - after) / sample_time
     moment_slope = (mean - after) / sample_time
     taps = np.column_stack((*_line(mean, moment), *_line(mean_slope, moment_slope)))
-    places = np.arange(len(inputs))[:, None] - whole - _OFFSETS.astype(np.int64)
-    used = np.flatnonzero(np.any(taps != 0.0, axis=1))
-    around = inputs[np.clip(places[:, used], 0, len(inputs) - 1)]
-    return np.ascontiguousarray(np.einsum("nou,ol->nul", around, taps[used]))
+    # The samples about an interval stand in turn, and the largest offset is that of the earliest.
+    earliest = int(_OFFSETS[-1]) + whole
+    room = abs(earliest) + len(_OFFSETS)
+    padded = np.pad(inputs, ((room, room), (0, 0)), mode="edge")[room - earliest :]
+    around = sliding_window_view(padded, len(_OFFSETS), axis=0)[: len(inputs)]
+    lines = around.reshape(-1, len(_OFFSETS)) @ taps[::-1]
+    return lines.reshape(*inputs.shape, 4)
 
 
 def _line(mean: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray]:
