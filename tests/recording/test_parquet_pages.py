@@ -201,6 +201,15 @@ def test_nested_deep():
         shape_of(io.BytesIO(by_hand(footer={9: inner})))
 
 
+@pytest.mark.parametrize("kind", [7, 8, 9, 12])
+def test_a_list_that_promises_more_than_there_is(kind: int):
+    """Assert that a list of 2^62 of anything ends where the file does."""
+    footer = bytes([0x19, 0xF0 | kind]) + varint(2**62)
+    raw = b"PAR1" + footer + len(footer).to_bytes(4, "little") + b"PAR1"
+    with pytest.raises(DamagedError):
+        shape_of(io.BytesIO(raw))
+
+
 def test_what_it_saves_from(tmp_path: Path):
     """Assert that the same file ends a process that hands it to Polars unchecked."""
     path = tmp_path / "log.parquet"

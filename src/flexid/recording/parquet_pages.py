@@ -196,7 +196,8 @@ class _Thrift:
         return self._data[self.place - 1]
 
     def _bytes(self, count: int) -> bytes:
-        self.place += count  # perhaps beyond the end, where no byte can be read any more
+        self.place += count
+        _require(self.place <= len(self._data))  # or a list of billions would be read from nothing
         return self._data[self.place - count : self.place]
 
     def _varint(self) -> int:
