@@ -51,13 +51,10 @@ Derivatives = namedtuple("Derivatives", "z n by_state by_rest kept_by_state kept
 
 @njit(cache=True, error_model="numpy")
 def room_for_derivatives(n):
-    """Derivatives of n - 1 columns, by the start of the segment at it."""
-    z = np.zeros(N_STATES * WIDTH)
-    for i in range(N_STATES):
-        z[i * WIDTH + 1 + i] = 1.0
+    """Arrays for derivatives in n - 1 columns."""
     equations = N_ROWS + N_MEMORIES
     return Derivatives(
-        z,
+        np.zeros(N_STATES * WIDTH),
         n,
         np.zeros((4, equations, N_STATES)),
         np.zeros(4 * equations * WIDTH),
