@@ -1,5 +1,6 @@
 """Times as stamps, as times of day, and as numbers that count from long ago."""
 
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -122,6 +123,12 @@ def test_a_bad_stamp_among_good_ones(tmp_path: Path, cell: str, words: str):
             "runs backwards.*winter time, log the time in UTC",
         ),
         (
+            [f"{t:%H:%M:%S}.{t.microsecond // 100}" for t in moments()],
+            r"runs backwards.*'00:00:00\.\d+' may lack zeros behind the point",
+        ),
+        ([f"{t:%M:%S.%f}" for t in moments()], r"'59:59\.950000' is a date or a time of day"),
+        ([f"{t:%Y%m%dT%H%M%S.%f}" for t in moments()], "is a date or a time of day"),
+        (
             [f"{t:%m/%d/%Y %I:%M:%S.%f %p}" for t in moments()],
             "is a date or a time of day.*such as",
         ),
@@ -131,6 +138,17 @@ def test_stamps_that_do_not_do(tmp_path: Path, stamps: list[str], words: str):
     """Assert that whole seconds, an hour that comes twice and American dates get a remedy."""
     with pytest.raises(RecordingError, match=words):
         read_log(written(tmp_path, stamps))
+
+
+def test_blanks_between_date_and_time_as_between_columns(tmp_path: Path):
+    """Assert that this is said, and that a T between them is the remedy."""
+    text = text_of([*map(FORMS["blank"], moments())]).replace(";", " ")
+    path = tmp_path / "log.txt"
+    path.write_text(text)
+    with pytest.raises(RecordingError, match="line 2: blanks stand between date and time as betw"):
+        read_log(path)
+    path.write_text(re.sub(r"(2024-05-0\d) ", r"\1T", text))
+    assert read_log(path).recordings[0].sample_time == pytest.approx(2e-4, rel=1e-12)
 
 
 def test_the_summer_begins(tmp_path: Path):

@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 from flexid.errors import RecordingError
-from flexid.recording.clock import is_stamp
+from flexid.recording.clock import EXAMPLE, is_stamp
 from flexid.recording.names import split_header
 from flexid.recording.units import is_usual
 
@@ -18,6 +18,9 @@ COMMENTS = ("#", "%", "//")
 LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
 LONGEST_LINE = 1_000_000  # bytes
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
+
+
+_DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\s+[+-]?[\d.]")
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,14 @@ def layout_of(file: str, text: bytes) -> Layout:
                 f"line {first.number}",
                 "this is JSON: write a header with the column names, and a line of numbers for "
                 "each sample",
+            )
+        dated = next((line for line in plain if _DATE_AND_BLANKS.match(line.text)), None)
+        if dated is not None:
+            raise RecordingError(
+                file,
+                f"line {dated.number}",
+                "blanks stand between date and time as between columns: write a T there, as in "
+                f"{EXAMPLE}",
             )
         separator = _header_separator(first.text)
         return _layout(file, lines, _Parts(first, None, separator, first.number + 1, first.end))

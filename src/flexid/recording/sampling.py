@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError, SettingError
+from flexid.recording.clock import is_stamp
 
 if TYPE_CHECKING:
     from flexid.arrays import FloatArray
@@ -66,6 +67,12 @@ def check_increasing(table: Table, column: str, time: FloatArray) -> None:
     )
     if abs(time[index] - time[index - 1] + 3600.0) < 1.0:
         reason += "; if the clock was set to winter time, log the time in UTC"
+    elif (
+        time[index] < time[index - 1]
+        and column in table.names
+        and is_stamp(cell := str(table.frame[column][index]))
+    ):
+        reason += f"; {cell.strip()!r} may lack zeros behind the point"
     raise RecordingError(table.file, table.place(index, column), reason)
 
 

@@ -247,5 +247,5 @@ def sample_time_of(source: str, time: FloatArray) -> float:
         source,
         "time",
         "its first time stamps do not increase as those of a drive do: name the unit of the time, "
-        "as in [ms], or give the sample time",
+        "as in [ms], write it with more digits, or give the sample time",
     )
