@@ -257,7 +257,8 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
         capture_output=True, text=True, errors="replace", check=False,
         env={**os.environ, "MALLOC_PERTURB_": "165"},  # who reads memory that nobody set, notices
     )  # fmt: skip
-    (folder / "log.txt").write_text(done.stderr)
+    said = done.stdout + done.stderr
+    (folder / "log.txt").write_text(said)
     runs = re.findall(r"#(\d+)\s.*cov: (\d+)", done.stderr)
     counts = json.loads((folder / "tally.json").read_text())
     tally = Tally(read=counts["read"], seconds=time.perf_counter() - begun)
@@ -268,8 +269,8 @@ def _guided(name: str, seconds: float, seed: int, keep: Path) -> Tally:
     tally.refused = files - tally.read
     tally.growth = max(map(float, re.findall(r"rss: (\d+)Mb", done.stderr)))
     if done.returncode:
-        found = re.findall(r"FoundError: (.*)|ERROR: libFuzzer: (.*)", done.stderr)
-        fault = next(filter(None, found[-1]), "") if found else f"exit status {done.returncode}"
+        found = re.findall(r"FoundError: (.*)|ERROR: libFuzzer: (.*)", said)
+        fault = next(filter(None, found[0]), "") if found else f"exit status {done.returncode}"
         tally.faults.append(fault)
     return tally
 

@@ -107,6 +107,15 @@ def test_a_switched_input_does_not_overshoot(tmp_path: Path) -> None:
     assert np.abs(recording.needed_input).max() <= 1.0
 
 
+def test_an_input_that_changes_by_next_to_nothing(tmp_path: Path) -> None:
+    """Assert that a change whose inverse is beyond every number is read without a warning."""
+    columns = jittered(0.08)
+    columns["motor_torque"] = np.sign(columns["motor_torque"])
+    columns["motor_torque"][5:9] = [0.0, 5e-324, 1e-323, 1.5e-323]
+    (recording,) = read_log(write_csv(tmp_path, columns)).recordings
+    assert np.isfinite(recording.needed_input).all()
+
+
 def test_uneven_time(tmp_path: Path) -> None:
     """Assert that more jitter is refused with the range of the steps."""
     with pytest.raises(RecordingError, match=r"column 'time': the time steps vary between .* ms: "):

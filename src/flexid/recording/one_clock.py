@@ -10,7 +10,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.recording.names import quoted
-from flexid.recording.sampling import EVEN, GAP
+from flexid.recording.sampling import EVEN, GAP, interpolated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -111,7 +111,10 @@ def on_one_clock(
         if signal.held and ratio > _SAME_RATE:
             filtered.append(signal.header)
             signal = signal._replace(values=_slow(clocks[signal.clock], signal.values, ratio))
-        columns[signal.header] = _at(clocks[signal.clock], signal, times[usable])
+        stamps = clocks[signal.clock]
+        columns[signal.header] = interpolated(
+            stamps, signal.values, times[usable], held=signal.held
+        )
     moved = [signal.header for signal in signals if signal.clock in apart]
     warnings = ()
     if moved:
@@ -190,10 +193,3 @@ def _check_wraps(file: str, signal: Signal, chosen: str) -> None:
             f"it jumps, as an absolute encoder does that wraps, and cannot be interpolated to the "
             f"times of {chosen!r}: unwrap it, or log the two together",
         )
-
-
-def _at(stamps: FloatArray, signal: Signal, times: FloatArray) -> FloatArray:
-    from scipy.interpolate import CubicSpline, PchipInterpolator
-
-    interpolator = PchipInterpolator if signal.held else CubicSpline
-    return np.asarray(interpolator(stamps, signal.values)(times), dtype=np.float64)

@@ -153,12 +153,30 @@ def to_grid(
     FloatArray, shape (m,)
         At ``time[0] + sample_time * k``, as far as the time stamps reach.
     """
-    from scipy.interpolate import CubicSpline, PchipInterpolator
-
     count = int((time[-1] - time[0]) / sample_time + EVEN) + 1
     even = np.minimum(time[0] + sample_time * np.arange(count), time[-1])
+    return interpolated(time, values, even, held=held)
+
+
+def interpolated(time: FloatArray, values: FloatArray, at: FloatArray, *, held: bool) -> FloatArray:
+    """A channel at other times; one that may step is interpolated without overshoot.
+
+    Parameters
+    ----------
+    time, values : FloatArray, shape (n,)
+    at : FloatArray, shape (m,)
+    held : bool
+        Whether it may step.
+
+    Returns
+    -------
+    FloatArray, shape (m,)
+    """
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
     interpolator = PchipInterpolator if held else CubicSpline
-    return np.asarray(interpolator(time, values)(even), dtype=np.float64)
+    with np.errstate(over="ignore"):  # one over a slope next to none: the mean slope is then none
+        return np.asarray(interpolator(time, values)(at), dtype=np.float64)
 
 
 def _check_count(file: str, count: int) -> None:
