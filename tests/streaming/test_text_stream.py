@@ -84,6 +84,50 @@ def test_time_stamps_count_from_1970(parts: int):
     np.testing.assert_array_equal(samples[:, 1:], whole[:, 1:])
 
 
+def stamped(form: str) -> list[str]:
+    """The rows with time stamps for numbers."""
+    begin = datetime(2024, 5, 1, 21, 0, 0, tzinfo=UTC)
+    stamps = [(begin + k * timedelta(milliseconds=2)).strftime(form) for k in range(len(ROWS))]
+    return [stamp + row[row.index(",") :] for stamp, row in zip(stamps, ROWS, strict=True)]
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%H:%M:%S.%f", ""])
+def test_a_stream_that_is_joined_in_the_midst_of_a_line(form: str):
+    """Assert that the line costs no other sample, wherever it is cut."""
+    rows = stamped(form) if form else ROWS
+    header = HEADER.replace(" [ms]", "") if form else HEADER
+    whole = samples_of("\n".join([*rows, ""]), header=header)
+    assert np.isfinite(whole).all()
+    for cut in range(2, len(rows[0])):
+        samples = samples_of("\n".join([rows[0][cut:], *rows[1:], ""]), header=header)
+        np.testing.assert_array_equal(samples[-len(rows) + 1 :], whole[1:])
+        assert len(samples) == len(rows) - 1 or np.isnan(samples[0]).any()
+
+
+@pytest.mark.parametrize("cell", ["", "N/A", "7"])
+@pytest.mark.parametrize("parts", [1, 40])
+def test_a_stream_that_begins_without_time(cell: str, parts: int):
+    """Assert that first samples without a stamp cost no other, and that a number is none."""
+    rows = stamped("%H:%M:%S.%f")
+    without = [cell + row[row.index(",") :] for row in rows[:90]] + rows[90:]
+    header = HEADER.replace(" [ms]", "")
+    samples = samples_of("\n".join([header, *without, ""]), parts)
+    np.testing.assert_array_equal(np.isnan(samples[:, 0]), np.arange(len(rows)) < 90)
+    np.testing.assert_allclose(samples[90:, 0], 75600 + 2e-3 * np.arange(90, 300), rtol=1e-12)
+
+
+def test_a_stamp_is_no_number():
+    """Assert that a stream with too many stamps where numbers should be is refused as a log is."""
+    bad = ["10:00:00.5"] * 80 + ["N/A"] * 30
+    rows = [row[: row.rindex(",") + 1] + cell for row, cell in zip(ROWS, bad, strict=False)]
+    reader = LineReader("stream")
+    reader.cells("\n".join([HEADER, *ROWS[:90], *rows, ""]).encode())
+    assert reader.layout is not None
+    columns = stream_columns("stream", reader.layout, None)
+    with pytest.raises(RecordingError, match=r"line 92, column 'motor_position .*10:00:00.5"):
+        reader.check_head(columns, None)
+
+
 def test_a_line_that_is_no_row_is_a_sample_without_numbers():
     """Assert that text, a short line and an empty cell are counted as samples, not skipped."""
     rows = [*ROWS]

@@ -42,7 +42,8 @@ class Layout:
     skipped : tuple of (int, int)
         First and last line of a preamble that is no comment; empty without one.
     stamped : tuple of int
-        Columns that begin with a date and a time, or a time of day.
+        Columns of dates with times, or of times of day; of a stream alone, which has no more than
+        its first lines to know them by.
     """
 
     names: tuple[str, ...]
@@ -122,7 +123,7 @@ def layout_of(file: str, text: bytes) -> Layout:
                 "blanks stand between date and time as between columns: write a T there, as in "
                 f"{EXAMPLE}",
             )
-        separator = _header_separator(first.text)
+        separator = header_separator(first.text)
         return _layout(file, lines, _Parts(first, None, separator, first.number + 1, first.end))
     first, separator, width = found
     if not split(first.text, separator)[-1]:
@@ -260,7 +261,7 @@ def _bare(line: _Line) -> str:
     return line.text.lstrip(" #%/") if line.is_comment else line.text
 
 
-def _header_separator(header: str) -> str:
+def header_separator(header: str) -> str:
     """The separator that occurs most often in a header, outside units and quotes."""
     bare = re.sub(r"\[[^\[\]]*\]|\([^()]*\)|\"[^\"]*\"", "", header)
     return max(",;\t|", key=bare.count)
@@ -291,12 +292,9 @@ def _layout(file: str, lines: list[_Line], parts: _Parts) -> Layout:
             file, place, f"the column {twice[0]!r} stands there twice: rename or remove one"
         )
     before = [line.number for line in lines if line.number < header.number and not line.is_comment]
-    first = next((line for line in lines if line.number == parts.first_line), None)
-    cells = split(first.text, separator) if first is not None else []
     return Layout(
         tuple(names), separator, header.number, parts.first_line, parts.start,
         (before[0], before[-1]) if before else (),
-        tuple(column for column, cell in enumerate(cells) if is_stamp(cell)),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.recording.clock import Clock, is_stamp
-from flexid.recording.layout import BLANK, COMMENTS, Layout, split
+from flexid.recording.layout import BLANK, COMMENTS, Layout, is_number, split
 from flexid.recording.table import DECIMAL_COMMA, DECIMAL_POINT, THOUSANDS
 from flexid.recording.text import MINUS
 
@@ -21,6 +21,7 @@ _COMMENTS = tuple(mark.encode() for mark in COMMENTS)
 _COMMA = re.compile(DECIMAL_COMMA.encode())
 _POINT = re.compile(DECIMAL_POINT.encode())
 _THOUSANDS = re.compile(THOUSANDS.encode())
+_FIRST_STAMPS = 5  # by which one of them the others are read
 _EXPONENT = bytes.maketrans(b"dD", b"ee")
 
 
@@ -40,6 +41,23 @@ def mark_of(lines: list[bytes], layout: Layout) -> bytes:
     return found
 
 
+def stamped_in(lines: list[bytes], layout: Layout) -> tuple[int, ...]:
+    """Columns of some lines with more time stamps than numbers.
+
+    The first line alone says nothing: a stream may be joined in the midst of it, or begin before
+    its clock is set.
+    """
+    reader = RowReader(layout)
+    counts = [0] * len(layout.names)
+    for line in lines:
+        cells = reader.cells(line)
+        if len(cells) == len(counts):
+            for column, cell in enumerate(cells):
+                text = cell.decode("utf-8", "replace")
+                counts[column] += 1 if is_stamp(text) else -is_number(text)
+    return tuple(column for column, count in enumerate(counts) if count > 0)
+
+
 class RowReader:
     """Numbers of one line after the other.
 
@@ -54,6 +72,7 @@ class RowReader:
     def __init__(self, layout: Layout, mark: bytes = b"") -> None:
         self._separator = None if layout.separator == BLANK else layout.separator.encode()
         self._clocks = {column: Clock(since_1970=True) for column in layout.stamped}
+        self._begun: set[int] = set()  # columns of which a stamp has come
         self._mark = mark
         self.layout = layout
 
@@ -80,8 +99,17 @@ class RowReader:
             rows.append(self._row(cells) if len(cells) == width else [np.nan] * width)
         numbers = np.array(rows, dtype=np.float64).reshape(len(rows), width)
         for column, found in stamps.items():
-            numbers[:, column] = self._clocks[column].of_cells(found)
+            numbers[:, column] = self._times(column, found)
         return numbers
+
+    def _times(self, column: int, cells: list[bytes]) -> FloatArray:
+        """Seconds of the stamps of one column, counted by the first that is whole."""
+        times = np.full(len(cells), np.nan)
+        first = 0 if column in self._begun else _first_stamp(cells)
+        if first is not None:
+            self._begun.add(column)
+            times[first:] = self._clocks[column].of_cells(cells[first:])
+        return times
 
     def most_are_rows(self, lines: list[bytes], used: list[int]) -> bool:
         """Whether half of some lines or more have numbers, or nothing, in the columns that count.
@@ -94,13 +122,15 @@ class RowReader:
             if stripped and not stripped.startswith(_COMMENTS):
                 cells = self.cells(stripped)
                 is_whole = len(cells) == len(self.layout.names)
-                fitting.append(is_whole and all(self._is_value(cells[column]) for column in used))
+                fitting.append(is_whole and all(self._is_value(cells[c], c) for c in used))
         return 2 * sum(fitting) >= len(fitting)
 
-    def _is_value(self, cell: bytes) -> bool:
+    def _is_value(self, cell: bytes, column: int) -> bool:
         text = cell.decode("utf-8", "replace").strip()
-        if not text or is_stamp(text):
+        if not text:
             return True
+        if column in self._clocks:
+            return is_stamp(text)
         return text.lower().lstrip("+-") == "nan" or not np.isnan(self._number(cell))
 
     def cells(self, line: bytes) -> list[bytes]:
@@ -136,3 +166,16 @@ class RowReader:
         if b"." in cell:
             self._mark = self._mark or b"."
         return number
+
+
+def _first_stamp(cells: list[bytes]) -> int | None:
+    """The first time stamp that is written as most of those behind it; None if there is none.
+
+    Of a date with a time that came in part, the time of day may be left.
+    """
+    stamps = [k for k, cell in enumerate(cells) if is_stamp(cell.decode("utf-8", "replace"))]
+    for k in stamps[:_FIRST_STAMPS]:
+        behind = [cells[other] for other in stamps if other >= k]
+        if 2 * np.isfinite(Clock(since_1970=True).of_cells(behind)).sum() > len(behind):
+            return k
+    return stamps[0] if stamps else None

@@ -5,7 +5,7 @@ on them, and on the sample time. A line that is no row of numbers becomes a samp
 which is counted.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from flexid.recording.channel import Channel
 from flexid.recording.clock import EXAMPLE
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
-from flexid.recording.layout import LONGEST_LINE, Layout, layout_of
+from flexid.recording.layout import BLANK, LONGEST_LINE, Layout, header_separator, layout_of, split
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.table import Table
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
-from flexid.streaming.text_rows import RowReader, mark_of
+from flexid.streaming.text_rows import RowReader, mark_of, stamped_in
 
 HEAD_LINES = 200
 """Lines at the beginning from which layout and sample time are taken."""
@@ -210,6 +210,8 @@ class LineReader:
         """What reads the rows, by the first lines, and those of them that hold numbers."""
         if self.before is not None and self._goes_on_with(lines[:1]):
             return self.before.again(), lines
+        if self.header is not None and _is_part(*lines[1:3], header=self.header):
+            del lines[1]
         text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
             raise RecordingError(self.source, "", "the text is in UTF-16: send it in UTF-8")
@@ -217,14 +219,25 @@ class LineReader:
         layout = layout_of(self.source, text)
         # The rest of them may come now or later: nothing may depend on that.
         self.head = b"\n".join(text.split(b"\n")[: self.fewest]) + b"\n"
-        mark = mark_of(self.head[layout.start :].split(b"\n"), layout)
-        return RowReader(layout, mark), text[layout.start :].split(b"\n")
+        first = self.head[layout.start :].split(b"\n")
+        layout = replace(layout, stamped=stamped_in(first, layout))
+        return RowReader(layout, mark_of(first, layout)), text[layout.start :].split(b"\n")
 
     def _goes_on_with(self, lines: list[bytes]) -> bool:
         """Whether a line is a row of the text before: no name stands among its cells."""
         if self.before is None or not lines:
             return False
         return bool(np.isfinite(self.before.again().numbers(lines)).all())
+
+
+def _is_part(line: bytes, following: bytes, *, header: str) -> bool:
+    """Whether a line has fewer cells than the next: a stream without header, joined mid-line."""
+    separator = header_separator(header)
+    separator = separator if separator in header else BLANK
+    first, second = (
+        len(split(text.decode("utf-8", "replace"), separator)) for text in (line, following)
+    )
+    return first < second
 
 
 def sample_time_of(source: str, time: FloatArray) -> float:
