@@ -78,6 +78,18 @@ READ: dict[str, Change] = {
     "german": german,
     "rows end with a separator": rows(lambda line: line + ","),
     "all lines end with a separator": lambda text: text.replace("\n", ",\n"),
+    "tabs at the ends of rows": lambda text: rows(lambda line: line + ",")(text).replace(",", "\t"),
+    "tabs at the ends of lines": lambda text: text.replace("\n", ",\n").replace(",", "\t"),
+    "tabs at the ends, and none below": lambda text: (
+        text.replace("\n", ",\r\n").replace(",", "\t") + "  \r\n\r\n"
+    ),
+    "an empty first column": lambda text: ("n," + rows(lambda line: "," + line)(text)).replace(
+        ",", "\t"
+    ),
+    "an empty last column": lambda text: rows(lambda line: line + ",")(
+        text.replace("\n", ",spare\n", 1)
+    ).replace(",", "\t"),
+    "blanks around tabs": lambda text: text.replace(",", " \t ").replace("\n", " \n "),
     "an empty column": lambda text: rows(lambda line: line + ",")(
         text.replace("\n", ",spare\n", 1)
     ),
@@ -189,7 +201,7 @@ def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
     assert len(streamed(path)) == 500
 
 
-@pytest.mark.parametrize("cell", ["1.#IND", "inf", "-1.#QNAN0", "#N/A", "", "1,5"])
+@pytest.mark.parametrize("cell", ["1.#IND", "inf", "-1.#QNAN0", "#N/A", "", "1,5", "1_000"])
 def test_one_bad_cell(tmp_path: Path, cell: str) -> None:
     """Assert that a log refuses it with its line, and a stream loses that sample alone."""
     lines = [line.replace(",", ";") for line in TEXT.splitlines()]

@@ -50,7 +50,7 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
     """
     text = as_utf_8(file, raw)
     layout = layout_of(file, text)
-    body = text[layout.start :].rstrip()
+    body = _without_blank_end(text[layout.start :])
     if not body:
         raise RecordingError(
             file,
@@ -76,6 +76,13 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
         if fault is not None:
             raise fault
     return layout, frame
+
+
+def _without_blank_end(body: bytes) -> bytes:
+    """Rows without the blank lines below them, and with the last one's empty cells."""
+    filled = len(body.rstrip())
+    end = body.find(b"\n", filled) if filled else 0
+    return (body if end < 0 else body[:end]).rstrip(b"\r")
 
 
 def check_text(file: str, raw: bytes) -> None:

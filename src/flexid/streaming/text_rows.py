@@ -25,6 +25,12 @@ _FIRST_STAMPS = 5  # by which one of them the others are read
 _EXPONENT = bytes.maketrans(b"dD", b"ee")
 
 
+def _may_be_row(line: bytes) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    stripped = line.strip()
+    return bool(stripped) and not stripped.startswith(_COMMENTS)
+
+
 def mark_of(lines: list[bytes], layout: Layout) -> bytes:
     """The decimal mark of some lines; empty where no number shows it.
 
@@ -32,8 +38,7 @@ def mark_of(lines: list[bytes], layout: Layout) -> bytes:
     """
     reader, found = RowReader(layout), b""
     for line in lines:
-        stripped = line.strip()
-        for cell in [] if stripped.startswith(_COMMENTS) else reader.cells(stripped):
+        for cell in reader.cells(line) if _may_be_row(line) else []:
             if _POINT.match(cell):
                 return b"."
             if _COMMA.match(cell) and not _THOUSANDS.match(cell):
@@ -89,10 +94,9 @@ class RowReader:
         rows = []
         stamps: dict[int, list[bytes]] = {column: [] for column in self._clocks}
         for line in lines:
-            stripped = line.strip()
-            if not stripped or stripped.startswith(_COMMENTS):
+            if not _may_be_row(line):
                 continue
-            cells = self.cells(stripped)
+            cells = self.cells(line)
             for column, found in stamps.items():
                 found.append(cells[column] if column < len(cells) else b"")
                 cells[column : column + 1] = [b"0"]
@@ -118,9 +122,8 @@ class RowReader:
         """
         fitting = []
         for line in lines:
-            stripped = line.strip()
-            if stripped and not stripped.startswith(_COMMENTS):
-                cells = self.cells(stripped)
+            if _may_be_row(line):
+                cells = self.cells(line)
                 is_whole = len(cells) == len(self.layout.names)
                 fitting.append(is_whole and all(self._is_value(cells[c], c) for c in used))
         return 2 * sum(fitting) >= len(fitting)
@@ -135,6 +138,7 @@ class RowReader:
 
     def cells(self, line: bytes) -> list[bytes]:
         """The cells of a line, without quotation marks."""
+        line = line.rstrip(b"\r\n").replace(b"_", b"?")  # Python's 1_000 is no number in a log
         if not line.isascii():
             line = line.replace(MINUS, b"-")
         if b'"' in line:

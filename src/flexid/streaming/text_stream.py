@@ -131,7 +131,7 @@ class LineReader:
 
     def __post_init__(self) -> None:
         if self.header is not None:
-            self._first.append(self.header.strip().encode())
+            self._first.append(self.header.strip(" \r\n").encode())
 
     def cells(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
         """Cells of the lines that are complete, shape (n, n_columns); None until there is a layout.
