@@ -1,5 +1,7 @@
 """How a stream is shown: the last report, the view that is renewed, and its lines of bars."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,3 +93,6 @@ def test_what_became_of_the_samples():
         "Samples: 90 of 100 learnt from; 1 without a number, 2 repeated, 3 outliers, "
         "4 at the input's limit, 5 missing; 1 gap, 2 turns"
     )
+    unclear = samples_sentence(replace(NONE, unclear=2))
+    assert "At 2 places it cannot be known by how many turns the motor's encoder moved" in unclear
+    assert "At 1 place it" in samples_sentence(replace(NONE, unclear=1))

@@ -137,7 +137,14 @@ def samples_sentence(counts: Counts) -> str:
         )
         if number
     ]
-    return text + (f"; {bad}" if bad else "") + (f"; {', '.join(events)}" if events else "")
+    text += (f"; {bad}" if bad else "") + (f"; {', '.join(events)}" if events else "")
+    if counts.unclear:
+        places = "1 place" if counts.unclear == 1 else f"{counts.unclear} places"
+        text += (
+            f". At {places} it cannot be known by how many turns the motor's encoder moved: if it "
+            f"wraps, unwrap it, or sample faster and without gaps"
+        )
+    return text
 
 
 class Sparks:

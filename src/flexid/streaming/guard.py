@@ -59,6 +59,8 @@ class Counts:
         How often the clock was set back.
     jumps : int
         Motions that went on elsewhere, after three outliers or other losses in a row.
+    unclear : int
+        Places at which it cannot be known by how many wraps an encoder in front of a gear moved.
     """
 
     taken: int
@@ -73,6 +75,7 @@ class Counts:
     wraps: int
     restarts: int
     jumps: int
+    unclear: int = 0
 
     @property
     def fed(self) -> int:

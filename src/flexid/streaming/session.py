@@ -207,7 +207,7 @@ class Session:
     def counts(self) -> Counts:
         """What happened so far."""
         found = self.guard.counts(self.guard_state)
-        return replace(found, wraps=found.wraps + self.gear.wraps)
+        return replace(found, wraps=found.wraps + self.gear.wraps, unclear=self.gear.unclear)
 
     @property
     def time(self) -> float:
