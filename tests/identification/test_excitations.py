@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 from made_joint import TRUTH, log, made
 
-from flexid.identification.excitations import row_excitation, unexcited, worst_share
+from flexid.estimators.rowwise import RowSums
+from flexid.estimators.samples import Samples
+from flexid.identification.excitations import (
+    row_excitation,
+    unexcited,
+    without_noise,
+    worst_share,
+)
+from flexid.identification.full_model import Data
 from flexid.identification.identify import identify
 from flexid.identification.judgement import THRESHOLDS
 from flexid.identification.settings import Settings
@@ -124,6 +132,45 @@ def test_torques_that_all_but_cancel_say_what_they_leave(light):
     weaker, confounded = worst_share(row, {name: 0.01 * c for name, c in values.items()})
     assert weaker == pytest.approx(0.01 * share, rel=1e-6)
     assert confounded == {"alpha1", "beta1"}
+
+
+def noisy_sine(noise: np.ndarray) -> RowSums:
+    """Sums of a link's row on one sine, its deflection three hundredths of it, and with noise."""
+    sine = np.sin(0.01 * np.arange(4000))
+    link, deflection = sine + noise[0], 0.03 * sine + noise[1]
+    row = row_of({"theta1": link, "theta2": deflection}, sine)
+    empty = np.empty((0, 0))
+    return RowSums("link", row.coefficients, row.gram, empty, 0.0, row.total_sum, (), row.count)
+
+
+def test_noise_is_no_motion():
+    """Assert that what a sensor's noise makes of a direction that nothing moves does not count."""
+    rng = np.random.default_rng(6)
+    noise, added = 1e-3 * rng.standard_normal((2, 2, 4000))
+    row = noisy_sine(noise)
+    values = {"theta1": 10.0, "theta2": 300.0}
+    assert worst_share(row, values)[0] > 20.0 * THRESHOLDS.lost_share
+    motion = without_noise(row, noisy_sine(noise + added))
+    share, confounded = worst_share(motion, values)
+    assert share < THRESHOLDS.lost_share
+    assert confounded == {"theta1", "theta2"}
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_noise_is_added_as_the_sensors_have_it(relative: bool):
+    """Assert that a deflection that was measured gets its own noise, and encoders theirs."""
+    rng = np.random.default_rng(7)
+    motor = 1e-3 * rng.standard_normal(4000)
+    link = motor + 1e-5 * rng.standard_normal(4000) if relative else motor[::-1]
+    positions = np.column_stack((link, motor))
+    samples = Samples(positions, None, np.zeros((4000, 1)), 1e-3)
+    relative_to = {"link": "motor"} if relative else {}
+    data = Data((samples,), (0,), np.array([1e-3, 1e-3]), relative_to)
+    (noisier,) = data.with_noise(1).samples
+    added = noisier.positions - positions
+    deflection = 1e-5 if relative else np.sqrt(2.0) * 1e-3
+    assert added.std(axis=0) == pytest.approx(1e-3, rel=0.05)
+    assert (added[:, 0] - added[:, 1]).std() == pytest.approx(deflection, rel=0.15)
 
 
 def test_a_light_motor_is_identified():

@@ -1,5 +1,8 @@
 """Sentences about a result: no number in them is rounded until it says nothing."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
@@ -41,6 +44,14 @@ def test_residuals_are_never_one_times_the_noise(excess, words, kind):
 def test_a_model_error_that_changes_no_number_is_no_alarm(excess, widest, said, kind):
     """Assert that one is said that is larger than the noise is known, or widens an interval."""
     assert bool(list(model_warnings(ModelError(excess, 1.0, 1.0), kind, widest))) == said
+
+
+@pytest.mark.parametrize("taken", [False, True])
+def test_where_a_number_comes_from_is_always_said(taken):
+    """Assert that an error too small for an alarm does not hide that the link's row was taken."""
+    row = cast(Any, SimpleNamespace(taken=taken, alone=("theta2",)))
+    said = list(model_warnings(ModelError(0.09, 1.0, 1.0), "flexible", 0.009, row))
+    assert [("taken from it" in sentence) for sentence in said] == [True] * taken
 
 
 def test_the_widest_interval_counts_by_what_it_means():

@@ -38,7 +38,7 @@ def test_a_frozen_end_is_left_out(tmp_path: Path):
     (recording,) = log.recordings
     assert len(recording) == 321
     (warning,) = log.warnings
-    assert "no position changes from 1.6 s to 1.995 s" in warning
+    assert "nothing changes from 1.6 s to 1.995 s" in warning
     assert "left out" in warning
 
 
@@ -49,15 +49,38 @@ def test_a_frozen_middle_is_a_gap(tmp_path: Path):
     assert log.recordings[1].start_time == pytest.approx(140 * STEP)
 
 
-def test_the_torque_may_go_on(tmp_path: Path):
-    """Assert that positions alone decide, and that one that moves is no repetition."""
-    found = columns()
-    frozen = {**repeated(columns(), 320, 400), "motor_torque": found["motor_torque"]}
-    assert len(read_log(write_csv(tmp_path, frozen)).recordings[0]) == 321
-    moving = {**frozen, "link_position": found["link_position"]}
-    log = read_log(write_csv(tmp_path, moving))
+@pytest.mark.parametrize("moving", ["motor_torque", "link_position"])
+def test_what_goes_on_is_not_frozen(moving: str, tmp_path: Path):
+    """Assert that nothing is left out where an input or a position goes on: a brake, a stop."""
+    frozen = {**repeated(columns(), 320, 400), moving: columns()[moving]}
+    log = read_log(write_csv(tmp_path, frozen))
     assert len(log.recordings[0]) == 400
     assert not any("left out" in warning for warning in log.warnings)
+
+
+@pytest.mark.parametrize("bits", [0, 11, 12, 13, 14])
+@pytest.mark.parametrize("braking", [1, 2, 5])
+def test_a_drive_from_point_to_point_rests(bits: int, braking: int, tmp_path: Path):
+    """Assert that a drive that stops dead, holds without a torque, and goes on is read whole."""
+    speed = np.concatenate(
+        [np.r_[np.full(60, 0.8), np.linspace(0.8, 0.0, braking), np.zeros(70)]] * 4
+    )
+    torque = np.where(speed == 0.0, 0.0, speed + np.sin(np.arange(len(speed))))
+    link = np.cumsum(speed) * STEP
+    found = {
+        "time": STEP * np.arange(len(speed)),
+        "link_position": link,
+        "motor_position": link + 0.01 * torque,
+        "motor_torque": torque,
+    }
+    if bits:
+        step = 2.0 * np.pi / 2**bits
+        for name in ("link_position", "motor_position"):
+            found[name] = step * np.round(found[name] / step)
+    log = read_log(write_csv(tmp_path, found))
+    whole = len(speed) - 70 + 1  # at the very end, a rest and a frozen logger are the same
+    assert sum(map(len, log.recordings)) >= whole
+    assert len(log.recordings) == 1
 
 
 def test_one_encoder_is_enough(tmp_path: Path):
@@ -86,6 +109,13 @@ def test_a_motion_in_noise_does_not_say(times: float, left: int, tmp_path: Path)
 def test_a_few_samples_are_no_stretch(samples: int, left: int, tmp_path: Path):
     """Assert that it takes twenty."""
     log = read_log(write_csv(tmp_path, repeated(columns(), 400 - samples, 400)))
+    assert len(log.recordings[0]) == left
+
+
+@pytest.mark.parametrize(("samples", "left"), [(38, 1950), (39, 1912)])
+def test_a_small_part_is_no_stretch(samples: int, left: int, tmp_path: Path):
+    """Assert that it takes 2 % of the log."""
+    log = read_log(write_csv(tmp_path, repeated(columns(1950), 1950 - samples, 1950)))
     assert len(log.recordings[0]) == left
 
 

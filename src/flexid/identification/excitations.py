@@ -1,6 +1,7 @@
 """Excitation of the rows of a log: assumption (A4) of Huang (2003), measured."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ _COUPLED = {"theta2", "alpha1", "beta1"} | {
 }
 _SPRINGS = ("theta2", "alpha1")
 _OFFSETS = ("theta_offset", "alpha_offset")
+_NOISE_PART = 2.0  # times its mean: a log holds some hundred filtered values, whose square scatters
 _PART = 0.1  # of the worst direction, from which on a coefficient counts as part of it
 _LEAST_MOTION = (
     1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
@@ -76,7 +78,7 @@ def unexcited(
     Parameters
     ----------
     rows : iterable of RowSums
-        Least squares of each row.
+        Least squares of each row, as of `without_noise`.
     values : mapping of str to float
         Of the coefficients; those that are missing are zero.
     lost_share : float
@@ -90,6 +92,20 @@ def unexcited(
         if share < lost_share:
             found |= confounded
     return frozenset(found | _COUPLED if found else found)
+
+
+def without_noise(row: RowSums, noisier: RowSums) -> RowSums:
+    """A row whose Gram matrix is that of the motion alone.
+
+    Parameters
+    ----------
+    row : RowSums
+        Least squares of a row.
+    noisier : RowSums
+        The same with the sensors' noise added once more: by about as much as the matrix grows,
+        noise has made it larger already.
+    """
+    return replace(row, gram=row.gram - _NOISE_PART * (noisier.gram - row.gram))
 
 
 def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, frozenset[str]]:
@@ -116,7 +132,7 @@ def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, froze
     total = max(row.total_sum, np.finfo(float).tiny)
     own = np.linalg.solve(centred.change.T, np.array([values.get(name, 0.0) for name in names]))
     reach = np.maximum(np.abs(own) * np.sqrt(np.diag(centred.gram).clip(0.0) / total), 1.0)
-    norm = np.sqrt(np.diag(gram))
+    norm = np.sqrt(np.diag(gram).clip(0.0))
     scale = reach / np.where(norm > 0.0, norm, 1.0)  # what does not move at all is lost
     squares, directions = np.linalg.eigh(gram * np.outer(scale, scale))
     parts = zip(names, directions[:, 0] ** 2, strict=True)

@@ -13,7 +13,7 @@ from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.climbing import hold_covariance
 from flexid.identification.estimate import Estimate
 from flexid.identification.estimates import row_sizes
-from flexid.identification.excitations import unexcited
+from flexid.identification.excitations import unexcited, without_noise
 from flexid.identification.fitting import expanded, fit_to, refit
 from flexid.identification.full_model import FINE, LINK, Data, Fitted, Structure, data_of
 from flexid.identification.judgement import Thresholds
@@ -28,6 +28,7 @@ from flexid.identification.structure import Choice
 from flexid.recording.velocities import with_velocities
 
 _FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
+_NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +69,14 @@ class FinalFits:
         """Filtered least squares of the structure."""
         return self.least_squares(self.choice.structure)
 
-    def least_squares(self, structure: Structure) -> LeastSquaresFit:
-        """Filtered least squares of a structure on aligned data: what each term does to its row."""
+    def least_squares(self, structure: Structure, data: Data | None = None) -> LeastSquaresFit:
+        """Filtered least squares of a structure: what each term does to its row.
+
+        The data are those that were recorded, aligned, unless others are given.
+        """
         fixed = {**structure.fixed, **self.reported.at_bound}
         bare = replace(structure, fixed=fixed)
-        return least_squares_start(bare, self._timely, self.filter_rate)[1]
+        return least_squares_start(bare, data or self._timely, self.filter_rate)[1]
 
     @cached_property
     def _timely(self) -> Data:
@@ -97,7 +101,11 @@ class FinalFits:
         structure, full = self.choice.structure, self.choice.full
         gravity = frozenset({"theta1", "gamma1"} - full.absent)
         heavy = replace(structure, absent=structure.absent - gravity)
-        rows = self.least_squares(heavy).rows
+        noisier = self._timely.with_noise(_NOISE_SEED)
+        pairs = zip(
+            self.least_squares(heavy).rows, self.least_squares(heavy, noisier).rows, strict=True
+        )
+        rows = [without_noise(row, more) for row, more in pairs]
         return {*unexcited(rows, self.reported.by_name, lost_share)}
 
     @property

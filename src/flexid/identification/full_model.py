@@ -74,6 +74,19 @@ class Data:
         """Length of all recordings in s."""
         return sum(len(recording) * recording.sample_time for recording in self.samples)
 
+    def with_noise(self, seed: int) -> "Data":
+        """The same with noise like that of the sensors added to the positions once more."""
+        draw = np.random.default_rng(seed)
+        noisier = []
+        for recording in self.samples:
+            added = self.noise * draw.standard_normal(recording.positions.shape)
+            if "motor" in self.relative_to.values():  # the link's position has the motor's noise
+                alone = position_noise(recording.positions[:, 0] - recording.positions[:, 1])
+                added[:, 0] *= alone / self.noise[0]
+                added[:, 0] += added[:, 1]
+            noisier.append(replace(recording, positions=recording.positions + added))
+        return replace(self, samples=tuple(noisier))
+
 
 def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]) -> Data:
     """Recordings with velocities as a joint's fits take them."""

@@ -106,8 +106,8 @@ class Thresholds:
         0.007,
         "1",
         "share of its row's acceleration that the worst combination of coefficients makes, below "
-        "which it is lost: without this rule 12 of 22 logs of one sine below it have a determined "
-        "value that is wrong, by 5 % or far more, and 1 of 14 above it",
+        "which it is lost: without this rule 30 of 55 logs of one sine below it have a determined "
+        "value that is wrong by more than 1 %, and 1 of 24 above it",
     )
     mirrored_share: float = _threshold(
         0.25,

@@ -75,7 +75,9 @@ def model_warnings(
     thresholds : Thresholds, optional
         How large the one and how wide the other has to be.
     """
-    if error.excess <= thresholds.sensor_excess - 1.0 and widest <= thresholds.noted_width:
+    taken = link_row is not None and link_row.taken
+    small = error.excess <= thresholds.sensor_excess - 1.0 and widest <= thresholds.noted_width
+    if small and not taken:
         return
     if error.share > 0.0 and model == "link":
         yield (

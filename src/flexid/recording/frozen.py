@@ -11,7 +11,7 @@ import numpy as np
 from flexid.recording.velocities import position_noise
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
@@ -22,16 +22,18 @@ _SHARE = 0.02  # of the log, the same
 _JUST_BEFORE = 5  # samples whose motion is compared with that of as many before them
 _CLEAR = 20.0  # times a position's noise, by which it has to move in these
 _UNBRAKED = 0.7  # of the motion before: a side that brakes evenly makes a third of it
+_JUMP = 3.0  # times the steps after it, by which the first one is larger where samples were lost
 _TO_THE_END = (0.5, 3.0)  # of the mean motion in a sample: that of the very last, which is no jump
 
 
 def without_frozen(
     file: str, channels: dict[str, Channel], time: Channel
 ) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
-    """Leave out where all positions stop in one sample, in mid-motion, and stay exactly the same.
+    """Leave out where a sample is repeated whole, positions and inputs, in mid-motion.
 
-    No joint does that: it brakes, and its encoders go on to tremble by a step. What is left of the
-    log has a gap there.
+    A joint that meets a stop or a brake may rest from one sample to the next, as its encoders see
+    it. So nothing is left out but where the input rests as well, and in mid-log where the position
+    is another one when it goes on. What is left of the log has a gap there.
 
     Parameters
     ----------
@@ -49,7 +51,7 @@ def without_frozen(
     warnings : tuple of str
     """
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
-        found = list(_frozen([channels[name].values for name in _POSITIONS if name in channels]))
+        found = list(_frozen({name: channel.values for name, channel in channels.items()}))
     if not found:
         return channels, time, ()
     kept = np.ones(len(time.values), dtype=np.bool_)
@@ -58,24 +60,35 @@ def without_frozen(
     at = [f"{time.values[a]:.6g} s to {time.values[b - 1]:.6g} s" for a, b in found]
     times = ", ".join(at[:3]) + (f" and {len(at) - 3} more times" if len(at) > 3 else "")
     warning = (
-        f"{file}: no position changes from {times}, though the joint was in mid-motion, as if the "
+        f"{file}: nothing changes from {times}, though the joint was in mid-motion, as if the "
         f"last sample had been repeated: that part was left out; check the logger"
     )
     cut = {name: replace(c, values=c.values[kept]) for name, c in channels.items()}
     return cut, replace(time, values=time.values[kept]), (warning,)
 
 
-def _frozen(positions: list[FloatArray]) -> Iterator[tuple[int, int]]:
+def _frozen(channels: Mapping[str, FloatArray]) -> Iterator[tuple[int, int]]:
     """First sample of each such stretch, and the one after its last."""
+    positions = [channels[name] for name in _POSITIONS if name in channels]
     count = len(positions[0])
-    changes = np.any([values[1:] != values[:-1] for values in positions], axis=0)
+    changes = np.any([values[1:] != values[:-1] for values in channels.values()], axis=0)
     edges = np.concatenate(([0], np.flatnonzero(changes) + 1, [count]))
     before = 2 * _JUST_BEFORE
     for start, stop in pairwise(edges.tolist()):
-        if stop - start >= max(_FEWEST, _SHARE * count) and start >= before:
-            moving = [values[: start + 1] for values in positions]
-            if any(map(_unbraked, moving)):
-                yield start, stop
+        if stop - start < max(_FEWEST, _SHARE * count) or start < before:
+            continue
+        if stop < count - _JUST_BEFORE:
+            goes_on = any(_jumps(values[stop - 1 :]) for values in positions)
+        else:
+            goes_on = stop == count
+        if goes_on and any(_unbraked(values[: start + 1]) for values in positions):
+            yield start, stop
+
+
+def _jumps(position: FloatArray) -> bool:
+    """Whether a position's first step is beyond its noise and all that follow it."""
+    steps = np.abs(np.diff(position[: 2 + _JUST_BEFORE]))
+    return bool(steps[0] > max(_CLEAR * position_noise(position), _JUMP * steps[1:].max()))
 
 
 def _unbraked(position: FloatArray) -> bool:
