@@ -140,6 +140,38 @@ def test_stamps_that_do_not_do(tmp_path: Path, stamps: list[str], words: str):
         read_log(written(tmp_path, stamps))
 
 
+def backwards(stamps: list[str]) -> str:
+    """What is said of stamps that run backwards."""
+    with pytest.raises(RecordingError, match="runs backwards") as caught:
+        log_of_table(table_of_arrays({"time": stamps} | CELLS))
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("form", ["%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%f", "%d.%m.%Y %H:%M:%S.%f"])
+def test_stamps_of_two_logs_in_one(form: str):
+    """Assert that stamps with all their digits are not said to lack zeros."""
+    early = [t - timedelta(seconds=400 * (k >= 200)) for k, t in enumerate(moments())]
+    assert "zeros" not in backwards([t.strftime(form) for t in early])
+    whole = [t.replace(microsecond=0) + k * STEP * 5000 for k, t in enumerate(early)]
+    assert "zeros" not in backwards([t.strftime(form.replace(".%f", "")) for t in whole])
+    cut = [t.strftime(form) for t in moments()]
+    cut[1] = cut[1].replace(".9502", ".0950").removesuffix("00")
+    assert "may lack zeros behind the point" in backwards(cut)
+
+
+def test_times_of_day_that_are_more_than_half_a_day_apart():
+    """Assert that a long gap and a clock that counts to 12 are named, of cells and of a type."""
+    words = "less than 12 h apart: after a longer gap, or of a clock that counts to 12"
+    late = [t + timedelta(hours=13) * (k >= 200) for k, t in enumerate(moments())]
+    assert words in backwards([f"{t:%H:%M:%S.%f}" for t in late])
+    noon = [t - timedelta(hours=11) for t in moments()]
+    assert words in backwards([f"{t:%I:%M:%S.%f}" for t in noon])
+    with pytest.raises(RecordingError, match=words):
+        log_of_table(table_of_frame(pl.DataFrame({"time": [t.time() for t in late]} | CELLS)))
+    swapped = [*late[200:], *late[:200]]
+    assert words not in backwards([f"{t:%Y-%m-%dT%H:%M:%S.%f}" for t in swapped])
+
+
 def test_blanks_between_date_and_time_as_between_columns(tmp_path: Path):
     """Assert that this is said, and that a T between them is the remedy."""
     text = text_of([*map(FORMS["blank"], moments())]).replace(";", " ")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from datetime import time
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -52,6 +53,30 @@ def is_stamp(cell: str) -> bool:
     (True, True, False)
     """
     return len(cell) <= _LONGEST and _STAMP.fullmatch(cell) is not None
+
+
+def is_time_of_day(cell: object) -> bool:
+    """Whether a cell is a time of day without its date.
+
+    >>> is_time_of_day("10:00:00,5"), is_time_of_day("2024-05-01 10:00:00"), is_time_of_day(1.0)
+    (True, False, False)
+    """
+    if isinstance(cell, str):
+        found = _STAMP.fullmatch(cell[:_LONGEST])
+        return found is not None and not found[1]
+    return isinstance(cell, time)
+
+
+def digits_of(cell: object) -> int:
+    """Digits behind the point of a stamp; 0 of anything else.
+
+    >>> digits_of("01.05.2024 10:00:00,25 UTC"), digits_of("10:00:00"), digits_of("1.25")
+    (2, 0, 0)
+    """
+    if not (isinstance(cell, str) and is_stamp(cell)):
+        return 0
+    found = re.search(r":\d\d[.,](\d*)", cell)
+    return len(found[1]) if found else 0
 
 
 @dataclass(frozen=True)

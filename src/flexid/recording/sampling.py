@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError, SettingError
-from flexid.recording.clock import is_stamp
+from flexid.recording.clock import digits_of, is_time_of_day
 
 if TYPE_CHECKING:
     from flexid.arrays import FloatArray
@@ -67,13 +67,23 @@ def check_increasing(table: Table, column: str, time: FloatArray) -> None:
     )
     if abs(time[index] - time[index - 1] + 3600.0) < 1.0:
         reason += "; if the clock was set to winter time, log the time in UTC"
-    elif (
-        time[index] < time[index - 1]
-        and column in table.names
-        and is_stamp(cell := str(table.frame[column][index]))
-    ):
-        reason += f"; {cell.strip()!r} may lack zeros behind the point"
+    elif time[index] < time[index - 1] and column in table.names:
+        by = float(time[index - 1] - time[index])
+        reason += _stamp_hint(*table.frame[column][index - 1 : index + 1].to_list(), by)
     raise RecordingError(table.file, table.place(index, column), reason)
+
+
+def _stamp_hint(before: object, now: object, by: float) -> str:
+    """What may be wrong with two cells, if they are stamps that run backwards by so many s."""
+    if by > 3600.0 and is_time_of_day(now):
+        return (
+            "; times of day are taken to be less than 12 h apart: after a longer gap, or of a "
+            "clock that counts to 12, write the date before the time"
+        )
+    digits = digits_of(before), digits_of(now)
+    if digits[0] == digits[1] or not all(digits):
+        return ""
+    return f"; {str(now).strip()!r} may lack zeros behind the point"
 
 
 def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
