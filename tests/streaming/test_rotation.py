@@ -1,6 +1,7 @@
 """Text files that are cut, written anew or replaced while they are watched."""
 
 from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,57 @@ def test_a_rotated_log_is_one_stream(log: Path, rotate, header: str | None):
     assert same(session_of(follower), watched(SAMPLES))
     (warning,) = follower.warnings
     assert "written anew" in warning
+
+
+def of_day(samples: np.ndarray, header: str | None = "time,") -> str:
+    """A log whose times of day pass midnight where it is rotated."""
+    begin = datetime(2024, 5, 1, tzinfo=UTC) - timedelta(seconds=CUT * H)
+    lines = text(samples, HEADER if header else None).splitlines()
+    stamps = [begin + timedelta(seconds=time) for time in samples[:, 0]]
+    rows = [
+        f"{stamp:%H:%M:%S.%f}{line[line.index(',') :]}"
+        for stamp, line in zip(stamps, lines[-len(stamps) :], strict=True)
+    ]
+    names = [header + HEADER.partition(",")[2]] if header else []
+    return "\n".join([*names, *rows, ""])
+
+
+@pytest.mark.parametrize("header", ["time,", None])
+def test_a_log_rotated_at_midnight(log: Path, header: str | None):
+    """Assert that times of day go on into the next file."""
+    log.write_text(of_day(SAMPLES[:CUT]))
+    follower = followed(log, [renamed(log, of_day(SAMPLES[CUT:], header))])
+    counts = session_of(follower).counts
+    assert counts == watched(SAMPLES).counts
+    assert session_of(follower).fed == len(SAMPLES)
+
+
+def test_a_log_whose_stamps_are_written_otherwise(log: Path):
+    """Assert that the next file may have dates where there were times of day."""
+    dated = of_day(SAMPLES[CUT:]).replace("\n00:00:", "\n2024-05-02T00:00:")
+    log.write_text(of_day(SAMPLES[:CUT]))
+    counts = session_of(followed(log, [renamed(log, dated)])).counts
+    assert counts.taken > len(SAMPLES) - 60
+
+
+@pytest.mark.parametrize("before", ["", "# goes on\n\n"])
+@pytest.mark.parametrize("other", ["2024-05-01", "", "fault"])
+def test_a_column_that_is_not_read_need_not_hold_numbers(log: Path, other: str, before: str):
+    """Assert that a file without header goes on, whatever stands in such a column."""
+
+    def wide(part: str) -> str:
+        return "".join(f"{line},{other}\n" for line in part.splitlines())
+
+    log.write_text(wide(text(SAMPLES[:CUT])).replace(f"],{other}\n", "],other\n", 1))
+    follower = followed(log, [renamed(log, before + wide(text(SAMPLES[CUT:], None)))])
+    assert same(session_of(follower), watched(SAMPLES))
+
+
+def test_a_header_below_a_comment(log: Path):
+    """Assert that a comment at its beginning does not hide the next file's header."""
+    content = "# another order\n" + text(others(SAMPLES[CUT:]), OTHER)
+    session = session_of(followed(log, [renamed(log, content)]))
+    assert session.counts == watched(SAMPLES).counts
 
 
 def test_its_columns_may_stand_otherwise(log: Path):

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from flexid.errors import RecordingError
+from flexid.recording.layout import Layout
 from flexid.recording.read import read_log
+from flexid.streaming.text_rows import RowReader
 from flexid.streaming.text_stream import LineReader, sample_time_of, stream_columns
 
 HEADER = "time [ms],motor current [A],link_position [deg],motor_position [rad]"
@@ -114,6 +116,15 @@ def test_a_stream_that_begins_without_time(cell: str, parts: int):
     samples = samples_of("\n".join([header, *without, ""]), parts)
     np.testing.assert_array_equal(np.isnan(samples[:, 0]), np.arange(len(rows)) < 90)
     np.testing.assert_allclose(samples[90:, 0], 75600 + 2e-3 * np.arange(90, 300), rtol=1e-12)
+
+
+def test_a_clock_goes_on_apart():
+    """Assert that a text is read on from another one's time of day, and does not change it."""
+    reader = RowReader(Layout(("time", "x"), ",", 1, 2, 0, stamped=(0,)))
+    assert reader.numbers([b"23:00:00,1"])[0, 0] == 82_800
+    later = reader.again().numbers([b"07:00:00,1", b"15:00:00,1", b"23:00:00,1"])
+    assert later[:, 0].tolist() == [111_600, 140_400, 169_200]
+    assert reader.numbers([b"23:30:00,1"])[0, 0] == 84_600
 
 
 def test_a_stamp_is_no_number():

@@ -22,6 +22,7 @@ from flexid.streaming.text_stream import (
     LINES_FOR_LAYOUT,
     LineReader,
     StreamColumns,
+    TextBefore,
     stream_columns,
 )
 
@@ -143,7 +144,9 @@ class TextSamples:
         self._warn_of_rest()
         old = self._lines
         fewest = min(old.fewest, LINES_FOR_LAYOUT) if old.rows else old.fewest
-        before = old.rows or old.before
+        before = old.before
+        if old.rows is not None and self._columns is not None:
+            before = TextBefore(old.rows, self._columns.used)
         self._lines = LineReader(self.name, old.header, fewest, before)
         self._columns = None
 

@@ -8,6 +8,7 @@ and is no number until then.
 from __future__ import annotations
 
 import re
+from copy import copy
 
 import numpy as np
 
@@ -72,18 +73,28 @@ class RowReader:
         Of the text.
     mark : bytes, optional
         Of decimals, as `mark_of` finds it.
+    before : RowReader, optional
+        Of the text that this one follows: times of day in a column of the same name go on from it.
     """
 
-    def __init__(self, layout: Layout, mark: bytes = b"") -> None:
+    def __init__(self, layout: Layout, mark: bytes = b"", before: RowReader | None = None) -> None:
         self._separator = None if layout.separator == BLANK else layout.separator.encode()
-        self._clocks = {column: Clock(since_1970=True) for column in layout.stamped}
+        clocks = before.clocks() if before is not None else {}
+        self._clocks = {
+            column: clocks.get(layout.names[column]) or Clock(since_1970=True)
+            for column in layout.stamped
+        }
         self._begun: set[int] = set()  # columns of which a stamp has come
         self._mark = mark
         self.layout = layout
 
     def again(self) -> RowReader:
         """A reader of another text that is written in the same way."""
-        return RowReader(self.layout, self._mark)
+        return RowReader(self.layout, self._mark, self)
+
+    def clocks(self) -> dict[str, Clock]:
+        """The clocks as they stand, by their columns' names: they go on apart from this reader."""
+        return {self.layout.names[column]: copy(clock) for column, clock in self._clocks.items()}
 
     def numbers(self, lines: list[bytes]) -> FloatArray:
         """Numbers of lines that are not empty nor comments, shape (n, n_columns).
@@ -111,9 +122,16 @@ class RowReader:
         times = np.full(len(cells), np.nan)
         first = 0 if column in self._begun else _first_stamp(cells)
         if first is not None:
-            self._begun.add(column)
+            if column not in self._begun:
+                self._begin(column, cells[first])
             times[first:] = self._clocks[column].of_cells(cells[first:])
         return times
+
+    def _begin(self, column: int, cell: bytes) -> None:
+        """Take the first stamp of a column, which may be written otherwise than in another text."""
+        self._begun.add(column)
+        if np.isnan(copy(self._clocks[column]).of_cells([cell])).all():
+            self._clocks[column] = Clock(since_1970=True)
 
     def most_are_rows(self, lines: list[bytes], used: list[int]) -> bool:
         """Whether half of some lines or more have numbers, or nothing, in the columns that count.

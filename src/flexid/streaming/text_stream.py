@@ -49,6 +49,11 @@ class StreamColumns:
     offsets: FloatArray
     channels: StreamChannels
 
+    @property
+    def used(self) -> list[int]:
+        """The columns of which any value is made."""
+        return np.flatnonzero(self.weights.any(axis=0)).tolist()
+
     def samples(self, cells: FloatArray) -> FloatArray:
         """Samples, shape (n, n_values), from cells, shape (n, n_columns)."""
         samples = np.empty((len(cells), len(self.weights)))
@@ -100,6 +105,22 @@ def _weights(channel: Channel, names: tuple[str, ...]) -> list[float]:
     return [origin.factor * origin.columns.get(name, 0.0) for name in names]
 
 
+@dataclass(frozen=True)
+class TextBefore:
+    """The text that another one follows, maybe without a header of its own.
+
+    Parameters
+    ----------
+    rows : RowReader
+        What read it.
+    used : list of int
+        Columns that have to hold numbers.
+    """
+
+    rows: RowReader
+    used: list[int]
+
+
 @dataclass
 class LineReader:
     """Cells from bytes as they come.
@@ -112,14 +133,14 @@ class LineReader:
         Names of the columns, where the stream does not begin with them.
     fewest : int, optional
         Lines that are waited for before the layout is decided.
-    before : RowReader, optional
-        Of the text that this one follows, as it may without a header of its own.
+    before : TextBefore, optional
+        The text that this one follows.
     """
 
     source: str
     header: str | None = None
     fewest: int = HEAD_LINES
-    before: RowReader | None = None
+    before: TextBefore | None = None
     rows: RowReader | None = None
     """What reads them, as soon as there is a layout."""
     left_out: int = 0
@@ -165,7 +186,7 @@ class LineReader:
             self._first += lines
             if len(self._first) < self.fewest and not ended:
                 return None
-            if len(self._first) < FEWEST_LINES and not self._goes_on_with(self._first[:1]):
+            if len(self._first) < FEWEST_LINES and not self._goes_on_with(self._first):
                 if self.before is not None:
                     self.left_out = len(self._first)
                     return None
@@ -193,8 +214,7 @@ class LineReader:
         if rows is None or not self.head:
             return
         lines = self.head[rows.layout.start :].split(b"\n")
-        used = np.flatnonzero(columns.weights.any(axis=0)).tolist()
-        if not rows.most_are_rows(lines, used):
+        if not rows.most_are_rows(lines, columns.used):
             layout, frame = read_text(self.source, self.head)
             place = f"line {layout.header_line}"
             table = Table(self.source, place, layout.first_line, "line", frame, "")
@@ -208,8 +228,8 @@ class LineReader:
 
     def _begun(self, lines: list[bytes]) -> tuple[RowReader, list[bytes]]:
         """What reads the rows, by the first lines, and those of them that hold numbers."""
-        if self.before is not None and self._goes_on_with(lines[:1]):
-            return self.before.again(), lines
+        if self.before is not None and self._goes_on_with(lines):
+            return self.before.rows.again(), lines
         if self.header is not None and _is_part(*lines[1:3], header=self.header):
             del lines[1]
         text = b"\n".join(lines) + b"\n"
@@ -221,13 +241,16 @@ class LineReader:
         self.head = b"\n".join(text.split(b"\n")[: self.fewest]) + b"\n"
         first = self.head[layout.start :].split(b"\n")
         layout = replace(layout, stamped=stamped_in(first, layout))
-        return RowReader(layout, mark_of(first, layout)), text[layout.start :].split(b"\n")
+        before = None if self.before is None else self.before.rows
+        rows = RowReader(layout, mark_of(first, layout), before)
+        return rows, text[layout.start :].split(b"\n")
 
     def _goes_on_with(self, lines: list[bytes]) -> bool:
-        """Whether a line is a row of the text before: no name stands among its cells."""
-        if self.before is None or not lines:
+        """Whether lines begin with a row of the text before: with no names where numbers stood."""
+        if self.before is None:
             return False
-        return bool(np.isfinite(self.before.again().numbers(lines)).all())
+        first = self.before.rows.again().numbers(lines[: self.fewest])[:1, self.before.used]
+        return bool(first.size and np.isfinite(first).all())
 
 
 def _is_part(line: bytes, following: bytes, *, header: str) -> bool:
