@@ -23,6 +23,7 @@ COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number wou
 BEGIN = datetime(2024, 5, 1, 23, 59, 59, 950_000, tzinfo=UTC)  # midnight is among them
 COLUMNS = joint_columns(COUNT, STEP.total_seconds())
 CELLS = {name: values.tolist() for name, values in COLUMNS.items() if name != "time"}
+FASTER = {name: v.tolist() for name, v in joint_columns(COUNT, 1e-4).items() if name != "time"}
 FORMS: dict[str, Callable[[datetime], str]] = {
     "iso": lambda t: t.isoformat(),  # leaves the fraction out where it is zero
     "iso, Z": lambda t: t.isoformat().replace("+00:00", "Z"),
@@ -269,6 +270,45 @@ def test_numbers_since_1970(tmp_path: Path, unit: str):
     column = pl.Series(f"time [{unit}]", numbers)
     pl.DataFrame(CELLS).insert_column(0, column).write_parquet(path)
     assert read_log(path).recordings[0].sample_time == pytest.approx(2e-4, rel=exact)
+
+
+@pytest.mark.parametrize(("unit", "places"), [("s", 9), ("ms", 6), ("us", 3)])
+@pytest.mark.parametrize("point", [".", ","])
+def test_decimals_since_1970(tmp_path: Path, unit: str, places: int, point: str):
+    """Assert that they lose no digit, at 10 kHz and beside decimal commas: nothing is warned of."""
+    first, step = 1_714_557_600_000_000_000, 100_000
+    ticks = [f"{first + step * k:d}" for k in range(COUNT)]
+    rows = zip((f"{t[:-places]}.{t[-places:]}" for t in ticks), *FASTER.values(), strict=True)
+    text = "\n".join(";".join(map(str, row)) for row in rows)
+    path = tmp_path / "log.csv"
+    path.write_text(f"time [{unit}];{';'.join(FASTER)}\n{text.replace('.', point)}\n")
+    log = read_log(path)
+    (recording,) = log.recordings
+    assert log.warnings == ()
+    assert recording.sample_time == pytest.approx(1e-4, rel=1e-10)
+    np.testing.assert_array_equal(recording.link_position, FASTER["link_position"])
+
+
+def test_decimals_of_a_type(tmp_path: Path):
+    """Assert that a decimal column of a Parquet file is as exact, in a stream of parts too."""
+    cells = [f"{1_714_557_600 + k // 10_000}.{k % 10_000:04d}" for k in range(COUNT)]
+    column = pl.Series("time", cells).cast(pl.Decimal(18, 6))
+    path = tmp_path / "log.parquet"
+    pl.DataFrame(FASTER).insert_column(0, column).write_parquet(path, row_group_size=50)
+    assert read_log(path).warnings == ()
+    stream = LogStream(path, None, 300)
+    chunks = [chunk.recording for chunk in stream.chunks(90)]
+    assert stream.warnings == []
+    assert chunks[-1].start_time == pytest.approx(1e-4 * (COUNT - len(chunks[-1])), abs=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["", "17145576x0.5", "1714557600.1.2", "nan"])
+def test_a_bad_cell_among_decimals(tmp_path: Path, cell: str):
+    """Assert that it is named with its line."""
+    cells = [f"1714557600.{k:04d}" for k in range(COUNT)]
+    cells[7] = cell
+    with pytest.raises(RecordingError, match="line 9, column 'time'"):
+        read_log(written(tmp_path, cells))
 
 
 def test_seconds_and_nanoseconds_in_two_columns(tmp_path: Path):

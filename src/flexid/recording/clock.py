@@ -1,7 +1,8 @@
 """When samples were taken: numbers in some unit, dates with times, or times of day, as seconds.
 
 Time stamps are read by Polars into whole nanoseconds, and only what is left after the first one is
-taken off them becomes a floating-point number: of 1.7e9 s since 1970 that would keep 0.2 µs.
+taken off them becomes a floating-point number: of 1.7e9 s since 1970 that would keep 0.2 µs. So
+are numbers that count from long ago, as integers or as decimals.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from datetime import time
+from decimal import Decimal
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -42,6 +44,7 @@ _STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ]))?{_TIME}({_ZONE})?\s*")
 _LONGEST = 48  # characters of a stamp
 _EXACT = 2**53  # integers up to which are floating-point numbers, too
 _LARGEST = 2**62  # differences up to which those of integers do not wrap
+_PLACES = 12  # behind the point of a decimal that is read exactly, of 38 digits in all
 _DAY = 86_400
 _PER_SECOND = {"ns": 10**9, "us": 10**6, "ms": 10**3}
 
@@ -148,7 +151,9 @@ class Clock:
     def __init__(self, *, since_1970: bool = False) -> None:
         self._since_1970 = since_1970
         self._origin: int | None = None  # tick from which time stamps are counted
-        self._origins: dict[str, int | float] = {}  # by column, the number from which others are
+        self._origins: dict[
+            str, int | float | Decimal
+        ] = {}  # by column, the number from which others are
         self._form: _Form | None = None
         self._last: int | None = None  # tick of the last time of day
         self._days = 0  # midnights since the first one
@@ -198,6 +203,15 @@ class Clock:
         RecordingError
             If a cell is empty, is not a number, or is not finite.
         """
+        import polars as pl
+
+        decimals = None if self._since_1970 else _long_decimals(table, header)
+        if decimals is not None:
+            origin = self._origins.get(header, decimals[0])
+            if isinstance(origin, Decimal) and abs(float(origin) * scale) > LONG_AGO:
+                self._origins[header] = origin
+                apart = (decimals - origin).cast(pl.Float64).to_numpy()
+                return np.require(apart, np.float64, "W")
         found = _large_integers(table.frame[header])
         if found is None:
             found = table.numbers(header)
@@ -258,7 +272,7 @@ class Clock:
         raise RecordingError(table.file, table.place(index, header), reason)
 
 
-def _since(found: NDArray[np.int64] | FloatArray, origin: int | float) -> FloatArray:
+def _since(found: NDArray[np.int64] | FloatArray, origin: int | float | Decimal) -> FloatArray:
     """Differences from an origin, exact where they are; absurd ones are refused later."""
     with np.errstate(over="ignore"):
         apart = np.asarray(found, dtype=np.float64) - float(origin)
@@ -273,6 +287,24 @@ def _first_form(column: polars.Series) -> _Form | None:
         if cell is not None and cell.strip():
             return _Form.of(cell.strip())
     return None
+
+
+def _long_decimals(table: Table, header: str) -> polars.Series | None:
+    """Numbers with a fraction of which floating-point numbers keep too few digits: 1714557600.1."""
+    import polars as pl
+
+    column = table.frame[header]
+    if column.dtype == pl.String:
+        column = column.str.strip_chars()
+        first = (column[0] or "") if len(column) else ""
+        if not re.fullmatch(r"\d{9,}(?:[.,]\d*)?", first):
+            return None
+        if table.has_decimal_commas:
+            column = column.str.replace(",", ".", literal=True)
+    elif not isinstance(column.dtype, pl.Decimal) or not len(column):
+        return None
+    found = column.cast(pl.Decimal(38, _PLACES), strict=False)
+    return None if found.null_count() else found
 
 
 def _large_integers(column: polars.Series) -> NDArray[np.int64] | None:

@@ -69,7 +69,8 @@ def check_increasing(table: Table, column: str, time: FloatArray) -> None:
         reason += "; if the clock was set to winter time, log the time in UTC"
     elif time[index] < time[index - 1] and column in table.names:
         by = float(time[index - 1] - time[index])
-        reason += _stamp_hint(*table.frame[column][index - 1 : index + 1].to_list(), by)
+        cells = table.frame[column]
+        reason += _stamp_hint(cells[index - 1], cells[index], by)
     raise RecordingError(table.file, table.place(index, column), reason)
 
 
