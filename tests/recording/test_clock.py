@@ -173,6 +173,21 @@ def test_times_of_day_that_are_more_than_half_a_day_apart():
     assert words not in backwards([f"{t:%Y-%m-%dT%H:%M:%S.%f}" for t in swapped])
 
 
+@pytest.mark.parametrize(
+    ("first", "words"),
+    [
+        ("2024-13-01T10:00:00", "'2024-13-01T10:00:00' is no date or time that there is: correct"),
+        ("23:59:60", "'23:59:60' is no date or time that there is"),
+        ("2024-05-01T10:00:00.", r"'2024-05-01T10:00:00\.' is a date or a time of day.*such as"),
+        ("01-05-2024 10:00:00", "'01-05-2024 10:00:00' is a date or a time of day.*such as"),
+    ],
+)
+def test_a_first_stamp_that_cannot_be_read(tmp_path: Path, first: str, words: str):
+    """Assert that it is not held against itself, and what time stamps are is said."""
+    with pytest.raises(RecordingError, match=f"line 2, column 'time': {words}"):
+        read_log(written(tmp_path, [first] * COUNT))
+
+
 def test_blanks_between_date_and_time_as_between_columns(tmp_path: Path):
     """Assert that this is said, and that a T between them is the remedy."""
     text = text_of([*map(FORMS["blank"], moments())]).replace(";", " ")
@@ -253,6 +268,41 @@ def test_frames_and_arrays(zone: str | None):
     ):
         (recording,) = log_of_table(table).recordings
         assert recording.sample_time == pytest.approx(2.00001e-4, rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["s", "m", "10ms", "ps"])
+@pytest.mark.parametrize("kind", ["m", "M"])
+def test_resolutions_that_polars_does_not_know(kind: str, unit: str):
+    """Assert that times of NumPy and pandas in them are read all the same."""
+    ticks = np.array(np.arange(25) * (10**11 if unit == "ps" else 1)).astype(f"{kind}8[{unit}]")
+    right = ticks.astype(f"{kind}8[ns]").tolist()
+    tables = [table_of_arrays({"time": ticks})]
+    if unit != "10ms":  # pandas has no such times
+        tables.append(table_of_frame(pd.DataFrame({"time": ticks})))
+    kept = pl.Datetime("ns") if kind == "M" else pl.Duration("ns")
+    for table in tables:
+        assert table.frame["time"].cast(kept).to_physical().to_list() == right
+
+
+def test_durations_with_a_gap_in_a_frame():
+    """Assert that a duration that is none is named with its row."""
+    ticks = np.arange(COUNT).astype("m8[ms]")
+    ticks[7] = np.timedelta64("NaT")
+    with pytest.raises(RecordingError, match="row 7, column 'time': the cell is empty"):
+        log_of_table(table_of_frame(pd.DataFrame({"time": ticks} | CELLS)))
+
+
+@pytest.mark.parametrize(
+    ("ticks", "words"),
+    [
+        (np.arange(25).astype("m8"), "its durations have no unit: give seconds"),
+        ((10**11 + np.arange(25)).astype("M8[s]"), "more than 292 years from 1970"),
+    ],
+)
+def test_times_that_cannot_be_taken(ticks: np.ndarray, words: str):
+    """Assert that they are refused in one line."""
+    with pytest.raises(RecordingError, match=words):
+        table_of_arrays({"time": ticks})
 
 
 @pytest.mark.parametrize("unit", ["ns", "us", "s"])

@@ -38,7 +38,7 @@ _DATES = {  # the years are those that 64 bits of nanoseconds hold
     r"(?:1[789]|2[01])\d\d/\d\d/\d\d": "%Y/%m/%d",
     r"\d\d?\.\d\d?\.(?:1[789]|2[01])\d\d": "%d.%m.%Y",
 }
-_TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d*)?"
+_TIME = r"\d\d?:\d\d:\d\d(?:[.,]\d+)?"
 _ZONE = r" ?(?:Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)"
 _STAMP = re.compile(rf"\s*(?:({'|'.join(_DATES)})([T ]))?{_TIME}({_ZONE})?\s*")
 _LONGEST = 48  # characters of a stamp
@@ -78,7 +78,7 @@ def digits_of(cell: object) -> int:
     """
     if not (isinstance(cell, str) and is_stamp(cell)):
         return 0
-    found = re.search(r":\d\d[.,](\d*)", cell)
+    found = re.search(r":\d\d[.,](\d+)", cell)
     return len(found[1]) if found else 0
 
 
@@ -266,8 +266,10 @@ class Clock:
             shown = text if len(text) <= 40 else text[:37] + "..."
             first = str(column.drop_nulls()[0]).strip()
             reason = (
-                f"{shown!r} is no time stamp, or written otherwise than the first one, {first!r}: "
-                f"correct it, or remove the row"
+                f"{shown!r} is no date or time that there is: correct it, or remove the row"
+                if text == first
+                else f"{shown!r} is no time stamp, or written otherwise than the first one, "
+                f"{first!r}: correct it, or remove the row"
             )
         raise RecordingError(table.file, table.place(index, header), reason)
 

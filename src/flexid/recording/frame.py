@@ -13,6 +13,7 @@ from flexid.recording.table import MOST_ROWS, Table
 
 if TYPE_CHECKING:
     import polars
+    from numpy.typing import NDArray
 
 FRAME = "data frame"
 ARRAYS = "arrays"
@@ -51,7 +52,7 @@ def table_of_frame(frame: Any) -> Table:
     names = [name for name in table.columns if not isinstance(name, str)]
     if names:
         raise RecordingError(FRAME, f"column {names[0]!r}", "its name is no text: rename it")
-    return _table(FRAME, {name: _values(table[name]) for name in table.columns})
+    return _table(FRAME, {name: _values(name, table[name]) for name in table.columns})
 
 
 def _with_index(frame: Any) -> Any:
@@ -66,14 +67,16 @@ def _bare(name: object) -> str:
     return str(name).partition("[")[0].strip().casefold()
 
 
-def _values(column: Any) -> Any:
+def _values(name: str, column: Any) -> Any:
     """Values of a column, numbers and times as an array; anything else as Polars takes it."""
     import narwhals as nw
 
     if isinstance(column.dtype, nw.Datetime):  # NumPy's has no zone
         if column.dtype.time_zone is not None:
             column = column.dt.convert_time_zone("UTC").dt.replace_time_zone(None)
-        return column.to_numpy()
+        return _known_times(FRAME, name, column.to_numpy())
+    if isinstance(column.dtype, nw.Duration):
+        return _known_times(FRAME, name, column.to_numpy())
     return column.to_numpy() if column.dtype.is_numeric() else column.to_list()
 
 
@@ -123,7 +126,26 @@ def _array(name: str, values: Any) -> Any:
             f"column {name!r}",
             f"it has {found.ndim} dimensions: give an array of one, a value for each sample",
         )
-    return found.tolist() if found.dtype == object else found
+    return found.tolist() if found.dtype == object else _known_times(ARRAYS, name, found)
+
+
+def _known_times(file: str, name: str, found: NDArray[Any]) -> NDArray[Any]:
+    """An array whose dates and durations, if it holds any, have a resolution that Polars knows."""
+    if found.dtype.kind not in "mM" or found.dtype.str[4:] in ("[D]", "[ms]", "[us]", "[ns]"):
+        return found
+    place = f"column {name!r}"
+    if np.datetime_data(found.dtype)[0] == "generic":
+        raise RecordingError(file, place, "its durations have no unit: give seconds as numbers")
+    times = found.astype(f"{found.dtype.kind}8[ns]")
+    # What 64 bits cannot hold as nanoseconds comes out as another second.
+    given, kept = (
+        each.astype(f"{each.dtype.kind}8[s]").astype(np.int64) for each in (found, times)
+    )
+    if not np.array_equal(given, kept):
+        raise RecordingError(
+            file, place, "its times are more than 292 years from 1970: give seconds as numbers"
+        )
+    return times
 
 
 def _table(file: str, columns: Mapping[str, Any]) -> Table:

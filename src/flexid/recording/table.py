@@ -42,7 +42,7 @@ THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
 _GROUPED = (  # 1'234.5, 1 234,5, 1,234.5, 1.234,5
     r"[+-]?\d{1,3}(?:(?:[ '\u00a0\u202f]\d{3})+(?:[.,]\d*)?|(?:,\d{3})+\.\d*|(?:\.\d{3})+,\d*)"
 )
-_DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[:./]\d\d?[:./]\d\d|\d+:\d\d|\d+ days? "
+_DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d|\d+ days? "
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
 _OTHERS = {  # what else flexid reads, and where it belongs
