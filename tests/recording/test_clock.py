@@ -391,3 +391,20 @@ def test_times_of_day_of_a_stream():
     second = clock.of_cells([b"00:00:01.5"])
     found = np.concatenate((first, second)) - 86_400.0
     np.testing.assert_array_equal(found, [-0.5, 0.5, -0.25, np.nan, np.nan, 1.0, 1.5])
+
+
+def test_integers_that_are_too_far_apart_to_be_subtracted():
+    """Assert that their difference does not come out as another of 64 bits."""
+    ticks = np.array([-3, 0, 3]) * 2**61
+    table = table_of_arrays({"time": ticks})
+    found = Clock().numbers(table, "time", 1e-9)
+    np.testing.assert_array_equal(found, [0.0, 3 * 2.0**61, 6 * 2.0**61])
+
+
+def test_stamps_after_empty_cells(tmp_path: Path):
+    """Assert that the first one is looked for: in a log the cell is named, in a stream left out."""
+    stamps = ["", " ", *map(FORMS["iso"], moments()[2:])]
+    with pytest.raises(RecordingError, match=r"line 2.*the cell is empty.*remove the row$"):
+        read_log(written(tmp_path, stamps))
+    found = Clock(since_1970=True).of_cells([b"", b" ", b"00:00:01.5"])
+    np.testing.assert_array_equal(found, [np.nan, np.nan, 1.5])
