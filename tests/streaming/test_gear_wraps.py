@@ -79,26 +79,41 @@ def test_what_cannot_be_known_is_counted(peak: float, lost: slice, unclear: int)
     assert wraps.unclear == unclear
 
 
-def test_readings_that_are_odd_again_and_again_are_counted():
-    """Assert that two are outliers, and three a motor elsewhere, by turns that cannot be known."""
-    for odd, unclear in ((2, 0), (3, 1)):
-        position = moved(0.2)
-        position[400 : 400 + odd] += 0.4 * TURN
-        wraps = GearWraps(TURN, H, MOTOR)
-        wraps.undone(samples_of(np.mod(position, TURN))[: 400 + odd])
-        assert wraps.unclear == unclear
+@pytest.mark.parametrize(("odd", "count", "unclear"), [(1, 9, 0), (2, 2, 0), (2, 3, 1), (3, 3, 1)])
+def test_readings_that_are_odd_again_and_again(odd: int, count: int, unclear: int):
+    """Assert that one is an outlier, and that after two the turns cannot be known."""
+    position = moved(0.2)
+    position[400 : 400 + odd] += 0.4 * TURN
+    wraps = GearWraps(TURN, H, MOTOR)
+    wraps.undone(samples_of(np.mod(position, TURN))[: 400 + count])
+    assert wraps.unclear == unclear
 
 
 def test_a_repeated_sample_says_no_speed():
     """Assert that a reading which comes twice, with other noise, changes no turn."""
     position = moved(0.3)
     samples = samples_of(np.mod(position, TURN))
-    again = np.insert(samples, np.arange(50, 800, 3), samples[50:800:3], axis=0)
-    again[1:, 0] += np.where(np.diff(again[:, 0]) == 0.0, 1e-5, 0.0)
-    repeats = np.insert(np.zeros(len(samples), bool), np.arange(50, 800, 3), True)
+    twice = np.repeat(np.arange(50, 800, 3), 2)
+    again = np.insert(samples, twice, samples[twice - 1], axis=0)
+    repeats = np.insert(np.zeros(len(samples), bool), twice, True)
+    again[repeats, 0] += np.resize([1e-5, 2e-5], len(twice))
     wraps = GearWraps(TURN, H, MOTOR)
     apart = (wraps.undone(again)[:, MOTOR])[~repeats] - position
     assert np.ptp(apart[1:]) < 1e-9
+    assert wraps.unclear == 0
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0 / 3.0])
+def test_a_motor_that_is_stopped_at_once(speed: float):
+    """Assert that turns which may have been lost are counted, once more while it is believed."""
+    to_speed = moved(speed, 76)
+    steady = to_speed[-1] + TURN * speed * np.minimum(np.arange(1, 400), 200)
+    samples = samples_of(np.mod(np.r_[to_speed, steady], TURN))
+    wraps = GearWraps(TURN, H, MOTOR)
+    wraps.undone(samples[:270])
+    assert wraps.unclear == 0
+    wraps.undone(samples[270:])
+    assert 1 <= wraps.unclear <= 2
 
 
 def test_neither_blocks_nor_a_state_that_is_kept_change_anything():

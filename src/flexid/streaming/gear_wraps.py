@@ -115,12 +115,14 @@ class GearWraps:
         if is_odd and not isnan(self._oldest) and self._odd + 1.0 < PERSISTENT:
             self._odd += 1.0
             return reading - self._offset - wrapped
-        if off > _UNCLEAR * by:
+        # After two that did not fit, one that does may be where another turn leads.
+        is_new = is_odd or self._odd + 1.0 >= PERSISTENT
+        if off > _UNCLEAR * by or (is_new and self._odd > 0.0):
             self._unclear += 1.0
         step = jump - wrapped
         if self._period == 0.0 and isnan(self._newest):
             step -= self._turn * round(step / self._turn)  # a wrap may lie between the first two
-        if is_odd:
+        if is_new:
             self._forget_speed()
         self._newest, self._newer, self._oldest = step / samples, self._newest, self._newer
         self._offset += wrapped
