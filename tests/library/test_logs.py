@@ -132,7 +132,7 @@ WRONG = {
     "text": ({"time [s]": ["a", "b"]}, "time"),
     "objects": ({"time [s]": [object(), object()]}, "time"),
     "masked": ({"time [s]": np.ma.masked_greater([0.0, 1.0, 9.0], 2.0)}, "masked"),
-    "dates": (pl.DataFrame({"time [s]": [date(2026, 1, day) for day in (1, 2, 3)]}), "seconds"),
+    "dates": (pl.DataFrame({"time [s]": [date(2026, 1, day) for day in (1, 2, 3)]}), "3 samples"),
 }
 
 

@@ -162,7 +162,12 @@ def _above(
         named = [line for line in above if not line.is_comment]
         if not named:
             raise _no_header(file, first.number)
-        several = [line for line in named if len(_names(line, separator)) > 1]
+        cells = [_names(line, separator) for line in named]
+        several = [
+            line
+            for line, names in zip(named, cells, strict=True)
+            if len(names) > 1 and not _is_row(names)
+        ]
         return several[-1] if several else named[0], None
     units = None
     if len(named) > 1 and _is_units(_names(named[-1], separator)):
