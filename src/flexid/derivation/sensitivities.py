@@ -216,20 +216,19 @@ def _equations(symbolic: SymbolicSystem) -> list[tuple[sp.Expr, dict[int, sp.Exp
 def _slopes(symbolic: SymbolicSystem) -> str:
     targets: list[str] = []
     expressions: list[sp.Expr] = []
-    coefficients = list(symbolic.coefficients)
     delayed = []
     for j, (rate, jacobian) in enumerate(_equations(symbolic)):
         targets += [f"_a[{j}, {place}]" for place in jacobian]
         expressions += jacobian.values()
-        for i, coefficient in enumerate(coefficients):
+        for i, coefficient in enumerate(symbolic.coefficients):
             if rate.has(coefficient):
                 targets.append(f"_r[{j} * WIDTH + _at[{i}]]")
                 expressions.append(derivative(rate, coefficient))
-        gains = [(i, derivative(rate, u)) for i, u in enumerate(symbolic.inputs)]
-        products = [f"_g{j}_{i} * _du[{i}]" for i, gain in gains if gain != 0]
-        if products:
-            targets += [f"_g{j}_{i}" for i, gain in gains if gain != 0]
-            expressions += [gain for _, gain in gains if gain != 0]
+        gains = {i: derivative(rate, u) for i, u in enumerate(symbolic.inputs) if rate.has(u)}
+        if gains:
+            targets += [f"_g{j}_{i}" for i in gains]
+            expressions += gains.values()
+            products = [f"_g{j}_{i} * _du[{i}]" for i in gains]
             delayed.append(f"        _r[{j} * WIDTH + _delay] = {' + '.join(products)}")
     return function(
         "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",

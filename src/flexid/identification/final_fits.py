@@ -14,8 +14,8 @@ from flexid.identification.climbing import hold_covariance
 from flexid.identification.estimate import Estimate
 from flexid.identification.estimates import row_sizes
 from flexid.identification.excitations import unexcited, without_noise
-from flexid.identification.fitting import expanded, fit_to, refit
-from flexid.identification.full_model import FINE, LINK, Data, Fitted, Structure, data_of
+from flexid.identification.fitting import expanded, fit_like, fit_to
+from flexid.identification.full_model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.judgement import Thresholds
 from flexid.identification.link_delay import confused_covariance
 from flexid.identification.link_row import with_link_row
@@ -209,17 +209,7 @@ def _full(choice: Choice, reported: Fitted) -> Fitted:
         absent=choice.full.absent | shapes,
         fixed={**choice.full.fixed, **reported.at_bound},
     )
-    try:
-        return refit(
-            usual,
-            reported.data,
-            reported.by_name,
-            reported.problem.segments,
-            FINE,
-            reported.minimum.point.initial_states,
-        )
-    except ConvergenceError:
-        return expanded(usual, reported)
+    return fit_like(usual, reported) or expanded(usual, reported)
 
 
 def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:

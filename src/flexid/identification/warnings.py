@@ -75,7 +75,7 @@ def model_warnings(
     thresholds : Thresholds, optional
         How large the one and how wide the other has to be.
     """
-    taken = link_row is not None and link_row.taken
+    taken = link_row.alone if link_row is not None and link_row.taken else {}
     small = error.excess <= thresholds.sensor_excess - 1.0 and widest <= thresholds.noted_width
     if small and not taken:
         return
@@ -87,10 +87,10 @@ def model_warnings(
         )
     elif error.share > 0.0:
         alone = ", and --model link does without motor and input" if model == "flexible" else ""
-        if link_row is not None and link_row.taken:
+        if taken:
             alone = (
                 "; the link's row alone, driven by the motor's measured motion, knows "
-                f"{', '.join(link_row.alone)} better, so these are taken from it"
+                f"{', '.join(taken)} better, so these are taken from it"
             )
         yield (
             f"the residuals are {_times(error)} the sensors' noise, and do not grow as noise of "

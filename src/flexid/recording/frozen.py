@@ -77,11 +77,9 @@ def _frozen(channels: Mapping[str, FloatArray]) -> Iterator[tuple[int, int]]:
     for start, stop in pairwise(edges.tolist()):
         if stop - start < max(_FEWEST, _SHARE * count) or start < before:
             continue
-        if stop < count - _JUST_BEFORE:
-            goes_on = any(_jumps(values[stop - 1 :]) for values in positions)
-        else:
-            goes_on = stop == count
-        if goes_on and any(_unbraked(values[: start + 1]) for values in positions):
+        goes_on = stop < count - _JUST_BEFORE
+        lost = goes_on and any(_jumps(values[stop - 1 :]) for values in positions)
+        if (lost or stop == count) and any(_unbraked(values[: start + 1]) for values in positions):
             yield start, stop
 
 

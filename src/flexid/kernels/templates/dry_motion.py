@@ -7,8 +7,8 @@ and so are their derivatives, but for those of velocities:
     sticking   S+ = 0 in the row that stops,
     release    S+ = S-.
 
-No function here takes part in counting references to arrays (``_nrt``): what is counted at every
-stage of every step costs more than the mathematics.
+What runs at every stage of a step is `uncounted` or `inlined`: references to arrays cost more than
+the mathematics.
 """
 
 from collections import namedtuple
