@@ -23,14 +23,14 @@ from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.generate import Trial
 from benchmarks.trials.options import add_log_options, logs_of
 from benchmarks.trials.repeated import make_repeated
+from flexid.comparisons.comparison import Comparison, compare_estimates
 from flexid.errors import FlexidError
-from flexid.identification.comparison import Comparison, compare_estimates
-from flexid.identification.estimate_file import read_estimate, stored_identification
 from flexid.identification.identify import identify
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
 from flexid.recording.read import read_log
 from flexid.report.documents import identification_document, to_json
+from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
 BLOCK = "comparing"
 USUAL = ("basic", "coulomb", "lugre", "spring_other")

@@ -11,7 +11,7 @@ from numba import njit
 from benchmarks.report import markdown
 from flexid.arrays import FloatArray
 from flexid.estimators.recursive_least_squares import recursive_least_squares
-from flexid.identification.intervals import quantile
+from flexid.identification.vocabulary.intervals import quantile
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 

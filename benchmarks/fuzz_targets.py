@@ -142,16 +142,16 @@ def _descriptions() -> dict[str, Callable[[], Target]]:
 
 
 def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
+    from flexid.comparisons.comparison import compare_estimates
     from flexid.experiment_design.drive_file import read_drive
-    from flexid.identification.comparison import compare_estimates
-    from flexid.identification.estimate_file import read_estimate, stored_identification
-    from flexid.identification.validate_estimate import validate_estimate
     from flexid.recording.frame import table_of_arrays
     from flexid.recording.read import log_of_table
     from flexid.report.comparison_table import comparison_parts
     from flexid.report.page.comparison_page import comparison_page
     from flexid.report.page.render import page_html
     from flexid.report.terminal import laid_out
+    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
+    from flexid.stored_estimates.validate_estimate import validate_estimate
 
     files = (estimate, json.dumps(json.loads(estimate), indent=0).encode())
     drive = ROOT / "examples" / "drive.toml"
@@ -234,7 +234,7 @@ def _streams() -> dict[str, Callable[[], Target]]:
 def made_estimate() -> bytes:
     """An estimate of the example log's beginning."""
     from flexid.identification.identify import identify
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.settings import Settings
     from flexid.recording import read_log
     from flexid.report.documents import identification_document, to_json
 

@@ -19,7 +19,7 @@ from flexid.control.references import sinusoid
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.identification.joint import flexible
+from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import flexible_joint
 from flexid.report.style import BLUE, GREEN, ORANGE, new_figure, save
 from flexid.simulation.closed_loop import simulate

@@ -24,7 +24,7 @@ _THREADS = (1, 2)
 _FLOOR = """
 import flexid.cli.main, flexid.identification.identify, flexid.recording.read
 import polars, rich.console
-from flexid.identification.joint import flexible
+from flexid.identification.preparation.joint import flexible
 from flexid.simulation.free_run import free_run
 system = flexible().smooth
 free_run(system, dict.fromkeys(system.coefficients, 1.0), [0.0] * 4, [0.0] * 10, 1e-3)

@@ -19,12 +19,12 @@ from benchmarks.trials.generate import make_trial
 from benchmarks.trials.record import given_settings
 from flexid.errors import ConvergenceError
 from flexid.estimators.integration_error import integration_error
-from flexid.identification.fitting import refit
-from flexid.identification.full_model import FINE, data_of
-from flexid.identification.job import job_of
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.preparation import prepare
-from flexid.identification.progress import silent
+from flexid.identification.full_model.fitting import refit
+from flexid.identification.full_model.model import FINE, data_of
+from flexid.identification.preparation.recordings import prepare
+from flexid.identification.structure.job import job_of
+from flexid.identification.vocabulary.progress import silent
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.read import read_log
 
 _EDGES = (0.1, 0.3, 1.0)

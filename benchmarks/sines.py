@@ -21,9 +21,9 @@ from unittest.mock import patch
 import joint_logs
 import numpy as np
 
-from flexid.identification import excitations, final_fits
+from flexid.identification.estimation import excitations, final_fits
 from flexid.identification.identify import identify
-from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.read import read_log
 
 AMPLITUDES, RATES = (0.05, 0.1, 0.3, 1.0, 1.5), (1.0, 2.0, 5.0, 8.0)  # rad, rad/s

@@ -45,7 +45,7 @@ import json, sys, time
 times = [time.perf_counter()]
 from pathlib import Path
 from benchmarks.memory import most_memory
-from flexid.identification.stream import identify_stream
+from flexid.long_logs.stream import identify_stream
 times.append(time.perf_counter())
 def progress(step):
     if step == "streaming" or step.startswith("free runs over the stretches"):

@@ -25,8 +25,8 @@ from benchmarks.trials.generate import make_trial
 from benchmarks.trials.options import add_log_options, logs_of
 from benchmarks.trials.record import identified, known
 from benchmarks.trials.score import CORE, claims, core_names
-from flexid.identification.judgement import THRESHOLDS, Thresholds
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 
 BLOCK = "sensitivity"
 FACTORS = (0.5, 2.0)

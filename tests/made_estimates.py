@@ -5,20 +5,19 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.analysis.excitation import excitation_of_gram
-from flexid.identification.alignment import Alignment, Delay
-from flexid.identification.compliance import Compliance
-from flexid.identification.estimate import Estimate
-from flexid.identification.intervals import interval, propagated
-from flexid.identification.judgement import verdict
-from flexid.identification.result import (
-    Choices,
+from flexid.identification.judgement.compliance import Compliance
+from flexid.identification.judgement.verdict import verdict
+from flexid.identification.preparation.alignment import Alignment, Delay
+from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
-    Identification,
     ModelError,
     ObserverTrace,
     ParameterEstimate,
     Validation,
 )
+from flexid.identification.vocabulary.intervals import interval, propagated
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
 

@@ -12,10 +12,10 @@ from flexid import files
 from flexid.errors import FlexidError
 from flexid.experiment_design.drive_file import read_drive
 from flexid.experiments.experiment_file import read_experiment
-from flexid.identification.estimate_file import read_estimate
 from flexid.models.model_file import read_model
 from flexid.recording import read_log
 from flexid.recording.column_map import read_map
+from flexid.stored_estimates.estimate_file import read_estimate
 
 TOML: dict[str, Callable[[Path], object]] = {
     "column map": read_map,

@@ -12,8 +12,8 @@ from benchmarks.trials.generate import Trial, make_trial
 from benchmarks.trials.plain_least_squares import plain_least_squares
 from flexid.errors import FlexidError
 from flexid.identification.identify import identify
-from flexid.identification.judgement import THRESHOLDS, Thresholds
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.read import read_log
 from flexid.recording.recording import Log
 

@@ -13,15 +13,15 @@ from matplotlib.axes import Axes
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.fitting import climb, lengths
-from flexid.identification.full_model import Data, Structure, data_of
+from flexid.identification.full_model.fitting import climb, lengths
+from flexid.identification.full_model.model import Data, Structure, data_of
+from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.identify import identify
-from flexid.identification.joint import flexible
-from flexid.identification.preparation import prepare
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
-from flexid.identification.starting import least_squares_start, starts
-from flexid.identification.validation import validate
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.preparation.recordings import prepare
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
+from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.charts.figure import draw
 from flexid.report.identification_charts import fit_chart

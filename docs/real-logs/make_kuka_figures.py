@@ -11,10 +11,10 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from flexid.identification.alignment import Alignment, Delay, aligned
 from flexid.identification.identify import identify
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.alignment import Alignment, Delay, aligned
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.identification_table import format_fits
 from flexid.report.style import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save

@@ -35,7 +35,7 @@ _HOMES = {
     "EstimateValidation": "library.validation",
     "EstimateComparison": "library.comparison",
     "Prediction": "library.prediction",
-    "FrequencyResponse": "identification.frequency_response",
+    "FrequencyResponse": "frequency.frequency_response",
     "LogExcitation": "library.excitation",
     "ExperimentDesign": "library.design",
     "ExportedFiles": "library.export",
@@ -44,7 +44,7 @@ _HOMES = {
     "PaperReproduction": "library.reproduce",
     "Watch": "library.watch",
     "Health": "streaming.health",
-    "Thresholds": "identification.judgement",
+    "Thresholds": "identification.vocabulary.thresholds",
     # models
     "ParametricSystem": "models.parametric_system",
     "Row": "models.parametric_system",

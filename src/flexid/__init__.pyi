@@ -26,8 +26,8 @@ from flexid.estimators.recursive_least_squares import (
     recursive_least_squares as recursive_least_squares,
 )
 from flexid.estimators.samples import Samples as Samples
-from flexid.identification.frequency_response import FrequencyResponse as FrequencyResponse
-from flexid.identification.judgement import Thresholds as Thresholds
+from flexid.frequency.frequency_response import FrequencyResponse as FrequencyResponse
+from flexid.identification.vocabulary.thresholds import Thresholds as Thresholds
 from flexid.library.campaign import CampaignResult as CampaignResult
 from flexid.library.campaign import campaign as campaign
 from flexid.library.comparison import EstimateComparison as EstimateComparison

@@ -4,7 +4,7 @@ from dataclasses import fields
 
 from benchmarks.thresholds import UNTOUCHED, moved, table
 
-from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 
 def record(in_class: bool, verdict: str, low: float, terms: tuple[str, ...] = ("gravity",)) -> dict:

@@ -11,7 +11,7 @@ from flexid.errors import FlexidError, RecordingError
 from flexid.experiment_design.advice import advise
 from flexid.experiment_design.excitation_report import examine
 from flexid.identification.identify import identify
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
 from flexid.recording.read import read_log
 from flexid.report.charts.description import Level, Points
 from flexid.report.excitation_report_chart import excitation_report_chart

@@ -11,7 +11,7 @@ import pytest
 
 from flexid.errors import SettingError
 from flexid.exports.mjcf import Scene, mjcf_scene
-from flexid.identification.rebuilt import Described
+from flexid.stored_estimates.rebuilt import Described
 
 PAPER = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 

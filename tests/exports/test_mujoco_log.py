@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from flexid.errors import SettingError, SimulationError
 from flexid.exports.mjcf import mjcf_scene
 from flexid.exports.mujoco_log import mujoco_log
-from flexid.identification.rebuilt import Described
+from flexid.stored_estimates.rebuilt import Described
 
 JOINT = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 

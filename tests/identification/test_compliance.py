@@ -8,13 +8,13 @@ import pytest
 from made_joint import COEFFICIENTS, made
 
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.compliance import compare_with_rigid, one_encoder
-from flexid.identification.fitting import fit_to
-from flexid.identification.full_model import Structure, data_of
-from flexid.identification.joint import flexible
-from flexid.identification.preparation import SplitRecordings
-from flexid.identification.result import Validation
-from flexid.identification.validation import validate
+from flexid.identification.full_model.fitting import fit_to
+from flexid.identification.full_model.model import Structure, data_of
+from flexid.identification.judgement.compliance import compare_with_rigid, one_encoder
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.preparation.recordings import SplitRecordings
+from flexid.identification.structure.validation import validate
+from flexid.identification.vocabulary.evidence import Validation
 from flexid.models.flexible_joint import PAPER_TERMS
 
 JOINT = flexible()

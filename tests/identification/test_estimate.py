@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.identification.estimate import Estimate
+from flexid.identification.vocabulary.estimate import Estimate
 
 COVARIANCE = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, np.inf]])
 ESTIMATE = Estimate(("a", "b", "c"), np.array([1.0, 2.0, 3.0]), COVARIANCE, (5.0, 7.0, 0.0))

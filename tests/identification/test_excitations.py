@@ -9,16 +9,16 @@ from made_joint import TRUTH, log, made
 
 from flexid.estimators.rowwise import RowSums
 from flexid.estimators.samples import Samples
-from flexid.identification.excitations import (
+from flexid.identification.estimation.excitations import (
     row_excitation,
     unexcited,
     without_noise,
     worst_share,
 )
-from flexid.identification.full_model import Data
+from flexid.identification.full_model.model import Data
 from flexid.identification.identify import identify
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SPRING = ("theta_cubic", "alpha_cubic", "theta_damping", "alpha_damping")
 

@@ -6,18 +6,31 @@ import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, log, made
 
-import flexid.identification.final_fits as final
-import flexid.identification.fitting as fitting
+import flexid.identification.estimation.final_fits as final
+import flexid.identification.full_model.fitting as fitting
 import flexid.identification.identify as identifying
 from flexid.estimators.integration_error import MOST, refinement
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification import climbing
-from flexid.identification.final_fits import FinalFits, final_fits
-from flexid.identification.fitting import climb, fit_to, lengths, refit, with_steps_refined
-from flexid.identification.full_model import FINE, ROUGH, Data, Fitted, Structure, data_of
+from flexid.identification.estimation.final_fits import FinalFits, final_fits
+from flexid.identification.full_model import climbing
+from flexid.identification.full_model.fitting import (
+    climb,
+    fit_to,
+    lengths,
+    refit,
+    with_steps_refined,
+)
+from flexid.identification.full_model.model import (
+    FINE,
+    ROUGH,
+    Data,
+    Fitted,
+    Structure,
+    data_of,
+)
 from flexid.identification.identify import identify
-from flexid.identification.joint import flexible
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.preparation.settings import Settings
 from flexid.recording.velocities import with_velocities
 
 TERMS = ("gravity", "motor_viscous", "motor_coulomb")

@@ -10,7 +10,7 @@ from scipy.stats import t
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
-from flexid.identification.fitting import (
+from flexid.identification.full_model.fitting import (
     LONGEST,
     SHORTEST,
     climb,
@@ -18,9 +18,9 @@ from flexid.identification.fitting import (
     lengths,
     refit,
 )
-from flexid.identification.full_model import FINE, LINK, Data, Structure, data_of
-from flexid.identification.joint import flexible
-from flexid.identification.starting import least_squares_start
+from flexid.identification.full_model.model import FINE, LINK, Data, Structure, data_of
+from flexid.identification.full_model.starting import least_squares_start
+from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities

@@ -7,13 +7,13 @@ import pytest
 from scipy.stats import t
 
 from flexid.errors import SettingError
-from flexid.identification.intervals import (
+from flexid.identification.vocabulary.evidence import ValueEstimate
+from flexid.identification.vocabulary.intervals import (
     Propagated,
     interval,
     logarithmic_interval,
     propagated,
 )
-from flexid.identification.result import ValueEstimate
 from flexid.models.physical import PhysicalParameter, physical_parameters
 
 NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")

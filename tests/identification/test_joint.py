@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexid.estimators.samples import Samples
-from flexid.identification.joint import flexible, rigid
+from flexid.identification.preparation.joint import flexible, rigid
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, PAPER_TERMS, TERMS
 from flexid.models.rigid_joint import RIGID_UNITS
 

@@ -5,7 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from flexid.identification.judgement import THRESHOLDS, Thresholds, table, verdict
+from flexid.identification.judgement.verdict import verdict
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds, table
 
 
 def judged(half: float, value: float = 10.0, effect: float = np.inf) -> str:

@@ -7,14 +7,14 @@ import pytest
 from made_joint import COEFFICIENTS, made
 
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.estimate import Estimate
-from flexid.identification.fitting import fit_to
-from flexid.identification.full_model import Data, Structure, data_of
-from flexid.identification.joint import flexible
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.settings import Settings
-from flexid.identification.stated import stated
+from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
+from flexid.identification.full_model.fitting import fit_to
+from flexid.identification.full_model.model import Data, Structure, data_of
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.preparation.stated import stated
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.velocities import with_velocities
 

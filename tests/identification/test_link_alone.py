@@ -10,11 +10,11 @@ from scipy.interpolate import CubicSpline
 
 from flexid.errors import RecordingError, SettingError
 from flexid.estimators.segmented_motion import INPUT
-from flexid.identification.estimate import Estimate
 from flexid.identification.identify import identify
-from flexid.identification.joint import link
-from flexid.identification.link_delay import confused_covariance, doubtful, possible
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.joint import link
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.structure.link_delay import confused_covariance, doubtful, possible
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Log, Recording
 
 STEP = 2.0 * np.pi / 2**14  # of an encoder

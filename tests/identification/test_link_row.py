@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, log, made
 
-from flexid.identification.estimate import Estimate
+from flexid.identification.estimation.link_row import taken
 from flexid.identification.identify import identify
-from flexid.identification.link_row import taken
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.models.flexible_joint import PAPER_TERMS
 
 LINK = ("theta1", "theta2")
@@ -147,7 +147,7 @@ def test_what_a_stand_in_may_bend_is_doubted_in_the_row_too():
 
 def test_what_may_hide_is_doubted_in_the_row_too(monkeypatch):
     """Assert that terms that the link may have widen its row's intervals as those of both rows."""
-    hidden = "flexid.identification.link_row.hidden_covariance"
+    hidden = "flexid.identification.estimation.link_row.hidden_covariance"
     monkeypatch.setattr(hidden, lambda *_: np.diag([0.01, 4.0]))
     friction = made(1, motor_coulomb_up=2.0, motor_coulomb_down=2.0)
     row = identify([log(friction)], Settings(terms=PAPER_TERMS)).link_row

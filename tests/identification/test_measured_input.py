@@ -8,12 +8,12 @@ import pytest
 from made_joint import made
 
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.fitting import fit_to
-from flexid.identification.full_model import Fitted, Structure, data_of
-from flexid.identification.joint import link
-from flexid.identification.measured_input import input_noise
-from flexid.identification.model_error import widened
-from flexid.identification.result import ModelError
+from flexid.identification.estimation.measured_input import input_noise
+from flexid.identification.estimation.model_error import widened
+from flexid.identification.full_model.fitting import fit_to
+from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.preparation.joint import link
+from flexid.identification.vocabulary.evidence import ModelError
 from flexid.recording.velocities import with_velocities
 
 JOINT = link()

@@ -6,12 +6,12 @@ import pytest
 from made_joint import made
 
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.full_model import Structure
+from flexid.identification.full_model.mirrored import mirrored, turned_round
+from flexid.identification.full_model.model import Structure
 from flexid.identification.identify import identify
-from flexid.identification.joint import Kind, joint_of
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.mirrored import mirrored, turned_round
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.joint import Kind, joint_of
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Log
 from flexid.recording.velocities import with_velocities
 

@@ -7,8 +7,8 @@ from made_joint import log, made
 
 from flexid.errors import SettingError
 from flexid.identification.identify import identify
-from flexid.identification.preparation import prepare
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.recordings import prepare
+from flexid.identification.preparation.settings import Settings
 from flexid.recording.recording import Log
 
 SHARE = 1 / 3

@@ -11,13 +11,13 @@ from made_joint import COEFFICIENTS, made
 from scipy.stats import t
 
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.estimate import Estimate
-from flexid.identification.fitting import fit_to
-from flexid.identification.full_model import Fitted, Structure, data_of
-from flexid.identification.joint import flexible
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.model_error import model_error, stand_in_covariance, widened
-from flexid.identification.result import ModelError
+from flexid.identification.estimation.model_error import model_error, stand_in_covariance, widened
+from flexid.identification.full_model.fitting import fit_to
+from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import ModelError
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.velocities import with_velocities
 

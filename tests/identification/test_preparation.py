@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexid.errors import RecordingError, SettingError
-from flexid.identification.preparation import SplitRecordings, prepare
+from flexid.identification.preparation.recordings import SplitRecordings, prepare
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import FEWEST_TO_IDENTIFY
 

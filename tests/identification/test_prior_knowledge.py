@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import t
 
 from flexid.errors import SettingError
-from flexid.identification.prior_knowledge import Known, informed
+from flexid.identification.preparation.prior_knowledge import Known, informed
 from flexid.models.physical import physical_parameters
 
 PARAMETERS = physical_parameters(["alpha1", "beta1"], input_is_torque=True)

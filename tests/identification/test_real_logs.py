@@ -3,7 +3,7 @@
 import pytest
 
 from flexid.identification.identify import identify
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
 from flexid.recording.read import read_log
 
 

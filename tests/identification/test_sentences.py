@@ -6,11 +6,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from flexid.identification.alignment import Delay
-from flexid.identification.estimates import widest
-from flexid.identification.result import CoefficientEstimate, ModelError
-from flexid.identification.summary import _delay
-from flexid.identification.warnings import model_warnings
+from flexid.identification.judgement.estimates import widest
+from flexid.identification.preparation.alignment import Delay
+from flexid.identification.result.summary import _delay
+from flexid.identification.result.warnings import model_warnings
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, ModelError
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from math import inf, nan
 import pytest
 
 from flexid.errors import SettingError
-from flexid.identification.joint import flexible, rigid
-from flexid.identification.settings import Settings, check_against, check_for
+from flexid.identification.preparation.joint import flexible, rigid
+from flexid.identification.preparation.settings import Settings, check_against, check_for
 
 REFUSED = {
     "unknown term": ({"terms": ("gravity", "turbulence")}, "turbulence"),

@@ -8,17 +8,17 @@ from made_joint import COEFFICIENTS, made
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
-from flexid.identification.climbing import (
+from flexid.identification.full_model.climbing import (
     climb_full,
     held_otherwise,
     hold_covariance,
     residual_variance,
 )
-from flexid.identification.fitting import climb, lengths, refit
-from flexid.identification.full_model import FINE, LINK, Data, Structure, data_of
-from flexid.identification.joint import flexible
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.starting import least_squares_start, starts
+from flexid.identification.full_model.fitting import climb, lengths, refit
+from flexid.identification.full_model.model import FINE, LINK, Data, Structure, data_of
+from flexid.identification.full_model.starting import least_squares_start, starts
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Hold
 from flexid.recording.velocities import with_velocities

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from flexid.errors import SettingError
-from flexid.identification.estimate import Estimate
-from flexid.identification.joint import flexible, rigid
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.knowledge import with_prior_knowledge
-from flexid.identification.settings import Settings
-from flexid.identification.stated import stated
+from flexid.identification.estimation.knowledge import with_prior_knowledge
+from flexid.identification.preparation.joint import flexible, rigid
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.preparation.stated import stated
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 JOINT = flexible()
 

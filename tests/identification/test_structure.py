@@ -9,10 +9,10 @@ import pytest
 from scipy.stats import norm, t
 
 from flexid.estimators.segmented_motion import INPUT, Timing
-from flexid.identification.full_model import Fitted, Structure
-from flexid.identification.joint import flexible
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.structure import eliminate
+from flexid.identification.full_model.model import Fitted, Structure
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.structure.elimination import eliminate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 JOINT = flexible()
 LIMITS = replace(THRESHOLDS, term_chance=0.02, shape_chance=0.001, friction_sign=4.0)

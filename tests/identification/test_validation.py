@@ -8,10 +8,10 @@ from made_joint import COEFFICIENTS, NOISE, SAMPLE_TIME, made
 
 from flexid.estimators.segmented_motion import Timing, segmented_motion
 from flexid.estimators.segments import divide
-from flexid.identification.full_model import Data, Structure, data_of
-from flexid.identification.joint import flexible
-from flexid.identification.result import Validation
-from flexid.identification.validation import validate_with
+from flexid.identification.full_model.model import Data, Structure, data_of
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.structure.validation import validate_with
+from flexid.identification.vocabulary.evidence import Validation
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.recording.recording import Recording
 from flexid.recording.velocities import with_velocities

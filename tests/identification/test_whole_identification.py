@@ -8,8 +8,8 @@ from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made
 from scipy.integrate import solve_ivp
 
 from flexid.identification.identify import identify
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.recording import Recording
 
 TERMS = ("gravity", "motor_viscous")

@@ -9,13 +9,13 @@ from made_joint import COEFFICIENTS, TRUTH, log, made
 
 from flexid.errors import SettingError
 from flexid.exports.source import source_of_identification
+from flexid.frequency.linear_joint import linear_joint
 from flexid.identification.identify import identify
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.linear_joint import linear_joint
-from flexid.identification.settings import Settings
-from flexid.identification.validate_estimate import validate_estimate
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 from flexid.report.documents import identification_document, to_json
+from flexid.stored_estimates.validate_estimate import validate_estimate
 
 MISSING = {
     "cubic_stiffness": ({"cubic_stiffness": 2000.0}, {"cubic_joint_stiffness": 2000.0}),

@@ -3,14 +3,13 @@
 import numpy as np
 
 from flexid.analysis.excitation import excitation_of_gram
-from flexid.identification.alignment import Alignment, Delay
-from flexid.identification.estimate import Estimate
-from flexid.identification.result import (
-    Choices,
+from flexid.identification.preparation.alignment import Alignment, Delay
+from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
     FreeRun,
-    Identification,
     LinkRow,
     ModelError,
     ObserverTrace,

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import flexid
-from flexid.identification.comparison import compare_estimates
+from flexid.comparisons.comparison import compare_estimates
 from flexid.report.charts.description import Line, Points
 from flexid.report.comparison_chart import comparison_chart
 from made_estimates import TRUE, exact, with_parameter

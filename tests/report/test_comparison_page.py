@@ -9,7 +9,7 @@ import pytest
 
 import flexid
 from browser import serious_faults
-from flexid.identification.comparison import compare_estimates
+from flexid.comparisons.comparison import compare_estimates
 from flexid.report.page.comparison_page import comparison_page
 from flexid.report.page.layout import Command, Points
 from made_estimates import TRUE, exact, with_parameter

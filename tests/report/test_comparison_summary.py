@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexid.identification.comparison import Comparison, compare_estimates
-from flexid.identification.number_difference import Outcome
+from flexid.comparisons.comparison import Comparison, compare_estimates
+from flexid.comparisons.number_difference import Outcome
 from flexid.report.comparison_summary import comparison_summary
 from made_estimates import drawn
 

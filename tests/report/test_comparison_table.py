@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexid.identification.comparison import compare_estimates
+from flexid.comparisons.comparison import compare_estimates
 from flexid.report.comparison_table import comparison_parts, outcome_texts
 from flexid.report.digits import format_with_interval
 from flexid.report.terminal import laid_out

@@ -8,11 +8,11 @@ import pytest
 from made_result import VALIDATION, made_result
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION
-from flexid.identification.estimate import Estimate
-from flexid.identification.result import (
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     FreeRun,
-    Identification,
     ObserverTrace,
     ParameterEstimate,
     Validation,

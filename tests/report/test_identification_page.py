@@ -12,8 +12,8 @@ from made_result import made_result
 import flexid
 from browser import serious_faults
 from flexid.analysis.excitation import excitation_of_gram
-from flexid.identification.result import ModelError
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.vocabulary.evidence import ModelError
 from flexid.report.identification_charts import identification_charts
 from flexid.report.page.identification_answers import next_step, trust
 from flexid.report.page.identification_page import identification_page

@@ -6,7 +6,7 @@ from math import nan
 import pytest
 from made_result import made_result
 
-from flexid.identification.result import ModelError
+from flexid.identification.vocabulary.evidence import ModelError
 from flexid.report.digits import format_with_interval
 from flexid.report.identification_table import print_identification
 from flexid.report.terminal import USUAL

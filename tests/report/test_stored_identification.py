@@ -9,12 +9,12 @@ import pytest
 from made_result import made_result
 
 from flexid.errors import SettingError
-from flexid.identification.estimate_file import (
+from flexid.report.documents import identification_document, to_json
+from flexid.stored_estimates.estimate_file import (
     FORMAT_VERSION,
     read_estimate,
     stored_identification,
 )
-from flexid.report.documents import identification_document, to_json
 
 SERIES = ("observer", "validation", "excitation", "fit")
 

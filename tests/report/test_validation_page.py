@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexid.identification.result import FreeRun
-from flexid.identification.validate_estimate import EstimateValidation
+from flexid.identification.vocabulary.evidence import FreeRun
 from flexid.report.page.layout import Command
 from flexid.report.page.render import page_html
 from flexid.report.page.validation_page import validation_page
 from flexid.report.residual_chart import residual_chart
 from flexid.report.validation_chart import validation_chart
+from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 TIME = np.linspace(0.0, 1.0, 101)
 SEEN = np.sin(7.0 * TIME)[:, None]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexid.identification.result import ParameterEstimate, Verdict
+from flexid.identification.vocabulary.evidence import ParameterEstimate, Verdict
 from flexid.report.terminal import laid_out
 from flexid.report.watch_table import (
     Sparks,

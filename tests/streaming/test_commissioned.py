@@ -9,8 +9,8 @@ from moving_joint import OPTIONS, H, stream, watched
 
 import flexid
 from flexid.errors import SettingError
-from flexid.identification.alignment import Delay
-from flexid.identification.result import ParameterEstimate
+from flexid.identification.preparation.alignment import Delay
+from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.choices import Choices
 from flexid.streaming.commissioned import Commissioned, commissioned, departures

@@ -44,10 +44,10 @@ def compare(
     """
     from rich.console import Console
 
-    from flexid.identification.comparison import compare_estimates
-    from flexid.identification.estimate_file import read_estimate, stored_identification
+    from flexid.comparisons.comparison import compare_estimates
     from flexid.report.comparison_document import comparison_document
     from flexid.report.comparison_table import print_comparison
+    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
     errors = Console(stderr=True)
     with output(out) as directory:

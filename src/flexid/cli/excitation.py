@@ -10,7 +10,7 @@ from flexid.cli.options import AsJson, Columns, Logs, Strict, out_option, with_s
 from flexid.cli.output import hand_over, output, print_warnings
 
 if TYPE_CHECKING:
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.settings import Settings
 
 EXAMPLES = (
     "excitation examples/flexible_joint.csv",

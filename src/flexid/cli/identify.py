@@ -13,8 +13,8 @@ from flexid.cli.output import as_typed, hand_over, output, print_warnings
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from flexid.identification.result import Identification
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.settings import Settings
+    from flexid.identification.result.identification import Identification
     from flexid.recording.recording import Log
 
 EXAMPLES = (

@@ -17,7 +17,7 @@ from flexid.cli.assignments import (
 from flexid.errors import SettingError
 
 if TYPE_CHECKING:
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.settings import Settings
 
 
 def directory(text: str) -> Path:
@@ -143,7 +143,7 @@ def _settings(
     segment_duration: _SegmentDuration = "auto",
     validation_share: _ValidationShare = 1 / 3,
 ) -> "Settings":
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.settings import Settings
 
     values, deviations = parse_known(known or [])
     return Settings(

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,7 +25,7 @@ def identify_with_bar(
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
 
-    from flexid.identification.stream import identify_stream
+    from flexid.long_logs.stream import identify_stream
 
     if len(logs) != 1:
         raise SettingError("stream", "only one log can be streamed: name one Parquet file")

@@ -31,10 +31,10 @@ def validate(
     """
     from rich.console import Console
 
-    from flexid.identification.validate_estimate import validate_estimate
     from flexid.recording.read import read_log
     from flexid.report.validation_document import validation_document
     from flexid.report.validation_table import print_validation
+    from flexid.stored_estimates.validate_estimate import validate_estimate
 
     errors = Console(stderr=True)
     with output(out) as directory:

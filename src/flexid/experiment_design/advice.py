@@ -16,9 +16,10 @@ from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.samples import Samples
 from flexid.experiment_design.rehearsal import Rehearsal
-from flexid.identification.estimates import POSITIVE
-from flexid.identification.judgement import THRESHOLDS, verdict
-from flexid.identification.result import Identification
+from flexid.identification.judgement.estimates import POSITIVE
+from flexid.identification.judgement.verdict import verdict
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 _FREQUENCIES = 12  # tried, evenly spaced on a logarithmic scale
 _LONGEST = 20.0  # s of the record that are run; the rest holds as much information per second

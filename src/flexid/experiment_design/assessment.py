@@ -11,9 +11,10 @@ import numpy as np
 
 from flexid.analysis.excitation import Excitation
 from flexid.arrays import FloatArray
-from flexid.identification.estimate import Estimate
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.result import CoefficientEstimate, Identification, Verdict
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 _DEVIATIONS = 2.0  # half the width of a predicted interval
 

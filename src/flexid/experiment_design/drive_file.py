@@ -10,8 +10,8 @@ import numpy as np
 
 from flexid.errors import SettingError
 from flexid.experiment_design.drive import HIGHEST, Drive, Limits
-from flexid.identification.estimate_file import EstimateFile, read_estimate
 from flexid.models.flexible_joint import SHAPE_TERMS
+from flexid.stored_estimates.estimate_file import EstimateFile, read_estimate
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 if TYPE_CHECKING:

@@ -14,15 +14,15 @@ from flexid.arrays import FloatArray
 from flexid.experiment_design.advice import Advice, advise, beginning, input_spectrum
 from flexid.experiment_design.assessment import Assessment, assess
 from flexid.experiment_design.rehearsal import Rehearsal
-from flexid.identification.full_model import Data, data_of
+from flexid.identification.full_model.model import Data, data_of
 from flexid.identification.identify import identify
-from flexid.identification.joint import joint_of
-from flexid.identification.preparation import prepare
-from flexid.identification.progress import Progress, silent
-from flexid.identification.rebuilt import described, given_coefficients, rebuilt
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
+from flexid.identification.preparation.joint import joint_of
+from flexid.identification.preparation.recordings import prepare
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.recording.recording import Log
+from flexid.stored_estimates.rebuilt import described, given_coefficients, rebuilt
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,13 @@ from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide, first_states
-from flexid.identification.following import following_states
-from flexid.identification.full_model import Data
-from flexid.identification.intervals import interval
-from flexid.identification.judgement import verdict
-from flexid.identification.rebuilt import Rebuilt
-from flexid.identification.result import CoefficientEstimate, Identification, Verdict
+from flexid.identification.full_model.model import Data
+from flexid.identification.judgement.verdict import verdict
+from flexid.identification.result.identification import Identification
+from flexid.identification.structure.following import following_states
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
+from flexid.identification.vocabulary.intervals import interval
+from flexid.stored_estimates.rebuilt import Rebuilt
 
 _SLACK = 1.05  # on a standard deviation that must not grow
 

@@ -15,14 +15,14 @@ from flexid.errors import SettingError
 from flexid.estimators.segmented_motion import INPUT as INPUT_DELAY
 from flexid.exports.mjcf_elements import Side, Spring, scene
 from flexid.exports.targets import ExportRequest
-from flexid.identification.full_model import LINK as LINK_DELAY
-from flexid.identification.rebuilt import Described, described
+from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
     SHAPE_TERMS,
     TERMS,
     TIES,
 )
+from flexid.stored_estimates.rebuilt import Described, described
 
 TORQUE = "N m"
 

@@ -11,8 +11,8 @@ from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import SMOOTHING
 
 if TYPE_CHECKING:
-    from flexid.identification.joint import Joint
-    from flexid.identification.result import Identification
+    from flexid.identification.preparation.joint import Joint
+    from flexid.identification.result.identification import Identification
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +61,8 @@ def source_of_identification(result: "Identification") -> ExportSource:
     SettingError
         If the joint remembers its path.
     """
-    from flexid.identification.joint import joint_of
-    from flexid.identification.rebuilt import described, given_coefficients, input_unit_of
+    from flexid.identification.preparation.joint import joint_of
+    from flexid.stored_estimates.rebuilt import described, given_coefficients, input_unit_of
 
     found = described(result, 0, result.choices.shapes).coefficients
     values = {name: v for name, v in found.items() if "[" not in name}

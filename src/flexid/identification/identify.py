@@ -11,50 +11,52 @@ import numpy as np
 
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.identification.alignment import Alignment, Delay, aligned
-from flexid.identification.compliance import compare_with_rigid, of_link_alone, one_encoder
-from flexid.identification.estimate import Estimate
-from flexid.identification.estimates import (
+from flexid.identification.estimation.excitations import row_excitation, row_sizes
+from flexid.identification.estimation.final_fits import FinalFits, final_fits, with_doubts
+from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
+from flexid.identification.estimation.measured_input import widened_by
+from flexid.identification.full_model.mirrored import turned_round
+from flexid.identification.full_model.model import LINK, Fitted, Structure, data_of
+from flexid.identification.full_model.starting import smooth_unknowns
+from flexid.identification.judgement.compliance import (
+    compare_with_rigid,
+    of_link_alone,
+    one_encoder,
+)
+from flexid.identification.judgement.estimates import (
     coefficient_estimates,
     parameter_estimates,
-    row_sizes,
     widest,
 )
-from flexid.identification.excitations import row_excitation
-from flexid.identification.final_fits import FinalFits, final_fits, with_doubts
-from flexid.identification.full_model import LINK, Fitted, Structure, data_of
-from flexid.identification.intervals import interval
-from flexid.identification.job import Job, job_of, predicting
-from flexid.identification.judgement import THRESHOLDS, Thresholds
-from flexid.identification.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.link_delay import confused_covariance, in_doubt
-from flexid.identification.measured_input import widened_by
-from flexid.identification.mirrored import turned_round
-from flexid.identification.observer_stream import stream
-from flexid.identification.preparation import SplitRecordings, prepare
-from flexid.identification.progress import Progress, silent
-from flexid.identification.provenance import provenance
-from flexid.identification.result import (
-    Choices,
-    CoefficientEstimate,
-    Compliance,
-    Identification,
-    ObserverTrace,
-    ParameterEstimate,
-    TermEvidence,
-    Validation,
-)
-from flexid.identification.settings import Settings
-from flexid.identification.starting import smooth_unknowns
-from flexid.identification.structure import Choice
-from flexid.identification.summary import summary
-from flexid.identification.warnings import (
+from flexid.identification.preparation.alignment import Alignment, Delay, aligned
+from flexid.identification.preparation.recordings import SplitRecordings, prepare
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.result.observer_stream import stream
+from flexid.identification.result.provenance import provenance
+from flexid.identification.result.summary import summary
+from flexid.identification.result.warnings import (
     compliance_warnings,
     deflection_warnings,
     model_warnings,
     sign_warnings,
     validation_warnings,
 )
+from flexid.identification.structure.elimination import Choice
+from flexid.identification.structure.job import Job, job_of, predicting
+from flexid.identification.structure.link_delay import confused_covariance, in_doubt
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import (
+    CoefficientEstimate,
+    Compliance,
+    ObserverTrace,
+    ParameterEstimate,
+    TermEvidence,
+    Validation,
+)
+from flexid.identification.vocabulary.intervals import interval
+from flexid.identification.vocabulary.progress import Progress, silent
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.terms import SMOOTHING
 from flexid.recording.recording import Log
 from flexid.recording.velocities import with_velocities

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+from flexid.comparisons import comparison as worker
 from flexid.errors import ArgumentError
-from flexid.identification import comparison as worker
 from flexid.library.answer import ReportedAnswer, data_frame, html_figure, html_paragraph
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from flexid.identification.result import Identification
+    from flexid.identification.result.identification import Identification
     from flexid.library.joint_estimate import JointEstimate
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
@@ -172,8 +172,8 @@ def compare(
 
 def _taken(argument: str, estimate: Any) -> "tuple[Identification, str]":
     """An estimate and what it is called."""
-    from flexid.identification.estimate_file import read_estimate, stored_identification
     from flexid.library.joint_estimate import JointEstimate
+    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
     name = argument.upper()
     if isinstance(estimate, JointEstimate):

@@ -5,7 +5,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, SettingError
-from flexid.identification.progress import Progress, silent
+from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import Answer, data_frame, html_figure
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance

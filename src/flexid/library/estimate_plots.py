@@ -4,12 +4,12 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
-from flexid.identification.intervals import CONFIDENCE
+from flexid.identification.vocabulary.intervals import CONFIDENCE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexid.identification.result import Identification
+    from flexid.identification.result.identification import Identification
     from flexid.library.logs import Columns, Logs
 
 
@@ -66,7 +66,7 @@ class EstimatePlots:
         SettingError
             If no two coefficients were estimated.
         """
-        from flexid.identification.intervals import checked_level
+        from flexid.identification.vocabulary.intervals import checked_level
         from flexid.report.charts.figure import draw
         from flexid.report.regions_chart import regions_chart
 
@@ -127,7 +127,7 @@ class EstimatePlots:
         RecordingError
             If a log cannot be used.
         """
-        from flexid.identification.frequency_response import frequency_response
+        from flexid.frequency.frequency_response import frequency_response
         from flexid.library.logs import all_recordings
         from flexid.report.bode_chart import bode_chart
         from flexid.report.charts.figure import draw

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from flexid.identification.progress import Progress, silent
+from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import Answer, html_figure
 from flexid.library.entrance import entrance
 from flexid.library.joint_estimate import JointEstimate

@@ -130,7 +130,7 @@ def export_source(what: Any, terms: Iterable[str] | None = None) -> ExportSource
         return source_of_identification(what.result)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
     if is_path and Path(as_path("export", "what", what)).suffix.lower() == ".json":
-        from flexid.identification.estimate_file import read_estimate, stored_identification
+        from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
         return source_of_identification(stored_identification(read_estimate(Path(what))))
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):

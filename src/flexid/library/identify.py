@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError, SettingError
-from flexid.identification.progress import Progress, silent
+from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.joint_estimate import JointEstimate
@@ -14,8 +14,8 @@ from flexid.library.options import joint_settings
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
-    from flexid.identification.judgement import Thresholds
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.settings import Settings
+    from flexid.identification.vocabulary.thresholds import Thresholds
     from flexid.library.logs import Columns, Logs
     from flexid.library.options import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
 
@@ -112,7 +112,7 @@ def identify(
     >>> estimate.parameters["joint_stiffness"].interval  # doctest: +SKIP
     """
     from flexid.identification.identify import identify as run
-    from flexid.identification.judgement import THRESHOLDS
+    from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
     settings = joint_settings(
         "identify",
@@ -137,7 +137,7 @@ def identify(
 
 
 def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress) -> Any:
-    from flexid.identification.stream import identify_stream
+    from flexid.long_logs.stream import identify_stream
 
     if isinstance(logs, list | tuple) and len(logs) == 1:
         (logs,) = logs
@@ -172,7 +172,7 @@ def load(path: "str | os.PathLike[str]") -> JointEstimate:
     SettingError
         If the file cannot be read, is no estimate, or was written by a newer version.
     """
-    from flexid.identification.estimate_file import read_estimate, stored_identification
+    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
     file = read_estimate(Path(as_path("load", "path", path)))
     return JointEstimate(stored_identification(file), file.content)

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.errors import SettingError
-from flexid.identification.intervals import CONFIDENCE, checked_level
-from flexid.identification.result import (
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
-    Identification,
     LinkRow,
     ParameterEstimate,
     ValueEstimate,
     Verdict,
 )
+from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
 from flexid.library.answer import (
     ReportedAnswer,
     as_text,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from flexid.identification.frequency_response import FrequencyResponse
+    from flexid.frequency.frequency_response import FrequencyResponse
     from flexid.library.logs import Columns, Logs, OneLog
     from flexid.library.prediction import Prediction
     from flexid.library.validation import EstimateValidation
@@ -330,7 +330,7 @@ class JointEstimate(ReportedAnswer):
         RecordingError
             If a log cannot be used.
         """
-        from flexid.identification.frequency_response import frequency_response
+        from flexid.frequency.frequency_response import frequency_response
         from flexid.library.logs import all_recordings
 
         given = (

@@ -9,8 +9,8 @@ from flexid.errors import ArgumentError
 from flexid.library.checks import kind_of
 
 if TYPE_CHECKING:
-    from flexid.identification.joint import Kind
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.joint import Kind
+    from flexid.identification.preparation.settings import Settings
     from flexid.recording.recording import Hold
 
     Known: TypeAlias = Mapping[str, float | tuple[float, float]]
@@ -61,7 +61,7 @@ def joint_settings(
     SettingError
         If a value cannot be used.
     """
-    from flexid.identification.settings import Settings
+    from flexid.identification.preparation.settings import Settings
 
     values, deviations = as_known(function, known)
     if not isinstance(hold, str):

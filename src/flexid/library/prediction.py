@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexid.library.answer import data_frame
 
 if TYPE_CHECKING:
-    from flexid.identification.result import Validation
+    from flexid.identification.vocabulary.evidence import Validation
 
 
 @dataclass(frozen=True, eq=False)

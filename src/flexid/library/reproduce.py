@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from flexid.identification.progress import Progress, silent
+from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance

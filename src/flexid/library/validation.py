@@ -5,13 +5,13 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
-from flexid.identification import validate_estimate as worker
 from flexid.library.answer import ReportedAnswer, data_frame, html_figure, html_paragraph
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.library.logs import all_logs
 from flexid.library.threads import in_one_thread
 from flexid.library.validation_plots import ValidationPlots
+from flexid.stored_estimates import validate_estimate as worker
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

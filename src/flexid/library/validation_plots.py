@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from flexid.identification.validate_estimate import EstimateValidation
+    from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 class ValidationPlots:

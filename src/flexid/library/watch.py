@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from flexid.analysis.excitation import Excitation
     from flexid.arrays import FloatArray
-    from flexid.identification.result import CoefficientEstimate, ParameterEstimate
+    from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
     from flexid.library.options import Known, Terms

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.frequency_response import Frequency, FrequencyResponse, Response
+from flexid.frequency.frequency_response import Frequency, FrequencyResponse, Response
 from flexid.report.charts.description import (
     Axis,
     Band,

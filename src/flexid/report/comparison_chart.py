@@ -4,9 +4,9 @@ from math import isfinite
 
 import numpy as np
 
-from flexid.identification.comparison import Comparison
-from flexid.identification.number_difference import Difference, Outcome
-from flexid.identification.result import ValueEstimate
+from flexid.comparisons.comparison import Comparison
+from flexid.comparisons.number_difference import Difference, Outcome
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
 from flexid.report.comparison_table import largest, shortened
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from flexid.identification.comparison import Comparison
-from flexid.identification.number_difference import Difference
-from flexid.identification.result import ValueEstimate
+from flexid.comparisons.comparison import Comparison
+from flexid.comparisons.number_difference import Difference
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.comparison_summary import comparison_summary
 
 

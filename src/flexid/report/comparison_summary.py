@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
-from flexid.identification.comparison import Comparison
-from flexid.identification.intervals import CONFIDENCE
-from flexid.identification.number_difference import Difference
+from flexid.comparisons.comparison import Comparison
+from flexid.comparisons.number_difference import Difference
+from flexid.identification.vocabulary.intervals import CONFIDENCE
 from flexid.report.digits import format_with_interval
 
 

@@ -5,9 +5,9 @@ from math import isfinite
 
 from rich.text import Text
 
-from flexid.identification.comparison import Comparison
-from flexid.identification.number_difference import Difference, Outcome
-from flexid.identification.result import ValueEstimate
+from flexid.comparisons.comparison import Comparison
+from flexid.comparisons.number_difference import Difference, Outcome
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.comparison_summary import comparison_summary, largest
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Cell, Column, Part, Table, numbers, print_parts

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import fdtri
 
 from flexid.arrays import FloatArray
-from flexid.identification.estimate import Fit
-from flexid.identification.intervals import CONFIDENCE, interval
+from flexid.identification.vocabulary.estimate import Fit
+from flexid.identification.vocabulary.intervals import CONFIDENCE, interval
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 

@@ -16,21 +16,17 @@ from typing import TYPE_CHECKING, Any
 from flexid.analysis.excitation import Excitation
 from flexid.atomic import write_atomically
 from flexid.errors import SettingError
-from flexid.identification.estimate_file import FORMAT_VERSION
+from flexid.stored_estimates.estimate_file import FORMAT_VERSION
 
 if TYPE_CHECKING:  # most documents are not an identification's
-    from flexid.identification.result import (
-        Choices,
-        CoefficientEstimate,
-        Identification,
-        ParameterEstimate,
-    )
+    from flexid.identification.result.identification import Choices, Identification
+    from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 
 
 def identification_document(result: Identification) -> dict[str, Any]:
     """Everything of an identification but its time series, ready for JSON.
 
-    `flexid.identification.estimate_file.stored_identification` is the way back.
+    `flexid.stored_estimates.estimate_file.stored_identification` is the way back.
     """
     return {
         "format_version": FORMAT_VERSION,

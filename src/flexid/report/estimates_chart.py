@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.result import Identification, ParameterEstimate
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.models.physical import (
     PhysicalParameter,
     link_parameters,

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexid.experiment_design.assessment import CoefficientAssessment
 from flexid.experiment_design.excitation_report import ExcitationReport
-from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.charts.description import (
     VERDICT_COLOURS,
     Axis,

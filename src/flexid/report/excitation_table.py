@@ -8,7 +8,7 @@ from rich.text import Text
 from flexid.experiment_design.advice import Addition, Advice
 from flexid.experiment_design.assessment import Assessment, CoefficientAssessment
 from flexid.experiment_design.excitation_report import ExcitationReport
-from flexid.identification.judgement import THRESHOLDS
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.digits import value_cells
 from flexid.report.style import STATUS_COLOURS
 from flexid.report.terminal import Cell, Column, Part, Table, print_parts

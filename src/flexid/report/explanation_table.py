@@ -5,7 +5,8 @@ from math import isclose, isfinite
 
 from rich.text import Text
 
-from flexid.identification.result import Choices, Identification, LinkRow
+from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.vocabulary.evidence import LinkRow
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Column, Part, Table, number, numbers
 

@@ -6,7 +6,7 @@ from math import isfinite, isnan
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.result import FreeRun, Validation
+from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.report.charts.description import Axis, Chart, Level, Line, Panel
 from flexid.report.charts.limits import with_margin
 from flexid.report.identification_table import format_fit

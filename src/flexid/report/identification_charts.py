@@ -3,8 +3,8 @@
 import numpy as np
 
 from flexid.analysis.excitation import LOST_CONDITION, WEAK_CONDITION, Excitation
-from flexid.identification.frequency_response import frequency_response
-from flexid.identification.result import Identification
+from flexid.frequency.frequency_response import frequency_response
+from flexid.identification.result.identification import Identification
 from flexid.report.bode_chart import bode_chart
 from flexid.report.charts.description import Axis, Chart, Level, Panel, Points
 from flexid.report.estimates_chart import estimates_chart

@@ -5,9 +5,9 @@ from math import isfinite, isnan
 
 from rich.text import Text
 
-from flexid.identification.result import (
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
-    Identification,
     ModelError,
     ParameterEstimate,
     Validation,

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from flexid.identification.estimate import Estimate, Fit
-from flexid.identification.intervals import CONFIDENCE
-from flexid.identification.result import Identification
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.estimate import Estimate, Fit
+from flexid.identification.vocabulary.intervals import CONFIDENCE
 from flexid.report.charts.description import Axis, Chart, Colour, Line, Mark, Panel, Points
 from flexid.report.charts.limits import with_margin
 from flexid.report.confidence_region import Region, confidence_region, most_correlated

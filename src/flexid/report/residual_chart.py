@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.identification.result import FreeRun, Validation
+from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Panel
 
 _LONGEST_LAG = 0.1  # of the longest run

@@ -1,8 +1,8 @@
 """Chart of a validation: measured and predicted motion, and what is between them."""
 
-from flexid.identification.validate_estimate import EstimateValidation
 from flexid.report.charts.description import Chart
 from flexid.report.free_run_chart import free_run_chart
+from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 def validation_chart(result: EstimateValidation) -> Chart:

@@ -3,7 +3,7 @@
 from math import isinf
 from typing import Any
 
-from flexid.identification.validate_estimate import EstimateValidation
+from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 def validation_document(result: EstimateValidation) -> dict[str, Any]:

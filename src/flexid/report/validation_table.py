@@ -5,8 +5,8 @@ from math import inf, isfinite, isinf, isnan
 
 from rich.text import Text
 
-from flexid.identification.validate_estimate import EstimateValidation
 from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, print_parts
+from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 def print_validation(result: EstimateValidation) -> None:

@@ -6,8 +6,8 @@ from math import isfinite
 
 from rich.text import Text
 
-from flexid.identification.angles import ANGLES, difference
-from flexid.identification.result import ParameterEstimate
+from flexid.comparisons.angles import ANGLES, difference
+from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
 from flexid.streaming.guard import Counts

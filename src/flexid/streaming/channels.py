@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from flexid.errors import RecordingError
-from flexid.identification.joint import Kind
+from flexid.identification.preparation.joint import Kind
 from flexid.recording.channel import INPUTS, Channel
 from flexid.recording.checks import TURN
 

@@ -10,14 +10,15 @@ from dataclasses import dataclass, field
 from math import isfinite, nan
 from typing import TYPE_CHECKING, Literal
 
+from flexid.comparisons.angles import ANGLES, difference
 from flexid.errors import SettingError
-from flexid.identification.angles import ANGLES, difference
 from flexid.models.flexible_joint import SHAPE_TERMS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexid.identification.result import Identification, ParameterEstimate
+    from flexid.identification.result.identification import Identification
+    from flexid.identification.vocabulary.evidence import ParameterEstimate
 
 FILTER_RATE = 20.0
 """Rate of the filter in 1/s, where the samples come often enough for it."""
@@ -90,7 +91,7 @@ def read_commissioned(estimate: "Path | str | Mapping[str, object]") -> Commissi
     SettingError
         If it cannot be read or used.
     """
-    from flexid.identification.estimate_file import read_estimate, stored_identification
+    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
     return commissioned(stored_identification(read_estimate(estimate)))
 
@@ -109,7 +110,7 @@ def commissioned(result: "Identification") -> Commissioned:
         If a term of it has a memory, which least squares has not, nothing is determined, or
         something that was given has no value.
     """
-    from flexid.identification.rebuilt import given_coefficients, input_unit_of
+    from flexid.stored_estimates.rebuilt import given_coefficients, input_unit_of
 
     choices = result.choices
     remembering = [t for t in choices.terms if (s := SHAPE_TERMS.get(t)) and s.memory]

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
-from flexid.identification.estimates import coefficient_estimates, parameter_estimates
-from flexid.identification.intervals import POSITIVE, quantile
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.knowledge import Joined, with_prior_knowledge
-from flexid.identification.result import CoefficientEstimate, ParameterEstimate
-from flexid.identification.stated import Stated
+from flexid.identification.estimation.knowledge import Joined, with_prior_knowledge
+from flexid.identification.judgement.estimates import coefficient_estimates, parameter_estimates
+from flexid.identification.preparation.stated import Stated
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+from flexid.identification.vocabulary.intervals import POSITIVE, quantile
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.streaming.commissioned import Departure, departures
 from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.learner import Learner, States

@@ -11,7 +11,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.online import History
 from flexid.estimators.recursive_least_squares import recursive_least_squares
-from flexid.identification.estimate import Estimate
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Hold
 from flexid.streaming.options import RATES, WatchOptions
 

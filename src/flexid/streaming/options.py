@@ -9,9 +9,9 @@ from typing import Any, Literal
 from flexid.errors import SettingError
 from flexid.estimators.filter_rate import check_filter_rate
 from flexid.estimators.unknowns import Unknowns
-from flexid.identification.joint import Joint, Kind, joint_of
-from flexid.identification.settings import Settings
-from flexid.identification.stated import Stated, stated
+from flexid.identification.preparation.joint import Joint, Kind, joint_of
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.preparation.stated import Stated, stated
 from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms

@@ -12,7 +12,7 @@ from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.online import Status
-from flexid.identification.result import CoefficientEstimate, ParameterEstimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.streaming.commissioned import Departure
 from flexid.streaming.findings import Findings, findings
 from flexid.streaming.gear_wraps import GearWraps

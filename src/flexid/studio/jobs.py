@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from flexid.identification.progress import Progress
-    from flexid.identification.result import ValueEstimate
+    from flexid.identification.vocabulary.evidence import ValueEstimate
+    from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview
     from flexid.recording.survey import LogSurvey
     from flexid.report.page.layout import Answer as PageAnswer

@@ -18,7 +18,7 @@ from flexid.studio.live_choices import DRIVE, REPLAY
 from flexid.studio.workers import JobError
 
 if TYPE_CHECKING:
-    from flexid.identification.progress import Progress
+    from flexid.identification.vocabulary.progress import Progress
     from flexid.streaming.follower import Follower
     from flexid.streaming.session import Session
     from flexid.studio.choices import Choices

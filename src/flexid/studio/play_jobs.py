@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from flexid.arrays import FloatArray
-    from flexid.identification.progress import Progress
+    from flexid.identification.vocabulary.progress import Progress
     from flexid.simulation.run import Run
     from flexid.studio.play_choices import PlayChoices
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from flexid.arrays import FloatArray
-from flexid.identification.result import Verdict
+from flexid.identification.vocabulary.evidence import Verdict
 
 Colour = Literal["ink", "blue", "orange", "green", "red", "grey"]
 """What a colour is called; each way of drawing has its own shade of it."""

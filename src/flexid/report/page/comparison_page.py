@@ -8,8 +8,8 @@ from typing import Any
 
 from rich.text import Text
 
-from flexid.identification.comparison import Comparison
-from flexid.identification.estimate_origins import inputs
+from flexid.comparisons.comparison import Comparison
+from flexid.comparisons.estimate_origins import inputs
 from flexid.report.comparison_chart import comparison_chart
 from flexid.report.comparison_summary import comparison_summary
 from flexid.report.comparison_table import (

@@ -8,7 +8,8 @@ from math import isfinite
 from rich.text import Text
 
 from flexid.analysis.excitation import WEAK_CONDITION
-from flexid.identification.result import Identification, ValueEstimate
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.page.layout import Answer, Command, Item, Link, Points, Tone
 from flexid.report.page.origin import COLUMN_MAP, excitation_command, mapped
 

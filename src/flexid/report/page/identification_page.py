@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.text import Text
 
-from flexid.identification.judgement import THRESHOLDS
-from flexid.identification.result import Identification
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.charts.description import Chart
 from flexid.report.explanation_table import explanation
 from flexid.report.identification_table import (

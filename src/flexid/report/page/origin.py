@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from math import isclose, isfinite
 from typing import Any
 
-from flexid.identification.estimate_origins import inputs
-from flexid.identification.result import Identification
-from flexid.identification.settings import Settings
+from flexid.comparisons.estimate_origins import inputs
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
 from flexid.recording.columns import is_by_name
 
 _USUAL = Settings()

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from rich.text import Text
 
-from flexid.identification.compliance import WEAK_FIT
-from flexid.identification.validate_estimate import EstimateValidation
+from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.report.charts.description import Chart
 from flexid.report.page.layout import (
     Answer,
@@ -24,6 +23,7 @@ from flexid.report.page.layout import (
 )
 from flexid.report.page.origin import input_facts
 from flexid.report.validation_table import errors_parts, fits_table
+from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 def validation_page(result: EstimateValidation, charts: Sequence[Chart], command: str = "") -> Page:

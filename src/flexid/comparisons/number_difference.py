@@ -1,0 +1,208 @@
+"""One number of two estimates: their difference, with its interval.
+
+The difference d = b - a has the variance s² = s_a² + s_b² where the logs are different ones, with
+
+    1/ν = (s_a²/s²)²/ν_a + (s_b²/s²)²/ν_b
+
+degrees of freedom (Welch and Satterthwaite). Where both intervals are symmetrical on the logarithm,
+so is that of the difference. Estimates of one and the same log have errors in common, of which
+nothing is stored; whatever these are, the deviation of d is s_a + s_b at most, and that is taken.
+"""
+
+from dataclasses import dataclass, replace
+from math import hypot, inf, isfinite, log, nan
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.special import stdtr
+
+from flexid.comparisons.angles import ANGLES, difference
+from flexid.comparisons.estimate_origins import Sharing
+from flexid.comparisons.joint_difference import welch
+from flexid.identification.vocabulary.evidence import ValueEstimate
+from flexid.identification.vocabulary.intervals import quantile
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
+
+Outcome = Literal[
+    "changed",
+    "perhaps changed",
+    "no change",
+    "contradictory",
+    "compatible",
+    "not determined",
+    "not compared",
+]
+"""What a difference deserves.
+
+``"perhaps changed"`` lies beyond its own interval, but so much was compared that chance may do
+that. Estimates of one log, which cannot have changed, are ``"contradictory"`` or ``"compatible"``.
+``"not determined"`` is what one of the logs leaves open, ``"not compared"`` what was not estimated,
+or is of another kind.
+"""
+
+_NOTHING = "nothing is known of it"
+COMPARED = frozenset({"changed", "perhaps changed", "no change", "contradictory", "compatible"})
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One number of both estimates.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and SI unit.
+    a, b : ValueEstimate or None
+        The number in each estimate; None where it has none.
+    without : tuple of str
+        "A" or "B" where the model does without it, and how large it could be is compared.
+    value : float
+        B's minus A's, in the unit; NaN where they are not compared.
+    interval : tuple of float
+        Lower and upper end of the 95 % interval of the difference.
+    percent, percent_interval : float, tuple of float
+        The same in per cent of A's value; NaN where A's may be zero, or is an angle.
+    probability : float
+        Of a difference as large by chance; NaN where they are not compared.
+    outcome : Outcome
+        What the difference deserves.
+    reason : str
+        Why it is not compared; else empty.
+    """
+
+    name: str
+    unit: str
+    a: ValueEstimate | None
+    b: ValueEstimate | None
+    without: tuple[str, ...] = ()
+    value: float = nan
+    interval: tuple[float, float] = (nan, nan)
+    percent: float = nan
+    percent_interval: tuple[float, float] = (nan, nan)
+    probability: float = nan
+    outcome: Outcome = "not compared"
+    reason: str = ""
+
+    @property
+    def compared(self) -> bool:
+        """Whether there is a difference with an interval."""
+        return self.outcome in COMPARED
+
+    @property
+    def largest(self) -> float:
+        """The most that the interval allows to either side, in the unit."""
+        return max(map(abs, self.interval))
+
+    @property
+    def largest_percent(self) -> float:
+        """The same in per cent of A's value."""
+        return max(map(abs, self.percent_interval))
+
+
+def with_numbers(blank: Difference, logs: Sharing, unlike: str) -> Difference:
+    """A difference with its numbers, or with the reason why it has none."""
+    a, b = blank.a, blank.b
+    if a is None or b is None:
+        side = "A" if a is None else "B"
+        return replace(blank, reason=f"{side} does without it, and does not say how large it is")
+    if a.unit != b.unit:
+        return replace(blank, reason=f"A has it in {a.unit}, B in {b.unit}")
+    if unlike:
+        return replace(blank, reason=unlike)
+    if "[" in blank.name:
+        return replace(blank, reason="each log has its own")
+    for side, value in (("A", a), ("B", b)):
+        if value.interval[0] == value.interval[1]:
+            return replace(blank, reason=f"in {side} it was not estimated: {_why_fixed(value)}")
+    for side, value in (("A", a), ("B", b)):
+        if _open(value):
+            return replace(
+                blank, outcome="not determined", reason=f"in {side} {value.reason or _NOTHING}"
+            )
+    if a.logarithmic and b.logarithmic:
+        return _by_ratio(blank, a, b, logs)
+    return _by_difference(blank, a, b, logs)
+
+
+def _why_fixed(value: ValueEstimate) -> str:
+    return "it follows from what was given" if value.reason in ("", "given") else value.reason
+
+
+def _open(value: ValueEstimate) -> bool:
+    """Whether the log says nothing of a value, or something else than its width speaks against it.
+
+    A value whose interval is merely wide is compared: the interval of the difference is as wide.
+    """
+    half = 0.5 * (value.interval[1] - value.interval[0])
+    known = isfinite(half) and isfinite(value.value) and 0.0 < value.std < inf
+    if not (known and value.degrees_of_freedom > 0.0):
+        return True
+    if value.logarithmic and not (value.value > 0.0 and 0.0 < value.std / value.value < inf):
+        return True  # no file of flexid has that
+    wide = half > THRESHOLDS.weak_width * abs(value.value)
+    return value.verdict == "undetermined" and not wide
+
+
+def _by_difference(
+    blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing
+) -> Difference:
+    """With an interval that is symmetrical about the difference."""
+    value = difference(blank.name, a.value, b.value)
+    spread = _spread(a.std, b.std, a, b, logs)
+    reach = spread.reach
+    scale = abs(a.value)
+    apart_from_zero = scale > 0.0 and a.interval[0] * a.interval[1] > 0.0
+    relative = apart_from_zero and blank.name not in ANGLES
+    percent = 100.0 / scale if relative else nan
+    return replace(
+        blank,
+        value=value,
+        interval=(value - reach, value + reach),
+        percent=percent * value,
+        percent_interval=(percent * (value - reach), percent * (value + reach)),
+        probability=spread.probability(value),
+        outcome="no change",
+    )
+
+
+def _by_ratio(blank: Difference, a: ValueEstimate, b: ValueEstimate, logs: Sharing) -> Difference:
+    """With an interval that is symmetrical about the logarithm of the ratio."""
+    logarithm = log(b.value) - log(a.value)
+    spread = _spread(a.std / a.value, b.std / b.value, a, b, logs)
+    with np.errstate(over="ignore"):
+        low, high = np.expm1([logarithm - spread.reach, logarithm + spread.reach]).tolist()
+    change = b.value / a.value - 1.0
+    return replace(
+        blank,
+        value=b.value - a.value,
+        interval=(a.value * low, a.value * high),
+        percent=100.0 * change,
+        percent_interval=(100.0 * low, 100.0 * high),
+        probability=spread.probability(logarithm),
+        outcome="no change",
+    )
+
+
+class _Spread(NamedTuple):
+    """Standard deviation of a difference, and its degrees of freedom."""
+
+    std: float
+    degrees_of_freedom: float
+
+    @property
+    def reach(self) -> float:
+        """Half the width of the interval."""
+        return quantile(self.degrees_of_freedom) * self.std
+
+    def probability(self, value: float) -> float:
+        """Of a difference as large by chance."""
+        return float(2.0 * stdtr(self.degrees_of_freedom, -abs(value) / self.std))
+
+
+def _spread(
+    std_a: float, std_b: float, a: ValueEstimate, b: ValueEstimate, logs: Sharing
+) -> _Spread:
+    freedom = (a.degrees_of_freedom, b.degrees_of_freedom)
+    if logs != "different":
+        return _Spread(std_a + std_b, min(freedom))
+    return _Spread(hypot(std_a, std_b), welch((std_a, std_b), freedom))

@@ -1,0 +1,56 @@
+"""Widths of shapes that two estimates took: constants of the model, chosen for each log.
+
+The amplitude of a shape, such as that of Stribeck friction, goes with its width: of the same drive
+another width gives another amplitude.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.evidence import ValueEstimate
+from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES
+
+ALIKE = 2.0
+"""Ratio of two widths beyond which what rests on them is not compared."""
+
+
+@cache
+def _constants() -> Mapping[str, str]:
+    """The constant that is the width, of each coefficient that has one."""
+    regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
+    return {c: shape for c, r in regressors for shape in SHAPES if shape in r}
+
+
+def used_widths(estimate: Identification) -> Mapping[str, float]:
+    """Widths that something in an estimate rests on, by the name of the constant."""
+    used = {shape for c, shape in _constants().items() if c in estimate.coefficients}
+    return {name: width for name, width in estimate.choices.shapes.items() if name in used}
+
+
+def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
+    """Why what rests on a coefficient cannot be compared, by coefficient.
+
+    Parameters
+    ----------
+    a, b : Identification
+        Two estimates.
+    """
+    found = {}
+    for coefficient, shape in _constants().items():
+        widths = [estimate.choices.shapes.get(shape) for estimate in (a, b)]
+        first, second = (w if w is not None and w > 0.0 else None for w in widths)
+        if first is None or second is None:
+            continue
+        if max(first, second) > ALIKE * min(first, second):
+            found[coefficient] = (
+                f"it rests on a {shape} of {first:.3g} in A and of {second:.3g} in B, which was "
+                f"chosen for each log"
+            )
+    return found
+
+
+def reason_of(unlike: Mapping[str, str], *values: ValueEstimate | None) -> str:
+    """Why values of one number cannot be compared; empty where no width speaks against it."""
+    rested_on = {c for value in values if value is not None for c in value.slopes}
+    return next((unlike[c] for c in unlike if c in rested_on), "")

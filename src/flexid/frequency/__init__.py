@@ -1,0 +1,1 @@
+"""Small motions of what was found, by frequency."""

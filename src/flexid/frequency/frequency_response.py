@@ -1,0 +1,229 @@
+"""The frequency response of an identified joint, with its confidence band: data, no drawing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexid.arrays import FloatArray
+from flexid.errors import SettingError
+from flexid.frequency.linear_joint import ComplexArray, LinearJoint, linear_joint
+from flexid.frequency.response_band import response_band
+from flexid.frequency.spectral_estimate import SpectralEstimate, spectral_estimates
+from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.intervals import (
+    CONFIDENCE,
+    Interval,
+    checked_level,
+    logarithmic_interval,
+)
+from flexid.recording.recording import Recording
+
+_POINTS = 400  # of the curves, evenly on the logarithm
+_BESIDE = np.geomspace(1e-5, 0.2, 40)  # and beside a peak, however narrow it is
+_AROUND = 20.0  # how far the curves go, times what is characteristic, where no log says
+
+
+@dataclass(frozen=True)
+class Frequency:
+    """A frequency that is characteristic of the joint, with its interval.
+
+    Parameters
+    ----------
+    name : str
+        ``"antiresonance"``, of the link while the motor is held, where the motor does not follow
+        its torque; or ``"resonance"``, of link and motor against each other.
+    value : float
+        In Hz, of the joint without its damping.
+    interval : tuple of float
+        Its ends in Hz.
+    """
+
+    name: str
+    value: float
+    interval: Interval
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What one output does under the input.
+
+    Parameters
+    ----------
+    output : str
+        ``"motor velocity"``, ``"link velocity"``, or ``"link position"`` where the motor's measured
+        position is the input.
+    input : str
+        ``"torque"``, ``"current"``, ``"voltage"`` or ``"motor position"``.
+    unit : str
+        Unit of the magnitude.
+    values : array, shape (n,)
+        The response.
+    lower, upper : array, shape (n,)
+        Ends of the magnitude's interval; 0 and infinite where the log leaves something free.
+    behind, ahead : array, shape (n,)
+        Ends of the phase's interval in rad, on the branch of the angle of `values`.
+    measured : tuple of SpectralEstimate
+        What the log shows by itself, one for each sample time; empty without a log.
+    """
+
+    output: str
+    input: str
+    unit: str
+    values: ComplexArray
+    lower: FloatArray
+    upper: FloatArray
+    behind: FloatArray
+    ahead: FloatArray
+    measured: tuple[SpectralEstimate, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Frequency responses of an identified joint.
+
+    Parameters
+    ----------
+    model : {"flexible", "link", "rigid"}
+        Which joint.
+    frequency : array, shape (n,)
+        In Hz.
+    responses : tuple of Response
+        One for each position of the model.
+    characteristic : tuple of Frequency
+        Antiresonance and resonance, as far as the joint has them.
+    level : float
+        Nominal coverage of the intervals.
+    unknown : tuple of str
+        Coefficients that the log leaves free, because of which there is no band.
+    """
+
+    model: str
+    frequency: FloatArray
+    responses: tuple[Response, ...]
+    characteristic: tuple[Frequency, ...]
+    level: float
+    unknown: tuple[str, ...]
+
+
+def frequency_response(
+    result: Identification,
+    recordings: Sequence[Recording] = (),
+    *,
+    frequency: ArrayLike | None = None,
+    position: float | None = None,
+    level: float = CONFIDENCE,
+) -> FrequencyResponse:
+    """Frequency responses of an identified joint for small motions, with confidence bands.
+
+    They are those of the joint itself: how the input is held between samples, and the delays that
+    were found, are taken out of what the log shows. A friction that slides is constant, and has no
+    part in them.
+
+    Parameters
+    ----------
+    result : Identification
+        What was found.
+    recordings : sequence of Recording, optional
+        Logs of the joint whose spectral estimate is to stand beside.
+    frequency : array_like, shape (n,), optional
+        In Hz; chosen if not given, dense where a peak may be.
+    position : float, optional
+        Angle in rad about which link and motor move; where gravity has no torque, if not given.
+    level : float, optional
+        Nominal coverage of the intervals, at each frequency for itself.
+
+    Raises
+    ------
+    SettingError
+        If a frequency is not positive, or the level or the position none.
+    """
+    joint = linear_joint(result, position)
+    characteristic = _characteristic(joint, checked_level(level))
+    measured = spectral_estimates(recordings, result)
+    chosen = _chosen(characteristic, recordings) if frequency is None else frequency
+    hertz = np.atleast_1d(np.asarray(chosen, dtype=np.float64))
+    if hertz.ndim != 1 or not (np.isfinite(hertz) & (hertz > 0.0)).all():
+        raise SettingError("frequency", "has values that are not above 0: give it in Hz")
+    omega = 2.0 * np.pi * hertz
+    band = response_band(joint, omega, level)
+    positions = joint.positions(omega)
+    input_name, unit = _input(result)
+    responses = []
+    for row, name in enumerate(_outputs(joint)):
+        values = positions[:, row] * (1.0 if joint.kind == "link" else 1j * omega)
+        size, angle = np.abs(values), np.angle(values)
+        moves = bool(size.all())
+        responses.append(
+            Response(
+                name,
+                input_name,
+                unit,
+                values,
+                size * band.lower[:, row],
+                size * band.upper[:, row] if moves else np.full(len(size), np.inf),
+                angle + band.behind[:, row],
+                angle + band.ahead[:, row],
+                tuple(estimate for estimate in measured if estimate.output == name),
+            )
+        )
+    return FrequencyResponse(
+        result.model, hertz, tuple(responses), characteristic, level, joint.unknown
+    )
+
+
+def _outputs(joint: LinearJoint) -> tuple[str, ...]:
+    if joint.kind == "link":
+        return ("link position",)
+    return ("link velocity", "motor velocity")[-joint.rows :]
+
+
+def _input(result: Identification) -> tuple[str, str]:
+    """Name of the input, and the unit of a response to it."""
+    if result.model == "link":
+        return "motor position", "rad/rad"
+    per_input = result.coefficients["beta1"].unit.removeprefix("rad/s^2")
+    names = {"/(N m)": "torque", "/A": "current", "/V": "voltage"}
+    return names.get(per_input, "input"), f"rad/s{per_input}"
+
+
+def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:
+    """Antiresonance and resonance, by the delta method on their logarithms."""
+    if joint.kind == "rigid":
+        return ()
+    # Of the link alone, and of all rows; gravity's own slow swing is no resonance of the joint.
+    parts = {"antiresonance": 1, "resonance": joint.rows}
+    if joint.rows == 1:
+        parts = {"antiresonance": 1}
+    found = []
+    for name, rows in parts.items():
+        stiffness = joint.stiffness[:, :rows, :rows]
+        matrix = -(stiffness[0] + np.tensordot(joint.values, stiffness[1:], 1))
+        squares, right = (np.asarray(part, np.complex128) for part in np.linalg.eig(matrix))
+        place = int(np.argmax(squares.real))
+        square = float(squares[place].real)
+        if square <= 0.0 or squares[place].imag != 0.0:
+            continue  # coefficients that no spring has
+        left = np.linalg.inv(right)[place]
+        slopes = -np.array([(left @ part @ right[:, place]).real for part in stiffness[1:]])
+        std = float(np.linalg.norm(slopes @ joint.deviations)) / (2.0 * square)
+        if slopes[joint.free].any():
+            std = np.inf
+        value = float(np.sqrt(square)) / (2.0 * np.pi)
+        ends = logarithmic_interval(value, std * value, joint.degrees_of_freedom, level)
+        found.append(Frequency(name, value, ends))
+    return tuple(found)
+
+
+def _chosen(characteristic: Sequence[Frequency], recordings: Sequence[Recording]) -> FloatArray:
+    """Frequencies in Hz over all that is of interest."""
+    own = [f.value for f in characteristic] or [1.0]
+    low, high = min(own) / _AROUND, max(own) * _AROUND
+    if recordings:
+        low = min(low, max(1.0 / (len(r) * r.sample_time) for r in recordings) * 4.0)
+        high = min(high, max(0.5 / r.sample_time for r in recordings))
+    evenly = np.geomspace(low, max(high, 2.0 * low), _POINTS)
+    beside = [f * (1.0 + side * _BESIDE) for f in own for side in (-1.0, 1.0)]
+    every = np.unique(np.concatenate((evenly, *beside)))
+    return every[(every >= evenly[0]) & (every <= evenly[-1])]

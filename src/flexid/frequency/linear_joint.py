@@ -1,0 +1,205 @@
+"""Small motions of an identified joint: its equations linearised, affine in the coefficients.
+
+With positions q of the rows and the input u,
+
+    (-ω² - jω D - K) q = B u,    K = K₀ + Σ cᵢ Kᵢ,    D and B likewise,
+
+since every row is linear in its coefficients c. A dry friction is constant while its side slides,
+and so has no part in it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import atan2
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexid.arrays import FloatArray
+from flexid.errors import SettingError
+from flexid.identification.preparation.joint import Kind, joint_of
+from flexid.identification.result.identification import Identification
+from flexid.models.parametric_system import ParametricSystem
+from flexid.simulation.free_run import free_run_kernel
+from flexid.stored_estimates.rebuilt import described, rebuilt
+
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearJoint:
+    """A joint about a place of rest; `linear_joint` makes one.
+
+    Parameters
+    ----------
+    kind : {"flexible", "link", "rigid"}
+        Which joint.
+    values : array, shape (k,)
+        Its coefficients, in the model's order.
+    stiffness, damping : array, shape (1 + k, n_rows, n_rows)
+        K and D: what no coefficient multiplies, then what each of them does.
+    gain : array, shape (1 + k, n_rows, n_inputs)
+        B, likewise.
+    deviations : array, shape (k, m)
+        A square root of the coefficients' covariance, as far as it is finite.
+    names : tuple of str
+        Of the coefficients.
+    free : array of bool, shape (k,)
+        Whether the log leaves a coefficient free.
+    degrees_of_freedom : float
+        Of the covariance: the fewest of those involved.
+    """
+
+    kind: Kind
+    values: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+    gain: FloatArray
+    deviations: FloatArray
+    names: tuple[str, ...]
+    free: NDArray[np.bool_]
+    degrees_of_freedom: float
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Coefficients that the log leaves free."""
+        return tuple(name for name, free in zip(self.names, self.free, strict=True) if free)
+
+    @property
+    def rows(self) -> int:
+        """Number of positions."""
+        return self.stiffness.shape[1]
+
+    def positions(self, omega: FloatArray, values: FloatArray | None = None) -> ComplexArray:
+        """Positions per unit of the input, shape (..., n_rows); of the link, per motor position.
+
+        Parameters
+        ----------
+        omega : array, shape (...,)
+            Angular frequencies in rad/s.
+        values : array, shape (..., k), optional
+            Other coefficients.
+        """
+        c = self.values if values is None else values
+        impedance, drive = self._equations(omega, c)
+        return np.asarray(np.linalg.solve(impedance, drive[..., None])[..., 0], dtype=np.complex128)
+
+    def logarithmic_slopes(self, omega: FloatArray) -> ComplexArray:
+        """Derivatives of ln(positions) by the coefficients, shape (n, n_rows, k).
+
+        Parameters
+        ----------
+        omega : array, shape (n,)
+            Angular frequencies in rad/s.
+        """
+        impedance, drive = self._equations(omega, self.values)
+        q = np.linalg.solve(impedance, drive[..., None])
+        jw = 1j * omega[:, None, None, None]
+        moved = (self.stiffness[1:] + jw * self.damping[1:]) @ q[:, None]
+        pushed = moved[..., 0] + self._drive(omega[:, None], self.gain[1:])
+        slopes = np.linalg.solve(impedance, pushed.swapaxes(1, 2)) / q
+        return np.asarray(slopes, dtype=np.complex128)
+
+    def _equations(self, omega: FloatArray, c: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        stiffness, damping, gain = (
+            affine[0] + np.tensordot(c, affine[1:], 1)
+            for affine in (self.stiffness, self.damping, self.gain)
+        )
+        w = omega[..., None, None]
+        impedance = -(w**2) * np.eye(self.rows) - 1j * w * damping - stiffness
+        return impedance, self._drive(omega, gain)
+
+    def _drive(self, omega: FloatArray, gain: FloatArray) -> ComplexArray:
+        """What the input does to each row: a torque, or the motor's position and velocity."""
+        if self.kind == "link":
+            return gain[..., 0] + 1j * omega[..., None] * gain[..., 1]
+        return gain[..., 0].astype(np.complex128)
+
+
+def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
+    """Linearise an identified joint.
+
+    Parameters
+    ----------
+    result : Identification
+        What was found.
+    position : float, optional
+        Angle in rad at which link and motor rest; where gravity has no torque, if not given.
+
+    Raises
+    ------
+    SettingError
+        If the position is no number.
+    """
+    # Friction is dry here even where it was smoothed: sliding, it is constant.
+    model = replace(described(result, 0, result.choices.shapes), coulomb_velocity=None)
+    # A friction that remembers its path is constant along it, too.
+    remembered = joint_of(result.model).remembered
+    lasting = {c: value for c, value in model.coefficients.items() if c not in remembered}
+    model = replace(model, coefficients=lasting)
+    system = rebuilt(model).unknowns.system
+    given = {name: model.coefficients.get(name, 0.0) for name in system.coefficients}
+    lost = np.array([not np.isfinite(value) for value in given.values()])
+    found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
+    rest = _hanging(found) if position is None else position
+    if not np.isfinite(rest):
+        raise SettingError("position", f"{rest} is no angle: give it in rad")
+    slopes = _slopes(result, tuple(found))
+    finite = np.isfinite(np.diag(result.fit.covariance))
+    free = (slopes[:, ~finite] != 0.0).any(axis=1) | lost
+    used = (slopes != 0.0).any(axis=0) & finite
+    freedom = [n for n, is_used in zip(result.fit.degrees_of_freedom, used, strict=True) if is_used]
+    return LinearJoint(
+        result.model,
+        np.array(list(found.values())),
+        *_matrices(system, rest),
+        slopes[:, used] @ _square_root(result.fit.covariance[np.ix_(used, used)]),
+        tuple(found),
+        free,
+        float(min(freedom, default=np.inf)),
+    )
+
+
+def _hanging(coefficients: Mapping[str, float]) -> float:
+    """The angle at which gravity has no torque."""
+    for sine, cosine in (("theta1", "theta_cosine"), ("gamma1", "gamma_cosine")):
+        if coefficients.get(cosine):
+            return -atan2(coefficients[cosine], coefficients.get(sine, 0.0))
+    return 0.0
+
+
+def _slopes(result: Identification, names: tuple[str, ...]) -> FloatArray:
+    """Derivatives of the coefficients by what was fitted, shape (k, n_fitted)."""
+    slopes = np.zeros((len(names), len(result.fit.names)))
+    for line, name in zip(slopes, names, strict=True):
+        if name in result.coefficients:
+            for fitted, slope in result.coefficients[name].slopes.items():
+                line[result.fit.names.index(fitted)] = slope
+    return slopes
+
+
+def _square_root(covariance: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K, D and B: what no coefficient multiplies, then what each of them does.
+
+    They are affine in the coefficients, so unit vectors tell the parts apart.
+    """
+    kernel = free_run_kernel(system)
+    rows, count = len(system.rows), len(system.coefficients)
+    x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
+    x[::2] = rest
+    if len(u) > 1:  # the motor's position, beside its velocity
+        u[0] = rest
+    constants = np.array(list(system.constants.values()))
+    slopes = np.empty((1 + count, 2 * rows, 2 * rows))
+    gains = np.empty((1 + count, 2 * rows, len(u)))
+    for place, coefficients in enumerate(np.vstack((np.zeros(count), np.eye(count)))):
+        kernel.linearised(x, u, coefficients, constants, slopes[place], np.empty(rows))
+        kernel.input_slopes(x, u, coefficients, constants, gains[place])
+    for parts in (slopes, gains):
+        parts[1:] -= parts[0]
+    return slopes[:, 1::2, ::2], slopes[:, 1::2, 1::2], gains[:, 1::2]

@@ -1,0 +1,1 @@
+"""The structure fitted to all data, and all that is doubted."""

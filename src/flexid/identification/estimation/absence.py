@@ -1,0 +1,75 @@
+"""What may hide behind the terms that a model does without.
+
+That a term is not seen does not mean that it is not there: where the log cannot distinguish it from
+others, these may have taken its part. Before the log was seen, a term may be absent or there, the
+one as likely as the other, and of about the size of its row's acceleration, τ. With x ± s what the
+log says of it beside the reported model,
+
+    P(there) = 1 / (1 + sqrt(1 + τ²/s²) exp(-½ x²/s² τ²/(s² + τ²)))
+
+(Bayes' factor of a normal prior), and what is there moves the others along the quadratic form of
+the fit. A term that the log sees well and does not find adds nothing; one that it cannot see adds
+half of all that it could be.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.identification.full_model.model import Fitted
+
+
+def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float]) -> FloatArray:
+    """Covariance, shape (k, k), of what was reported, from what the model does without.
+
+    Parameters
+    ----------
+    reported : Fitted
+        The model that is reported; k values.
+    full : Fitted
+        The same with the terms that were taken away.
+    scales : mapping of str to float
+        Size τ that a coefficient or delay may have by itself.
+    """
+    names = list(full.names)
+    kept = [names.index(name) for name in reported.names if name in names]
+    places = [i for i, name in enumerate(reported.names) if name in names]
+    added = np.zeros((len(reported.names), len(reported.names)))
+    information = full.information
+    right = information @ full.values + full.minimum.reduced.scores.sum(axis=1)
+    part = information[np.ix_(kept, kept)]
+    diagonal = np.sqrt(np.maximum(np.diag(part), 0.0))
+    inverse, _ = scaled_inverse(part, np.where(diagonal > 0.0, diagonal, 1.0))
+    for i, name in enumerate(names):
+        scale = scales.get(name, scales.get(name.partition("[")[0], 0.0))
+        if i in kept or scale <= 0.0:
+            continue
+        shift = inverse @ information[kept, i]
+        left = float(information[i, i] - information[i, kept] @ shift)
+        left = max(left, np.finfo(float).eps * float(information[i, i]))
+        value = float(right[i] - shift @ right[kept]) / left if left > 0.0 else 0.0
+        mean_square = _mean_square(value, _deviation(full, i, left), scale)
+        added[np.ix_(places, places)] += mean_square * np.outer(shift, shift)
+    return added
+
+
+def _deviation(full: Fitted, place: int, information: float) -> float:
+    """Standard deviation of a value beside the reported model, residuals' correlation counted."""
+    if information <= 0.0:
+        return np.inf
+    robust = float(full.fit.standard_deviations[place])
+    factor = robust / float(full.unit_deviations[place]) if full.unit_deviations[place] else 1.0
+    return max(factor if np.isfinite(factor) else 1.0, 1.0) / float(np.sqrt(information))
+
+
+def _mean_square(value: float, deviation: float, scale: float) -> float:
+    """Mean square of a term that may be there or not."""
+    if not np.isfinite(deviation):
+        return 0.5 * scale**2
+    both = deviation**2 + scale**2
+    shrunk = scale**2 / both
+    absent = np.sqrt(both) / deviation * np.exp(-0.5 * (value / deviation) ** 2 * shrunk)
+    mean, variance = value * shrunk, deviation**2 * shrunk
+    return (mean**2 + variance) / (1.0 + float(absent))

@@ -1,0 +1,150 @@
+"""Excitation of the rows of a log: assumption (A4) of Huang (2003), measured."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from flexid.analysis.excitation import Excitation, excitation_of_gram
+from flexid.arrays import FloatArray
+from flexid.estimators.rowwise import RowSums
+
+# By the spring, which acts on both rows, with how it is curved and damped.
+_COUPLED = {"theta2", "alpha1", "beta1"} | {
+    f"{row}_{law}" for row in ("theta", "alpha") for law in ("cubic", "damping")
+}
+_SPRINGS = ("theta2", "alpha1")
+_OFFSETS = ("theta_offset", "alpha_offset")
+_NOISE_PART = 2.0  # times its mean: a log holds some hundred filtered values, whose square scatters
+_PART = 0.1  # of the worst direction, from which on a coefficient counts as part of it
+_LEAST_MOTION = (
+    1e-9  # of a deflection's square, about its mean: 0.3 mrad where zeros are 10 rad apart
+)
+
+
+def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
+    """Excitation of a row beside what is known of it.
+
+    Where a constant is sought beside the spring, the deflection counts from its mean: where the
+    encoders have their zeros says nothing about the motion.
+    """
+    sought = [place for place, name in enumerate(row.coefficients) if name not in known]
+    if not sought:
+        return Excitation(row.name, (), np.ones(1), 0.0, (), np.empty(0), 0.0, ())
+    names = [row.coefficients[place] for place in sought]
+    gram = row.gram[np.ix_(sought, sought)]
+    centred = _from_its_mean(names, gram)
+    used = centred.gram if centred.moves else gram  # what is left of no motion would pass for one
+    return excitation_of_gram(row.name, names, used / row.count)
+
+
+class _Centred(NamedTuple):
+    """A Gram matrix with the deflection less its part along the constants that are sought.
+
+    Parameters
+    ----------
+    gram : array, shape (k, k)
+    change : array, shape (k, k)
+        Factors that make its regressors of the row's.
+    moves : bool
+        Whether what is left of the deflection is a motion, or noise and rounding.
+    """
+
+    gram: FloatArray
+    change: FloatArray
+    moves: bool
+
+
+def _from_its_mean(names: Sequence[str], gram: FloatArray) -> _Centred:
+    constants = [i for i, name in enumerate(names) if name.partition("[")[0] in _OFFSETS]
+    springs = [i for i, name in enumerate(names) if name in _SPRINGS]
+    change = np.eye(len(names))
+    constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, springs)]
+    change[np.ix_(springs, constants)] = -np.linalg.lstsq(constant, along)[0].T
+    centred = change @ gram @ change.T
+    moves = np.diag(centred)[springs] > _LEAST_MOTION * np.diag(gram)[springs]
+    return _Centred(centred, change, bool(moves.all()))
+
+
+def unexcited(
+    rows: Iterable[RowSums], values: Mapping[str, float], lost_share: float
+) -> frozenset[str]:
+    """Coefficients with a part in a direction that the motion does not excite.
+
+    Along such a direction a fit may end anywhere, and the quadratic form about where it ended knows
+    nothing of that.
+
+    Parameters
+    ----------
+    rows : iterable of RowSums
+        Least squares of each row, as of `without_noise`.
+    values : mapping of str to float
+        Of the coefficients; those that are missing are zero.
+    lost_share : float
+        Share of a row's acceleration that the worst direction has to make.
+    """
+    found: set[str] = set()
+    for row in rows:
+        if not row.coefficients:
+            continue
+        share, confounded = worst_share(row, values)
+        if share < lost_share:
+            found |= confounded
+    return frozenset(found | _COUPLED if found else found)
+
+
+def without_noise(row: RowSums, noisier: RowSums) -> RowSums:
+    """A row whose Gram matrix is that of the motion alone.
+
+    Parameters
+    ----------
+    row : RowSums
+        Least squares of a row.
+    noisier : RowSums
+        The same with the sensors' noise added once more: by about as much as the matrix grows,
+        noise has made it larger already.
+    """
+    return replace(row, gram=row.gram - _NOISE_PART * (noisier.gram - row.gram))
+
+
+def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, frozenset[str]]:
+    """How much of a row's acceleration the worst combination of its coefficients makes.
+
+    Each coefficient counts by its own size, or by what moves the row as much as it does move, if
+    that is more: the torques on a light motor all but cancel, and what they leave is its motion.
+
+    Parameters
+    ----------
+    row, values
+        As of `unexcited`.
+
+    Returns
+    -------
+    share : float
+        Root mean square, over that of the acceleration.
+    confounded : frozenset of str
+        What has a part in that combination; empty for a row of one coefficient.
+    """
+    names = row.coefficients
+    centred = _from_its_mean(names, row.gram)
+    gram = centred.gram if centred.moves else row.gram
+    total = max(row.total_sum, np.finfo(float).tiny)
+    own = np.linalg.solve(centred.change.T, np.array([values.get(name, 0.0) for name in names]))
+    reach = np.maximum(np.abs(own) * np.sqrt(np.diag(centred.gram).clip(0.0) / total), 1.0)
+    norm = np.sqrt(np.diag(gram).clip(0.0))
+    scale = reach / np.where(norm > 0.0, norm, 1.0)  # what does not move at all is lost
+    squares, directions = np.linalg.eigh(gram * np.outer(scale, scale))
+    parts = zip(names, directions[:, 0] ** 2, strict=True)
+    confounded = frozenset(name for name, part in parts if part >= _PART and len(names) > 1)
+    return float(np.sqrt(max(squares[0], 0.0))), confounded
+
+
+def row_sizes(rows: Sequence[RowSums]) -> dict[str, float]:
+    """Root mean square of each coefficient's regressor over that of its row's acceleration."""
+    sizes = {}
+    for row in rows:
+        total = max(row.total_sum, np.finfo(float).tiny)
+        for name, square in zip(row.coefficients, np.diag(row.gram).tolist(), strict=True):
+            sizes[name] = (square / total) ** 0.5
+    return sizes

@@ -1,0 +1,219 @@
+"""The fits that a report rests on, and what all their doubts add to the covariance."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.identification.estimation.absence import hidden_covariance
+from flexid.identification.estimation.excitations import row_sizes, unexcited, without_noise
+from flexid.identification.estimation.link_row import with_link_row
+from flexid.identification.estimation.measured_input import error_of, widened_by
+from flexid.identification.estimation.model_error import stand_in_covariance
+from flexid.identification.full_model.climbing import hold_covariance
+from flexid.identification.full_model.fitting import expanded, fit_like, fit_to
+from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
+from flexid.identification.full_model.starting import least_squares_start
+from flexid.identification.preparation.alignment import Alignment, Delay, aligned
+from flexid.identification.preparation.recordings import SplitRecordings
+from flexid.identification.structure.elimination import Choice
+from flexid.identification.structure.link_delay import confused_covariance
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import LinkRow, ModelError
+from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.recording.velocities import with_velocities
+
+_FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
+_NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
+
+
+@dataclass(frozen=True, eq=False)
+class FinalFits:
+    """Fits to all data, ends that were held out among them.
+
+    Parameters
+    ----------
+    choice : Choice
+        The structure, and what it was chosen by.
+    recordings : SplitRecordings
+        What was fitted.
+    reported : Fitted
+        The structure.
+    rungs : sequence of Fitted
+        It over segments of growing length, some longer than the reported ones.
+    retreat : tuple of str
+        Why it was not fitted to all data, if it was not.
+    error : ModelError
+        What the residuals say about the model.
+    full : Fitted
+        The model with all usual terms, to say how large they may be.
+    filter_rate : float
+        Of the least squares beside, in 1/s.
+    """
+
+    choice: Choice
+    recordings: SplitRecordings
+    reported: Fitted
+    rungs: Sequence[Fitted]
+    retreat: tuple[str, ...]
+    error: ModelError
+    full: Fitted
+    filter_rate: float
+
+    @cached_property
+    def squares(self) -> LeastSquaresFit:
+        """Filtered least squares of the structure."""
+        return self.least_squares(self.choice.structure)
+
+    def least_squares(self, structure: Structure, data: Data | None = None) -> LeastSquaresFit:
+        """Filtered least squares of a structure: what each term does to its row.
+
+        The data are those that were recorded, aligned, unless others are given.
+        """
+        fixed = {**structure.fixed, **self.reported.at_bound}
+        bare = replace(structure, fixed=fixed)
+        return least_squares_start(bare, data or self._timely, self.filter_rate)[1]
+
+    @cached_property
+    def _timely(self) -> Data:
+        """All data with the channels' delays corrected."""
+        alignment = _alignment(self.reported.structure, self.reported.delays)
+        whole = self.recordings.whole
+        timely = [with_velocities(aligned(recording, alignment)) for recording in whole]
+        return data_of(self.reported.structure.joint, timely, self.recordings.groups)
+
+    @cached_property
+    def scales(self) -> dict[str, float]:
+        """How large a coefficient may be: as much as moves its row as it does move; and delays."""
+        sizes = row_sizes(self.least_squares(self.full.structure).rows)
+        scales = {name: 1.0 / size for name, size in sizes.items() if size > 0.0}
+        delays = self.full.structure.timing.sought
+        return scales | dict.fromkeys(delays, self.full.data.margin)
+
+    def unexcited(self, lost_share: float) -> set[str]:
+        """What the motion says nothing of; gravity counts as far as the log might show it."""
+        if not self.reported.converged:
+            return {*self.reported.names}
+        structure, full = self.choice.structure, self.choice.full
+        gravity = frozenset({"theta1", "gamma1"} - full.absent)
+        heavy = replace(structure, absent=structure.absent - gravity)
+        noisier = self._timely.with_noise(_NOISE_SEED)
+        pairs = zip(
+            self.least_squares(heavy).rows, self.least_squares(heavy, noisier).rows, strict=True
+        )
+        rows = [without_noise(row, more) for row, more in pairs]
+        return {*unexcited(rows, self.reported.by_name, lost_share)}
+
+    @property
+    def residual_excess(self) -> dict[str, float]:
+        """Residual of each position over its sensor's noise, as root mean squares."""
+        reported = self.reported
+        ratios = reported.minimum.noise(reported.problem) / reported.data.noise
+        rows = [row.name for row in reported.problem.unknowns.system.rows]
+        names = ["motor" if name == "rigid" else name for name in rows]
+        return {f"{name}_position": float(r) for name, r in zip(names, ratios, strict=True)}
+
+
+def final_fits(
+    choice: Choice,
+    whole: Data,
+    recordings: SplitRecordings,
+    filter_rate: float | Literal["auto"],
+    thresholds: Thresholds,
+) -> FinalFits:
+    """Fit a structure to all data, and what it does without.
+
+    Parameters
+    ----------
+    choice : Choice
+        The structure.
+    whole : Data
+        All data.
+    recordings : SplitRecordings
+        The same as recorded.
+    filter_rate : float or "auto"
+        Of the least squares beside, in 1/s.
+    thresholds : Thresholds
+        What counts as a model error.
+    """
+    whole = replace(whole, refinement=choice.fitted.data.refinement)
+    reported, rungs, retreat = _reported(choice, whole)
+    error = error_of(reported, rungs, thresholds)
+    rate = _FILTER_RATE if isinstance(filter_rate, str) else filter_rate
+    full = _full(choice, reported)
+    return FinalFits(choice, recordings, reported, rungs, retreat, error, full, rate)
+
+
+def with_doubts(
+    fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds
+) -> tuple[Estimate, LinkRow | None]:
+    """The estimate with all that is doubted in its covariance, and the link's row alone.
+
+    Parameters
+    ----------
+    fits : FinalFits
+        What is reported, and what stands beside it.
+    delay_in_doubt : bool
+        Whether a delay and a damping pass for each other.
+    thresholds : Thresholds
+        When the link's row is taken.
+    """
+    reported, error = fits.reported, fits.error
+    estimate = widened_by(reported, error)
+    estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
+    estimate = estimate.widened(hold_covariance(reported, fits.choice.climbed.tied))
+    estimate = estimate.widened(stand_in_covariance(reported, error))
+    estimate, row = with_link_row(
+        estimate,
+        reported,
+        fits.rungs,
+        fits.full,
+        fits.recordings,
+        fits.scales,
+        error,
+        thresholds,
+    )
+    if delay_in_doubt:
+        estimate = estimate.widened(confused_covariance(estimate))
+    return estimate, row
+
+
+def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
+    """The structure fitted to all data; where that fails, as it was fitted to choose."""
+    try:
+        start = {**choice.structure.timing.delays, **choice.fitted.by_name}
+        return *fit_to(choice.structure, whole, start, choice.duration), ()
+    except ConvergenceError:
+        return (
+            choice.fitted,
+            [choice.fitted],
+            (
+                "the fit to all data does not converge, so the values are those of the data before "
+                "the held-out end: check what happened there",
+            ),
+        )
+
+
+def _full(choice: Choice, reported: Fitted) -> Fitted:
+    """The model with all usual terms again, to say how large they may be.
+
+    Fitted as the reported one was: what shorter steps change is no sign of a term.
+    """
+    shapes = choice.structure.joint.shapes & choice.structure.absent
+    usual = replace(
+        choice.full,
+        absent=choice.full.absent | shapes,
+        fixed={**choice.full.fixed, **reported.at_bound},
+    )
+    return fit_like(usual, reported) or expanded(usual, reported)
+
+
+def _alignment(structure: Structure, delays: Mapping[str, float]) -> Alignment:
+    """Delays as they are to be corrected, no more."""
+    input_delay, link_delay = (
+        Delay(delays.get(name, 0.0), 0.0, (0.0, 0.0), "given") for name in (INPUT, LINK)
+    )
+    return Alignment(structure.timing.hold, input_delay, link_delay, "")

@@ -1,0 +1,149 @@
+"""What the user knows, held against what the log says by itself."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.identification.full_model.fitting import climb, lengths
+from flexid.identification.full_model.model import Data, Structure
+from flexid.identification.full_model.starting import starts
+from flexid.identification.preparation.joint import Joint
+from flexid.identification.preparation.prior_knowledge import Known, contradiction_warning, informed
+from flexid.identification.preparation.stated import Stated
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.thresholds import Thresholds
+
+_DURATION = 1.0  # s, segments of a fit that says whether something known is wrong altogether
+_SLACK = 1e-9  # relative, within which a value stands on its bound
+_ROUNDS = 4  # of holding at bounds and letting go, for each of them
+_LEAST = 0.01  # relative difference from which on a contradiction matters
+
+
+def contradictions(
+    given: Mapping[str, float],
+    at_bound: Mapping[str, float],
+    full: Structure,
+    data: Data,
+    thresholds: Thresholds,
+) -> tuple[str, ...]:
+    """A sentence for each coefficient, exactly known or at its bound, that the log contradicts.
+
+    Parameters
+    ----------
+    given : mapping of str to float
+        Coefficients known exactly.
+    at_bound : mapping of str to float
+        Coefficients that ended at a bound. A bound of zero only says of friction what it is.
+    full : Structure
+        The full model with these fixed.
+    data : Data
+        The log.
+    thresholds : Thresholds
+        When they contradict each other.
+    """
+    wanted = [Known(name, value, 0.0) for name, value in given.items()]
+    wanted += [Known(name, value, 0.0, bound=True) for name, value in at_bound.items() if value]
+    if not wanted:
+        return ()
+    free = replace(full, fixed={}, bounds={})
+    try:
+        ladder = lengths(data, _DURATION)
+        found = climb(free, data, starts(free, data, ladder[0])[0], ladder)[-1]
+    except ConvergenceError:
+        return ()
+    deviations = found.fit.standard_deviations
+    sentences = []
+    for known in wanted:
+        if known.name not in found.names:
+            continue
+        place = found.names.index(known.name)
+        value, std = float(found.values[place]), float(deviations[place])
+        apart = abs(value - known.value)
+        least = max(thresholds.contradiction * std, _LEAST * abs(known.value))
+        if np.isfinite(std) and apart > least:
+            sentences.append(_sentence(known, value, std))
+    return tuple(sentences)
+
+
+def _sentence(known: Known, value: float, std: float) -> str:
+    if known.name != "beta1":
+        return contradiction_warning(known, value, std)
+    inertia = replace(known, name="motor_inertia", value=1.0 / known.value)
+    return contradiction_warning(inertia, 1.0 / value, std / value**2)
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """An estimate with what is known joined to it.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the log and of what is known.
+    exact : mapping of str to tuple of float and str
+        Physical parameters that are thereby fixed, and why: ``"given"`` or ``"at its bound"``.
+    contradicted : tuple of str
+        A sentence for each of them that the log contradicts: nothing that rests on it is known.
+    against : tuple of str
+        A sentence for each uncertain one that it contradicts: the estimate spans both.
+    """
+
+    estimate: Estimate
+    exact: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    contradicted: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()
+
+
+def with_prior_knowledge(
+    joint: Joint,
+    estimate: Estimate,
+    given: Mapping[str, float],
+    stated: Stated,
+    input_unit: str,
+    thresholds: Thresholds,
+) -> Joined:
+    """The estimate with what is known of it joined, within the bounds of its functions."""
+    if not stated.known and not stated.within:
+        return Joined(estimate)
+    parameters = joint.parameters({*estimate.names, *given}, input_unit == "N m")
+    functions = {p.name: p for p in parameters}
+
+    def joined(active: Mapping[str, float]) -> tuple[Estimate, dict[str, str]]:
+        ends = [Known(name, value, 0.0, bound=True) for name, value in active.items()]
+        known = (*stated.known, *ends)
+        if not known:
+            return estimate, {}
+        return informed(estimate, known, parameters, given, thresholds.contradiction)
+
+    def beyond(name: str, found: Estimate) -> float | None:
+        """The end that a function has left; it may stand on it."""
+        if name not in functions:
+            return None
+        value = functions[name].value(found.with_values(given))
+        lower, upper = stated.within[name]
+        slack = _SLACK * abs(value)
+        return lower if value < lower - slack else upper if value > upper + slack else None
+
+    active: dict[str, float] = {}
+    found, said = joined(active)
+    for _ in range(_ROUNDS * len(stated.within)):
+        left = {n: end for n in stated.within if (end := beyond(n, found)) is not None}
+        idle = [
+            n
+            for n in active
+            if beyond(n, joined({m: v for m, v in active.items() if m != n})[0]) is None
+        ]  # what stays within its bounds without being held there
+        if not left and not idle:
+            break
+        active = {n: v for n, v in (active | left).items() if n not in idle}
+        found, said = joined(active)
+    exact = {k.name: (k.value, "given") for k in stated.known if k.std == 0.0}
+    exact |= {name: (value, "at its bound") for name, value in active.items()}
+    return Joined(
+        found,
+        exact,
+        tuple(sentence for name, sentence in said.items() if name in exact),
+        tuple(sentence for name, sentence in said.items() if name not in exact),
+    )

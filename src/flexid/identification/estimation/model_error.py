@@ -1,0 +1,139 @@
+"""What the residuals say about the model, and what that adds to every interval.
+
+The spread of the scores from block to block knows nothing of an error that repeats itself in each
+block. Of such an error the part across the coefficients shows in the residuals; the part along a
+coefficient does not show at all, and is its bias. If both are alike in size, the bias of a
+coefficient is its standard deviation for noise of unit size, times the root of the residuals'
+weighted sum of squares beyond noise.
+
+Noise of the torque makes residuals large, too, without any bias. How they grow distinguishes it:
+the variance of a motion under white noise grows with the cube of the time since its known start,
+that of an error which turns round with the motion more slowly, that of a slow one faster.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.identification.full_model.fitting import fit_like
+from flexid.identification.full_model.model import ROUGH, Fitted
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import ModelError
+from flexid.identification.vocabulary.thresholds import Thresholds
+
+_WHITE = 3.0  # power of time with which the variance of a motion under white noise grows
+_CURVATURES = ("alpha_cubic", "theta_cubic")
+_CHANCE = 3.0  # standard deviations of a sum of squares
+
+
+def _nothing(_: Fitted) -> float:
+    return 0.0
+
+
+def model_error(
+    fitted: Fitted,
+    rungs: Sequence[Fitted],
+    thresholds: Thresholds,
+    explained: Callable[[Fitted], float] = _nothing,
+) -> ModelError:
+    """Look for a model error in the residuals of a fit.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        What is reported.
+    rungs : sequence of Fitted
+        The same structure over segments of growing length, some longer than the reported ones.
+    thresholds : Thresholds
+        What counts as evidence.
+    explained : callable, optional
+        Mean square of a fit's residuals, over that of the sensors' noise, that is explained beside
+        this noise.
+    """
+    floor = min(max(rungs[0].excess, 1.0), thresholds.sensor_excess)
+    own = _beyond(fitted, floor + explained(fitted), rungs[0])
+    growth = _growth(fitted, rungs, floor, explained)
+    if own <= 0.0:
+        return ModelError(0.0, growth, 0.0)
+    between = (thresholds.white_growth, thresholds.repeated_growth)
+    off = abs(growth - _WHITE)
+    share = float(np.interp(off, between, (0.0, 1.0))) if np.isfinite(growth) else 1.0
+    return ModelError(own / fitted.problem.degrees_of_freedom, growth, share)
+
+
+def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.0) -> Estimate:
+    """The estimate of a fit with the model's error in its covariance.
+
+    No variance is smaller than what the sensors' noise alone makes it: blocks may agree by chance.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The fit.
+    error : ModelError
+        What its residuals say about the model.
+    of_input : array, shape (k,), optional
+        Standard deviation of each value from noise of the input, where that was measured.
+    """
+    estimate = Estimate.of(fitted.fit)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        least = np.hypot(fitted.unit_deviations, of_input) / estimate.deviations
+    scale = np.where(np.isfinite(least), np.maximum(least, 1.0), 1.0)
+    estimate = estimate.scaled(scale)
+    beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
+    return estimate.widened(error.share**2 * beyond * fitted.minimum.reduced.inverse)
+
+
+def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
+    """Covariance, shape (k, k), from terms that may stand for something else.
+
+    A curved spring, a gap or an eccentric gear that leaves a model error behind is hardly what the
+    drive has, and another stand-in would leave other values: they are as uncertain as they move
+    without any.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        What is reported; k values.
+    error : ModelError
+        What it leaves.
+    """
+    none = np.zeros((len(fitted.names), len(fitted.names)))
+    joint = fitted.structure.joint
+    stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
+    if error.share == 0.0 or not stand_ins:
+        return none
+    bare = fit_like(fitted.structure.without(stand_ins), fitted, ROUGH)
+    if bare is None:
+        return none
+    found = {**fitted.by_name, **bare.by_name}
+    moved = np.array([found[name] for name in fitted.names]) - fitted.values
+    return error.share**2 * np.outer(moved, moved)
+
+
+def _beyond(fitted: Fitted, floor: float, shortest: Fitted) -> float:
+    """Weighted sum of squares beyond what noise explains, and beyond chance."""
+    freedom = fitted.problem.degrees_of_freedom
+    # Longer segments leave the noise that shorter ones took for initial states.
+    states = shortest.minimum.point.initial_states.size
+    return freedom * (fitted.excess - floor) - _CHANCE * float(np.sqrt(2.0 * states))
+
+
+def _growth(
+    fitted: Fitted,
+    rungs: Sequence[Fitted],
+    floor: float,
+    explained: Callable[[Fitted], float],
+) -> float:
+    """Power of the segments' length with which the excess grows from the reported one on."""
+    near = [r for r in rungs if r.duration >= 0.75 * fitted.duration] or list(rungs[-2:])
+    if len(near) < 2:
+        near = list(rungs[-2:])
+    first, last = near[0], near[min(2, len(near) - 1)]
+    if first is last:
+        return 0.0
+    before, after = (rung.excess - floor - explained(rung) for rung in (first, last))
+    if before <= 0.0 or after <= before:
+        return 0.0
+    return float(np.log(after / before) / np.log(last.duration / first.duration))

@@ -1,0 +1,1 @@
+"""The full model, fitted to data."""

@@ -1,0 +1,377 @@
+"""The full model's way from least squares to long segments, with the hold that suits the log.
+
+How an input runs between its samples, and how late it acts, look alike: what is held acts half a
+sample later, on the average, than what runs on. Over short segments one hold passes for another
+with another delay; the longest segments decide, and where these do not, the holds are tied.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
+from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.segments import Segments
+from flexid.identification.full_model.fitting import (
+    climb,
+    fit_like,
+    lengths,
+    motion_at,
+    onward,
+    with_steps_refined,
+)
+from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.starting import starts
+from flexid.identification.vocabulary.progress import Progress
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.recording.recording import Hold
+
+_SHORT = 0.5  # s of segments up to which any hold will do
+_TURNING = 0.5  # s of segments in which most springs turn round: these show a hysteresis best
+_FIRST_ITERATIONS = 8  # from least squares; what takes longer goes by a smaller model
+_FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
+_WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
+_TIED = "the log does not distinguish the holds; of these, the one that needs the least delay"
+
+
+@dataclass(frozen=True, eq=False)
+class Climb:
+    """The full model without unusual terms, over segments of growing length.
+
+    Parameters
+    ----------
+    found : tuple of Fitted
+        From short segments to the longest that it follows.
+    ladder : tuple of Segments
+        All lengths.
+    free_length : bool
+        Whether the length of the segments is to be chosen.
+    hold_reason : str
+        Why the input was taken to behave as it does.
+    tied : tuple of Hold
+        Other behaviours that the log cannot tell from this one.
+    """
+
+    found: tuple[Fitted, ...]
+    ladder: tuple[Segments, ...]
+    free_length: bool
+    hold_reason: str
+    tied: tuple[Hold, ...] = ()
+
+
+def climb_full(
+    base: Structure,
+    data: Data,
+    holds: Sequence[Hold],
+    durations: tuple[float, ...],
+    progress: Progress,
+    thresholds: Thresholds = THRESHOLDS,
+) -> Climb:
+    """Fit the full model over segments of growing length.
+
+    Parameters
+    ----------
+    base : Structure
+        With every usual term that is to be considered; its hold is of no account.
+    data : Data
+        To fit.
+    holds : sequence of Hold
+        Behaviours of the input to choose from.
+    durations : tuple of float
+        The length of the segments in s, if it is given; empty where it is to be chosen.
+    progress : callable
+        Told of each step in words.
+    thresholds : Thresholds, optional
+        Up to which excess a model explains a log, and what counts as chance.
+
+    Raises
+    ------
+    ConvergenceError
+        If no start leads anywhere.
+    """
+    ladder = lengths(data, *durations)
+    progress("the full model")
+    short = [s for s in ladder if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
+    short = short or ladder[:1]
+    found = _started(_with_hold(base, holds[0]), data, short)
+    if found[-1].excess > thresholds.sensor_excess:
+        best, *_ = _best_hold(found[-1], holds, thresholds)
+        found = _climbed_like(best, found, short)
+    progress("the full model over longer segments")
+    if len(found[-1].problem.segments) == len(short[-1]):
+        found = found + onward(found[-1], ladder)
+    if len(holds) > 1:
+        progress("how the input runs between its samples")
+    return _with_best_hold(found, ladder, holds, not durations, thresholds)
+
+
+def climb_remembering(
+    climbed: Climb,
+    holds: Sequence[Hold],
+    progress: Progress,
+    thresholds: Thresholds = THRESHOLDS,
+) -> Climb | None:
+    """Fit a joint with memory where one without leaves more than noise.
+
+    Parameters
+    ----------
+    climbed : Climb
+        Of the full model without.
+    holds, progress, thresholds
+        As of `climb_full`.
+
+    Returns
+    -------
+    Climb or None
+        None where the model without explains the log, or one with memory hardly does so better.
+    """
+    left = [fitted for fitted in climbed.found if fitted.excess > thresholds.sensor_excess]
+    if not left or not left[0].structure.joint.remembered:
+        return None
+    # Over the shortest segments a grip is any spring's; over the longest ones no start is good.
+    before = next((fitted for fitted in left if fitted.duration >= _TURNING), left[-1])
+    joint, absent = before.structure.joint, before.structure.absent
+    structure = replace(before.structure, absent=absent - joint.remembered)
+    progress("hysteresis of the spring")
+    segments = before.problem.segments
+    if promised_by_memory(before, structure) < thresholds.memory_promise:
+        return None
+    try:
+        found = climb(
+            structure,
+            before.data,
+            before.by_name,
+            [segments],
+            insist=False,
+            iterations=_FIRST_ITERATIONS,
+        )
+    except ConvergenceError:
+        return None
+    if before.excess - found[0].excess < thresholds.memory_share * (before.excess - 1.0):
+        return None
+    found += onward(found[0], climbed.ladder)
+    ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
+    return _with_best_hold(found, ladder, holds, climbed.free_length, thresholds)
+
+
+def promised_by_memory(fitted: Fitted, structure: Structure) -> float:
+    """Share of the residuals beyond noise that the first step with memory promises to take away.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        Without memory.
+    structure : Structure
+        The same with it.
+    """
+    states = fitted.minimum.point.initial_states
+    problem, point = motion_at(
+        structure, fitted.data, fitted.problem.segments, fitted.by_name, states
+    )
+    equations = problem.equations(point)
+    beyond = equations.cost - problem.degrees_of_freedom
+    return problem.solve(equations).decrement / beyond if np.isfinite(beyond) else 0.0
+
+
+def _with_best_hold(
+    found: list[Fitted],
+    ladder: Sequence[Segments],
+    holds: Sequence[Hold],
+    free_length: bool,
+    thresholds: Thresholds,
+) -> Climb:
+    if len(holds) == 1:
+        return Climb(with_steps_refined(found), tuple(ladder), free_length, "as given")
+    best, reason, tied = _best_hold(found[-1], holds, thresholds)
+    # A model that explains the log is best over its longest segments; the others do not matter.
+    explained = best.excess <= thresholds.sensor_excess
+    found = [best] if explained and best is not found[-1] else _climbed_like(best, found, ladder)
+    return Climb(with_steps_refined(found), tuple(ladder), free_length, reason, tied)
+
+
+def _with_hold(structure: Structure, hold: Hold) -> Structure:
+    return replace(structure, timing=replace(structure.timing, hold=hold))
+
+
+def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
+    """The same structure with another hold, from where a fit ended; None if there is none.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        Where to begin.
+    hold : Hold
+        Another than its own, or there is none.
+    """
+    # What ended at a bound stays there.
+    structure = replace(fitted.structure, fixed={**fitted.structure.fixed, **fitted.at_bound})
+    before = structure.timing.hold
+    if hold == before:
+        return None
+    half = 0.5 * float(fitted.problem.segments.sample_times.mean())
+    start = fitted.by_name
+    if INPUT in start:
+        start = {**start, INPUT: start[INPUT] + half * ((before == "zero") - (hold == "zero"))}
+    states = fitted.minimum.point.initial_states
+    segments = [fitted.problem.segments]
+    try:
+        (found,) = climb(_with_hold(structure, hold), fitted.data, start, segments, states)
+    except ConvergenceError:
+        return None
+    return found
+
+
+def _climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments]) -> list[Fitted]:
+    """A climb over the same segments as another, with the hold of a fit to the last of them."""
+    if best is found[-1]:
+        return found
+    states = found[0].minimum.point.initial_states
+    most, least = len(found[0].problem.segments), len(best.problem.segments)
+    segments = [s for s in ladder if most >= len(s) >= least]
+    try:
+        climbed = climb(best.structure, best.data, best.by_name, segments, states)
+    except ConvergenceError:
+        return [best]
+    return climbed if len(climbed[-1].problem.segments) == least else [*climbed, best]
+
+
+def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> list[Fitted]:
+    """Climb from least squares; where the full model finds no way, by way of smaller ones."""
+    full = starts(structure, data, ladder[0])
+    try:
+        found = climb(structure, data, full[0], ladder, iterations=_FIRST_ITERATIONS)
+    except ConvergenceError:
+        found = []
+    if found and _has_partners(found[-1]):
+        return found
+    few = structure.without(structure.joint.optional - _FEW)
+    bare = few.without(structure.timing.sought)
+    late = {INPUT} & {*structure.timing.sought}
+    for small in (few, *([few.without(late)] if late else []), bare):
+        try:
+            found = climb(small, data, starts(small, data, ladder[0])[0], ladder)
+        except ConvergenceError:
+            continue
+        if _has_partners(found[-1]):
+            wider = [structure, structure.without(late)] if late else [structure]
+            return _widened([*wider, *([few] if small is not few else [])], found) or found
+    # No drive of this kind: be the fit as bad as it may.
+    return climb(bare, data, full[0], ladder, insist=False)
+
+
+def _has_partners(fitted: Fitted) -> bool:
+    """Whether no channel is so late that its samples have no partners in the data."""
+    sought = fitted.structure.timing.sought
+    return all(abs(fitted.delays[name]) <= fitted.data.margin for name in sought)
+
+
+def _widened(structures: Sequence[Structure], found: Sequence[Fitted]) -> list[Fitted]:
+    """The first wider structure that can be fitted from where a climb ended; empty if none can."""
+    last = found[-1]
+    segments, states = [last.problem.segments], last.minimum.point.initial_states
+    for structure in structures:
+        try:
+            wider = climb(structure, last.data, last.by_name, segments, states)
+        except ConvergenceError:
+            continue
+        if _has_partners(wider[-1]):
+            return wider
+    return []
+
+
+def _best_hold(
+    last: Fitted, holds: Sequence[Hold], thresholds: Thresholds
+) -> tuple[Fitted, str, tuple[Hold, ...]]:
+    """The fit whose hold explains the log best; of those that are alike, that of least delay."""
+    others = [fitted for hold in holds if (fitted := held_otherwise(last, hold)) is not None]
+    found = [last, *others]
+    misfits = _misfits(found)
+    order = np.argsort(misfits).tolist()
+    ordered, falls = [found[i] for i in order], (misfits - misfits.min())[order].tolist()
+    alike = [f for f, fall in zip(ordered, falls, strict=True) if fall <= thresholds.hold_fall]
+    if len(alike) > 1:
+        # Where no hold explains the log, which of them fails like the others says nothing.
+        stays = last in alike and ordered[0].excess > thresholds.sensor_excess
+        best = last if stays else min(alike, key=lambda fitted: abs(fitted.delays[INPUT]))
+        tied: tuple[Hold, ...] = tuple(f.structure.timing.hold for f in alike if f is not best)
+        return best, _TIED, tied
+    best = ordered[0]
+    words = _WORDS[best.structure.timing.hold]
+    if len(ordered) == 1:
+        return best, f"{words}; otherwise the model does not follow", ()
+    fall = (ordered[1].minimum.equations.cost - best.minimum.equations.cost) / residual_variance(
+        found
+    )
+    if fall <= thresholds.hold_fall:
+        return best, f"{words}; otherwise a delay would be just half a sample by chance", ()
+    less = f"the residuals' weighted sum of squares is {fall:.3g} less than otherwise"
+    return best, f"{words}, {less}", ()
+
+
+def _misfits(found: Sequence[Fitted]) -> FloatArray:
+    """Twice the negative logarithm of each hold's probability, up to a constant.
+
+    A delay that is none is one that controllers have; one that is there might have been any up to
+    the margin of the data, and that it came out at just half a sample is a coincidence to pay for
+    (Bayes' factor of a uniform prior).
+    """
+    scale = residual_variance(found)
+    misfits = np.array([fitted.minimum.equations.cost for fitted in found]) / scale
+    for i, fitted in enumerate(found):
+        if INPUT not in fitted.names:
+            continue
+        place = fitted.names.index(INPUT)
+        white = float(fitted.unit_deviations[place]) * np.sqrt(max(1.0, fitted.excess))
+        deviation = max(white, float(fitted.fit.standard_deviations[place]))
+        if np.isfinite(deviation) and deviation > 0.0:
+            room = 2.0 * fitted.data.margin / (np.sqrt(2.0 * np.pi) * deviation)
+            away = (fitted.delays[INPUT] / deviation) ** 2
+            misfits[i] += min(away, 2.0 * np.log(max(room, 1.0)))
+    return misfits
+
+
+def residual_variance(found: Sequence[Fitted]) -> float:
+    """Variance of the best fit's residuals over the sensors', as it acts on the input's delay.
+
+    An encoder's steps under a slow motion are correlated for many samples; their sum of squares
+    falls by chance as much as if there were fewer of them.
+
+    Parameters
+    ----------
+    found : sequence of Fitted
+        With one hold each.
+    """
+    return max(1.0, min(max(fitted.excess, _correlated(fitted)) for fitted in found))
+
+
+def _correlated(fitted: Fitted) -> float:
+    """Variance of the input's delay over what white noise of the sensors would make it."""
+    if INPUT not in fitted.names:
+        return 1.0
+    place = fitted.names.index(INPUT)
+    ratio = float(fitted.fit.standard_deviations[place] / fitted.unit_deviations[place])
+    return ratio**2 if np.isfinite(ratio) else 1.0
+
+
+def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
+    """Covariance, shape (k, k), of what was reported, from holds that the log cannot tell apart.
+
+    Parameters
+    ----------
+    reported : Fitted
+        With one of these holds; k values.
+    tied : sequence of Hold
+        The others.
+    """
+    added = np.zeros((len(reported.names), len(reported.names)))
+    found = [other for hold in tied if (other := held_otherwise(reported, hold)) is not None]
+    # In as short steps as what is reported, or their error would pass for a doubt.
+    others = [fit_like(rough.structure, rough) or rough for rough in found]
+    misfits = _misfits((reported, *others))
+    weights = np.exp(-0.5 * (misfits - misfits.min()))
+    for other, weight in zip(others, (weights / weights.sum())[1:].tolist(), strict=True):
+        apart = other.values - reported.values
+        added += weight * np.outer(apart, apart)
+    return added

@@ -1,0 +1,291 @@
+"""How a model of a log is fitted: from short segments to long ones.
+
+Over short segments a fit finds its way from least squares; each longer length starts where the one
+before it ended, with its states.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.bounded import bounded_fit
+from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
+from flexid.estimators.integration_error import MOST, refinement
+from flexid.estimators.samples import FloatArray
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, Structure
+
+SHORTEST = 0.1
+"""Length in s of the segments that a fit begins with: any start is good enough for these."""
+
+LONGEST = 10.0
+"""Length in s beyond which segments hold hardly more information."""
+
+
+def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
+    """The data cut into segments of growing length, each of two of the length before."""
+    first = divide(data.samples, min(longest, data.duration), margin=data.margin)
+    found = [first]
+    while True:
+        last = found[-1]
+        mean = float(np.mean(last.lengths * last.sample_times))
+        if mean < 1.5 * shortest or last.lengths.min() < 2 * FEWEST_SAMPLES:
+            return found[::-1]
+        found.append(last.halved())
+
+
+def climb(
+    structure: Structure,
+    data: Data,
+    start: Mapping[str, float],
+    ladder: Sequence[Segments],
+    states: FloatArray | None = None,
+    insist: bool = True,
+    iterations: int = ITERATIONS,
+) -> list[Fitted]:
+    """Fit over segments of growing length, each from where the one before it ended.
+
+    Parameters
+    ----------
+    structure : Structure
+        What to fit.
+    data : Data
+        To what.
+    start : mapping of str to float
+        Where to begin; what is missing starts at zero.
+    ladder : sequence of Segments
+        From short to long, each of several of the one before put together.
+    states : array, shape (n_segments, n_states), optional
+        Where the states of the first length begin, if not near the measured positions.
+    insist : bool, optional
+        Whether the shortest segments have to be fitted well; if not, as well as may be.
+    iterations : int, optional
+        Steps that the shortest segments may take.
+
+    Returns
+    -------
+    list of Fitted
+        Up to the length at which the fit no longer converges.
+
+    Raises
+    ------
+    ConvergenceError
+        If not even the shortest segments can be fitted.
+    """
+    found: list[Fitted] = []
+    values = dict(start)
+    for segments in ladder:
+        if found:
+            before = found[-1].minimum.point.initial_states
+            states = before[:: len(before) // len(segments)]
+        try:
+            fitted = _fit_segments(
+                structure,
+                data,
+                segments,
+                values,
+                states,
+                ROUGH,
+                insist=insist or bool(found),
+                iterations=ITERATIONS if found else iterations,
+            )
+        except ConvergenceError:
+            if not found:
+                raise
+            break
+        found.append(fitted)
+        values = {**values, **fitted.by_name}
+    return found
+
+
+def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
+    """The same fits, whose data want as short steps as the last of them shows."""
+    last = found[-1]
+    finer = refinement(last.problem, last.minimum)
+    return tuple(replace(fit, data=replace(fit.data, refinement=finer)) for fit in found)
+
+
+def in_own_steps(fitted: Fitted) -> Fitted:
+    """A fit in steps as short as it wants itself; the same fit where those that it took are.
+
+    It is asked once, and takes `MOST` times as many steps as usual at most. Where the shorter ones
+    lead nowhere, it stays as it was.
+    """
+    data = fitted.data
+    finer = min(data.refinement * refinement(fitted.problem, fitted.minimum), MOST)
+    if finer <= data.refinement:
+        return fitted
+    wanted = replace(fitted, data=replace(data, refinement=finer))
+    return fit_like(fitted.structure, wanted) or fitted
+
+
+def fit_to(
+    structure: Structure, data: Data, start: Mapping[str, float], duration: float
+) -> tuple[Fitted, list[Fitted]]:
+    """Fit to other data over segments of a length in s, from values that are nearly right.
+
+    Returns
+    -------
+    fitted : Fitted
+        Over segments of that length, in steps that suit these data: those of `in_own_steps`.
+    rungs : list of Fitted
+        Rough fits over segments of growing length, up to four times as long.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not converge.
+    """
+    ladder = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
+    found = climb(structure, data, start, ladder)
+    if len(found) < len(ladder):
+        raise ConvergenceError(
+            "prediction error",
+            "what fits short segments does not lead on to longer ones: shorten the segments",
+        )
+    last = found[-1]
+    states = last.minimum.point.initial_states
+    fitted = in_own_steps(refit(structure, data, last.by_name, ladder[-1], FINE, states))
+    return fitted, [*found[:-1], fitted, *_beyond(fitted)]
+
+
+def expanded(structure: Structure, fitted: Fitted) -> Fitted:
+    """A wider structure about the values of a fit, not fitted itself: its quadratic form there."""
+    unknowns = structure.unknowns(fitted.data.groups)
+    problem = replace(
+        segmented_motion(unknowns.system, fitted.problem.segments, fitted.problem.timing, unknowns),
+        timing=replace(fitted.problem.timing, sought=structure.timing.sought),
+        substeps=fitted.problem.substeps,
+        weights=fitted.problem.weights,
+    )
+    values = {**structure.timing.delays, **fitted.by_name}
+    point = Point(
+        np.array([values.get(name, 0.0) for name in problem.names]),
+        problem.with_memories(fitted.minimum.point.initial_states),
+    )
+    equations = problem.equations(point)
+    minimum = Minimum(point, equations, problem.solve(equations), 0, np.inf)
+    return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
+
+
+def onward(last: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
+    """Climb from a fit to those segments of the ladder that are longer than its own."""
+    found = []
+    for segments in ladder:
+        if len(segments) >= len(last.problem.segments):
+            continue
+        states = last.minimum.point.initial_states[::2]
+        try:
+            (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
+        except ConvergenceError:
+            break
+        found.append(last)
+    return found
+
+
+def _beyond(fitted: Fitted) -> list[Fitted]:
+    """The same over segments of twice and four times the length, as far as these can be had."""
+    ladder = [fitted.problem.segments]
+    while len(ladder) < 3 and (longer := ladder[-1].merged()) is not None:
+        ladder.append(longer)
+    return onward(fitted, ladder[1:])
+
+
+def refit(
+    structure: Structure,
+    data: Data,
+    start: Mapping[str, float],
+    segments: Segments,
+    tolerance: float,
+    states: FloatArray | None,
+) -> Fitted:
+    """Fit over given segments, within bounds, from values and states that are nearly right.
+
+    Raises
+    ------
+    ConvergenceError
+        If it does not converge.
+    """
+
+    def fit_with(unknowns: Unknowns) -> Fitted:
+        # What ended at a bound is fixed there.
+        fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
+        return _fit_segments(
+            replace(structure, fixed={**structure.fixed, **fixed}),
+            data,
+            segments,
+            start,
+            states,
+            tolerance,
+        )
+
+    if not structure.bounds:
+        return fit_with(structure.unknowns(data.groups))
+    sought = {c for c in structure.bounds if c not in structure.absent}
+    bounds = {c: b for c, b in structure.bounds.items() if c in sought}
+    fitted, at_bound = bounded_fit(fit_with, structure.unknowns(data.groups), bounds)
+    # A longer or leaner fit may leave the bound again, so the structure does not keep it there.
+    return replace(fitted, structure=structure, at_bound=at_bound)
+
+
+def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> Fitted | None:
+    """Another structure over the same segments, from where a fit ended; None if it fails."""
+    try:
+        return refit(
+            structure,
+            fitted.data,
+            fitted.by_name,
+            fitted.problem.segments,
+            tolerance,
+            fitted.minimum.point.initial_states,
+        )
+    except ConvergenceError:
+        return None
+
+
+def motion_at(
+    structure: Structure,
+    data: Data,
+    segments: Segments,
+    start: Mapping[str, float],
+    states: FloatArray | None,
+    refinement: int = 1,
+) -> tuple[SegmentedMotion, Point]:
+    """A structure's motion over segments, and where to begin: from values and states.
+
+    Without states, of all segments, it begins near the measured positions. The refinement is how
+    many times as many steps as usual it takes.
+    """
+    unknowns = structure.unknowns(data.groups)
+    timing = replace(structure.timing, relative_to=data.relative_to)
+    problem = segmented_motion(unknowns.system, segments, timing, unknowns)
+    if states is None or len(states) != len(segments):
+        states = problem.start_states
+    grips = dict.fromkeys(structure.joint.grips.values(), structure.joint.first_grip)
+    values = {**grips, **start}
+    point = Point(
+        np.array([values.get(name, 0.0) for name in problem.names]), problem.with_memories(states)
+    )
+    return problem.at(point, 1.0 / data.noise, refinement), point
+
+
+def _fit_segments(
+    structure: Structure,
+    data: Data,
+    segments: Segments,
+    start: Mapping[str, float],
+    states: FloatArray | None,
+    tolerance: float,
+    *,
+    insist: bool = True,
+    iterations: int = ITERATIONS,
+) -> Fitted:
+    steps = data.refinement if tolerance <= FINE else 1
+    problem, point = motion_at(structure, data, segments, start, states, steps)
+    found = minimise(problem, point, tolerance, insist=insist, iterations=iterations)
+    duration = float(np.mean(segments.lengths * segments.sample_times))
+    return Fitted(structure, data, problem, found, duration)

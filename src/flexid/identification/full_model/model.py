@@ -1,0 +1,232 @@
+"""The model of a log: what is fitted, to what, and what a fit of it is.
+
+What is sought are the coefficients of the joint together with what describes the recording: delays
+of its channels.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from flexid.estimators.bounded import Bounds
+from flexid.estimators.gauss_newton import FLAT, Minimum
+from flexid.estimators.prediction_error import PredictionErrorFit, described
+from flexid.estimators.samples import FloatArray, Samples
+from flexid.estimators.segmented_motion import (
+    SegmentedMotion,
+    Timing,
+)
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.preparation.joint import Joint
+from flexid.recording.recording import Recording
+from flexid.recording.velocities import position_noise
+
+LINK = "link_delay"
+"""Name of the delay of the link's position."""
+
+ROUGH, FINE = 1.0, 1e-2
+"""Length of a step, in standard deviations, that ends an iteration: on the way, and at its end."""
+
+_MARGIN = 0.03  # s at both ends of a recording in which late channels have no partner
+_LARGEST_MARGIN = 0.05  # of a recording
+_FINEST = 1e-9  # noise over the largest position that still counts as some
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What a model is fitted to.
+
+    Parameters
+    ----------
+    samples : tuple of Samples
+        Recordings with velocities.
+    groups : tuple of int
+        The log of each.
+    noise : array, shape (n_rows,)
+        Standard deviation of each position's noise.
+    relative_to : mapping of str to str
+        Rows whose position was measured relative to another row's, or to an input.
+    refinement : int, optional
+        How many times as many integration steps as usual a fit takes at its end.
+    """
+
+    samples: tuple[Samples, ...]
+    groups: tuple[int, ...]
+    noise: FloatArray
+    relative_to: Mapping[str, str] = field(default_factory=dict)
+    refinement: int = 1
+
+    @cached_property
+    def margin(self) -> float:
+        """Seconds at both ends of each recording that belong to no segment."""
+        shortest = min(len(recording) * recording.sample_time for recording in self.samples)
+        return min(_MARGIN, _LARGEST_MARGIN * shortest)
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of all recordings."""
+        return sum(map(len, self.samples))
+
+    @cached_property
+    def duration(self) -> float:
+        """Length of all recordings in s."""
+        return sum(len(recording) * recording.sample_time for recording in self.samples)
+
+    def with_noise(self, seed: int) -> "Data":
+        """The same with noise like that of the sensors added to the positions once more."""
+        draw = np.random.default_rng(seed)
+        noisier = []
+        for recording in self.samples:
+            added = self.noise * draw.standard_normal(recording.positions.shape)
+            if "motor" in self.relative_to.values():  # the link's position has the motor's noise
+                alone = position_noise(recording.positions[:, 0] - recording.positions[:, 1])
+                added[:, 0] *= alone / self.noise[0]
+                added[:, 0] += added[:, 1]
+            noisier.append(replace(recording, positions=recording.positions + added))
+        return replace(self, samples=tuple(noisier))
+
+
+def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]) -> Data:
+    """Recordings with velocities as a joint's fits take them."""
+    samples = tuple(joint.samples(recording) for recording in recordings)
+    longest = max(samples, key=len)
+    largest = max(float(np.abs(own.positions).max()) for own in samples)
+    noise = np.array([position_noise(position) for position in longest.positions.T])
+    relative = {}
+    if joint.kind != "rigid" and recordings[0].link_from_deflection:
+        # The link alone has the motor's position as its first input.
+        relative = {"link": "motor" if joint.kind == "flexible" else joint.system.inputs[0]}
+    return Data(samples, tuple(groups), np.maximum(noise, _FINEST * largest), relative)
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A model with the choices made about it.
+
+    Parameters
+    ----------
+    joint : Joint
+        With all its terms.
+    absent : frozenset of str
+        Coefficients that are zero: terms that are off, or found to be.
+    timing : Timing
+        Hold of the input, and the delays.
+    fixed : mapping of str to float
+        Coefficients whose value is given.
+    bounds : mapping of str to tuple of float
+        Ends of coefficients.
+    """
+
+    joint: Joint
+    absent: frozenset[str]
+    timing: Timing
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    bounds: Bounds = field(default_factory=dict)
+
+    def unknowns(self, groups: Sequence[int]) -> Unknowns:
+        """What is sought of the coefficients."""
+        return self.joint.unknowns(self.absent, self.fixed, groups)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Terms that are on."""
+        follows = {*self.joint.ties}
+        return tuple(
+            term
+            for term, names in self.joint.terms.items()
+            if not {*names} - follows <= self.absent
+        )
+
+    def without(self, names: Iterable[str]) -> "Structure":
+        """The same with some coefficients and delays zero, and what follows from them."""
+        gone = {name.partition("[")[0] for name in names}
+        gone |= {c for c, (source, _, _) in self.joint.ties.items() if source in gone}
+        gone |= {grip for c, grip in self.joint.grips.items() if c in gone}
+        timing = replace(
+            self.timing,
+            sought=tuple(name for name in self.timing.sought if name not in gone),
+            delays={name: value for name, value in self.timing.delays.items() if name not in gone},
+        )
+        delays = {*self.timing.sought}
+        return replace(self, absent=self.absent | (gone - delays), timing=timing)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A structure fitted to data over segments of one length.
+
+    Parameters
+    ----------
+    structure : Structure
+        What was fitted.
+    data : Data
+        To what.
+    problem : SegmentedMotion
+        The motion that was fitted.
+    minimum : Minimum
+        Where it ended.
+    duration : float
+        Wanted length of a segment in s.
+    at_bound : mapping of str to float
+        What ended at a bound, and was fixed there.
+    """
+
+    structure: Structure
+    data: Data
+    problem: SegmentedMotion
+    minimum: Minimum
+    duration: float
+    at_bound: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What was sought: coefficients, then delays."""
+        return self.problem.names
+
+    @property
+    def values(self) -> FloatArray:
+        """Its values."""
+        return self.minimum.point.values
+
+    @property
+    def information(self) -> FloatArray:
+        """The sum of squares' quadratic form about them."""
+        return self.minimum.reduced.information
+
+    @cached_property
+    def by_name(self) -> dict[str, float]:
+        """Values of all that was sought, those at a bound among them."""
+        return {**self.at_bound, **dict(zip(self.names, self.values.tolist(), strict=True))}
+
+    @cached_property
+    def excess(self) -> float:
+        """Mean square of the residuals over that of the sensors' noise: 1 for a right model."""
+        return self.minimum.variance(self.problem)
+
+    @cached_property
+    def fit(self) -> PredictionErrorFit:
+        """The estimate with its covariances."""
+        return described(self.problem, self.minimum, self.minimum.iterations, self.duration)
+
+    @cached_property
+    def unit_deviations(self) -> FloatArray:
+        """Standard deviations if nothing but the sensors' noise were in the residuals."""
+        return np.sqrt(np.diag(self.minimum.reduced.inverse))
+
+    @property
+    def converged(self) -> bool:
+        """Whether the least sum of squares was found, as far as its roughness allows."""
+        promised = self.minimum.reduced.decrement
+        return promised <= FLAT * self.minimum.equations.cost or self.minimum.last_step <= ROUGH
+
+    def coefficients(self, recording: int) -> FloatArray:
+        """All coefficients of the system in a recording."""
+        unknowns = self.problem.unknowns
+        return unknowns.coefficients(self.values[: len(unknowns.names)], recording)
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Every delay in s."""
+        return self.problem.delays(self.values)

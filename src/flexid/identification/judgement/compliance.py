@@ -1,0 +1,121 @@
+"""Is the compliance visible in this log? The rigid joint as a rival."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.segmented_motion import Timing
+from flexid.identification.full_model.fitting import climb, lengths
+from flexid.identification.full_model.model import Structure, data_of
+from flexid.identification.full_model.starting import starts
+from flexid.identification.preparation.joint import rigid
+from flexid.identification.preparation.recordings import SplitRecordings
+from flexid.identification.structure.validation import free_run_percent
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, Compliance, Validation
+from flexid.models.rigid_joint import rigid_terms
+from flexid.recording.velocities import position_noise
+
+WEAK_FIT = 50.0
+"""Part of the deflection, in per cent, that the spring has to explain in a free run to be one."""
+
+_DURATIONS = (0.3, 2.0)  # s, segments of the rival's fits: which suit a wrong model is not known
+_BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
+
+
+def compare_with_rigid(
+    structure: Structure, recordings: SplitRecordings, flexible: Validation
+) -> Compliance:
+    """Hold the rigid joint against the same data as the flexible one.
+
+    Parameters
+    ----------
+    structure : Structure
+        The flexible joint with what was chosen about it.
+    recordings : SplitRecordings
+        With two encoders.
+    flexible : Validation
+        Of the flexible joint over the held-out ends.
+    """
+    return _compliance(recordings, flexible, _rigid_fits(structure, recordings))
+
+
+def of_link_alone(
+    recordings: SplitRecordings, driven: Validation, stiffness: CoefficientEstimate
+) -> Compliance:
+    """Whether the spring explains the deflection that the motor's motion causes.
+
+    There is no rigid joint to compare with, where no input drives it.
+
+    Parameters
+    ----------
+    recordings : SplitRecordings
+        With two encoders.
+    driven : Validation
+        Of the link alone over the held-out ends.
+    stiffness : CoefficientEstimate
+        Per link inertia. Where the log leaves it free, something else explains the deflection.
+    """
+    found = _compliance(recordings, driven, {})
+    if found.visible and not np.isfinite(stiffness.std):
+        reason = f"the deflection moves by {found.deflection:.2g} rad, but for any stiffness"
+        return replace(found, visible=False, reason=reason)
+    return found
+
+
+def _compliance(
+    recordings: SplitRecordings, found: Validation, rigid_fits: dict[str, float]
+) -> Compliance:
+    ends = [p.deflection[s:] for p, s in zip(recordings.recorded, recordings.starts, strict=True)]
+    squares = sum(float(np.sum((end - end.mean()) ** 2)) for end in ends)
+    moved = float(np.sqrt(squares / sum(map(len, ends))))
+    noise = max(
+        float(np.hypot(position_noise(p.needed_link_position), position_noise(p.motor_position)))
+        for p in recordings.recorded
+    )
+    visible, reason = _judge(found.fit_percent["deflection"], moved, noise)
+    return Compliance(visible, reason, rigid_fits, moved, noise)
+
+
+def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, float]:
+    """Best free run of the rigid joint with the same terms; NaN where it cannot be fitted."""
+    joint = rigid()
+    terms = rigid_terms(structure.terms)
+    absent = joint.optional - {c for term in terms for c in joint.terms[term]}
+    timing = Timing(structure.timing.hold, dict(structure.timing.delays), ("input_delay",))
+    training = data_of(joint, recordings.fitted, recordings.groups)
+    rival = Structure(joint.scaled(training.samples), frozenset(absent), timing)
+    whole = data_of(joint, recordings.whole, recordings.groups)
+    fits, start = [], None
+    for duration in _DURATIONS:
+        try:
+            ladder = lengths(training, duration, duration)
+            start = start or starts(rival, training, ladder[0])[0]
+            # A model that is far off has no best fit to end at: as near as it comes will do.
+            found = climb(rival, training, start, ladder, insist=False)
+        except (ConvergenceError, SettingError):
+            continue
+        fits.append(free_run_percent(found[-1], whole, recordings.starts))
+    tested = [fit for fit in fits if not np.isnan(fit["motor_position"])]
+    if not tested:
+        return dict.fromkeys(joint.channels, np.nan)
+    return max(tested, key=lambda fit: fit["motor_position"])
+
+
+def one_encoder() -> Compliance:
+    """The answer for a log with one encoder."""
+    reason = "the log has one encoder, so there is no compliance to see"
+    return Compliance(False, reason, {}, np.nan, np.nan)
+
+
+def _judge(fit: float, deflection: float, noise: float) -> tuple[bool, str]:
+    size = f"the deflection moves by {deflection:.2g} rad"
+    # A sparsely sampled motion passes for noise; but no spring explains noise in a free run.
+    explained = fit >= 100 * (1 - 1 / _BEYOND_NOISE)
+    if deflection < _BEYOND_NOISE * noise and not explained:
+        return False, f"{size}, hardly more than its noise of {noise:.2g} rad"
+    if np.isnan(fit):
+        return False, f"{size} where it is held out, too little to be tested"
+    if fit < WEAK_FIT:
+        return False, f"{size}, but the spring explains only {max(fit, 0.0):.0f} % of it"
+    return True, f"{size}, of which the spring explains {fit:.0f} % in a free run"

@@ -1,0 +1,226 @@
+"""Intervals and verdicts: from an estimate to coefficients and physical parameters."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.estimators.unknowns import FIXED, Unknowns
+from flexid.identification.judgement.verdict import Judged, verdict
+from flexid.identification.preparation.joint import Joint
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+from flexid.identification.vocabulary.intervals import interval, propagated
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.physical import Product
+
+POSITIVE = ("theta2", "alpha1", "beta1")
+
+
+def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, float]) -> float:
+    """Half the widest interval, over the value or over what moves its row, whichever is less.
+
+    Parameters
+    ----------
+    estimates : mapping of str to CoefficientEstimate
+    sizes : mapping of str to float
+        What each coefficient does to its row; see `row_sizes`.
+    """
+
+    def relative(found: CoefficientEstimate) -> float:
+        half = 0.5 * (found.interval[1] - found.interval[0])
+        if half == 0.0:
+            return 0.0  # given
+        own = 1.0 / abs(found.value) if found.value else np.inf
+        return half * min(own, sizes.get(found.name, np.inf))
+
+    return max(map(relative, estimates.values()), default=0.0)
+
+
+def coefficient_estimates(
+    estimate: Estimate,
+    joint: Joint,
+    unknowns: Unknowns,
+    sizes: Mapping[str, float],
+    fixed: Mapping[str, tuple[float, str]],
+    input_unit: str,
+    thresholds: Thresholds = THRESHOLDS,
+) -> dict[str, CoefficientEstimate]:
+    """Estimate with interval and verdict for every coefficient; what is fixed has no width.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Values with their covariance, of coefficients and of what else was sought.
+    joint : Joint
+        Units, and coefficients that follow from others.
+    unknowns : Unknowns
+        What was sought.
+    sizes : mapping of str to float
+        What each coefficient does to its row; see `row_sizes`.
+    fixed : mapping of str to tuple of float and str
+        What was not estimated, and why.
+    input_unit : str
+        Unit of the input.
+    thresholds : Thresholds, optional
+        Where the verdicts end.
+    """
+    estimates = {}
+    deviations = estimate.deviations
+    for place, name in enumerate(estimate.names):
+        if _base(name) not in joint.units:  # a delay
+            continue
+        value, std = float(estimate.values[place]), float(deviations[place])
+        freedom = estimate.degrees_of_freedom[place]
+        ends = interval(value, std, freedom)
+        unit = _unit(joint.units[_base(name)], input_unit)
+        half = 0.5 * (ends[1] - ends[0])
+        # Only what may be absent can be determined to be negligible.
+        small = name in sizes and _base(name) in joint.optional
+        effect = half * sizes[name] if small else np.inf
+        judged = _possible(name, value, verdict(value, ends, effect, thresholds))
+        estimates[name] = CoefficientEstimate(
+            name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0}
+        )
+    for name, (value, reason) in fixed.items():
+        unit = _unit(joint.units[_base(name)], input_unit)
+        estimates[name] = CoefficientEstimate(
+            name, unit, value, 0.0, (value, value), "determined", reason
+        )
+    estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
+    order = list(joint.units)
+    return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
+
+
+def _tied(
+    estimate: Estimate,
+    joint: Joint,
+    unknowns: Unknowns,
+    known: Mapping[str, CoefficientEstimate],
+    input_unit: str,
+    thresholds: Thresholds,
+) -> dict[str, CoefficientEstimate]:
+    """Coefficients that follow from others, by the delta method."""
+    values = {name: found.value for name, found in known.items()}
+    found = {}
+    for name, (a, b, d) in unknowns.tied.items():
+        if a not in known or b not in known or d not in known:
+            continue
+        unit = _unit(joint.units[name], input_unit)
+        tied = propagated(Product(name, unit, {a: 1, b: 1, d: -1}), values, estimate)
+        judged = verdict(tied.value, tied.interval, thresholds=thresholds)
+        if np.isfinite(tied.std) and known[a].verdict == "determined":  # be it as none
+            judged = ("determined", "")
+        found[name] = CoefficientEstimate(
+            name,
+            unit,
+            tied.value,
+            tied.std,
+            tied.interval,
+            *judged,
+            tied.degrees_of_freedom,
+            tied.logarithmic,
+            tied.slopes,
+        )
+    return found
+
+
+def _possible(name: str, value: float, judged: Judged) -> Judged:
+    if name in POSITIVE and value <= 0.0:
+        return "undetermined", "it came out negative, which no spring or inertia can be"
+    return judged
+
+
+def parameter_estimates(
+    joint: Joint,
+    estimate: Estimate,
+    unknowns: Unknowns,
+    coefficients: Mapping[str, CoefficientEstimate],
+    input_unit: str,
+    thresholds: Thresholds = THRESHOLDS,
+    exact: Mapping[str, tuple[float, str]] | None = None,
+) -> dict[str, ParameterEstimate]:
+    """Physical parameters that the coefficients determine, by the delta method.
+
+    A parameter that depends on a coefficient of each log its own is given for each log. One that is
+    known exactly has that value, and no width.
+    """
+    estimates = {}
+    for recording in _one_recording_of_each_group(unknowns):
+        labels = _labels(unknowns, recording, coefficients)
+        values = {c: coefficients[label].value for c, label in labels.items()}
+        for parameter in joint.parameters(labels, input_is_torque=input_unit == "N m"):
+            if parameter.name in (exact or {}):
+                value, reason = (exact or {})[parameter.name]
+                unit = _unit(parameter.unit, input_unit)
+                estimates[parameter.name] = ParameterEstimate(
+                    parameter.name, unit, value, 0.0, (value, value), "determined", reason
+                )
+                continue
+            own = [labels[c] for c in parameter.coefficients]
+            of_group = next((label[label.index("[") :] for label in own if "[" in label), "")
+            found = propagated(parameter, values, _renamed(estimate, labels))
+            name = parameter.name + of_group
+            unit = _unit(parameter.unit, input_unit)
+            judged, reason = verdict(found.value, found.interval, thresholds=thresholds)
+            made = [coefficients[label] for label in own]
+            impossible = [c for c in made if c.name in POSITIVE and c.value <= 0.0]
+            if impossible:
+                judged, reason = "undetermined", impossible[0].reason
+            elif (
+                judged != "determined"
+                and np.isfinite(found.interval).all()
+                and all(c.verdict == "determined" for c in made)
+            ):
+                judged, reason = "determined", ""  # as small as it is
+            elif not found.slopes:
+                reason = min(c.reason for c in made)  # at its bound, or given
+            estimates[name] = ParameterEstimate(
+                name,
+                unit,
+                found.value,
+                found.std,
+                found.interval,
+                judged,
+                reason,
+                found.degrees_of_freedom,
+                found.logarithmic,
+                {labels[c]: slope for c, slope in found.slopes.items()},
+            )
+    return estimates
+
+
+def _renamed(estimate: Estimate, labels: Mapping[str, str]) -> Estimate:
+    """An estimate under the names that the coefficients have in one recording."""
+    base = {label: c for c, label in labels.items()}
+    return replace(estimate, names=tuple(base.get(name, name) for name in estimate.names))
+
+
+def _one_recording_of_each_group(unknowns: Unknowns) -> list[int]:
+    groups = unknowns.groups or (0,)
+    return [groups.index(group) for group in sorted(set(groups))]
+
+
+def _labels(
+    unknowns: Unknowns, recording: int, coefficients: Mapping[str, CoefficientEstimate]
+) -> dict[str, str]:
+    """Each coefficient of the system that is on, and its name among the estimates."""
+    columns = unknowns.columns(recording)
+    group = unknowns.groups[recording] + 1 if unknowns.groups else 1
+    labels = {}
+    for c, column in zip(unknowns.system.coefficients, columns, strict=True):
+        if c in unknowns.tied:
+            continue
+        own = unknowns.names[column] if column != FIXED else f"{c}[{group}]"
+        label = own if own in coefficients else c
+        if label in coefficients:
+            labels[c] = label
+    return labels
+
+
+def _base(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def _unit(template: str, input_unit: str) -> str:
+    return template.format(input=f"({input_unit})" if " " in input_unit else input_unit)

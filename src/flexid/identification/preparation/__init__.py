@@ -1,0 +1,1 @@
+"""What a user gives, made ready to be fitted."""

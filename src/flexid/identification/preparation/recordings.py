@@ -1,0 +1,192 @@
+"""Logs become recordings of motion, each with an end that is kept out of the fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import ceil
+
+from flexid.errors import RecordingError, SettingError
+from flexid.identification.preparation.joint import Kind
+from flexid.identification.preparation.settings import Auto
+from flexid.recording.recording import Log, Recording
+from flexid.recording.velocities import with_velocities
+
+_FEWEST_TRAINING_SAMPLES = 50
+_FEWEST_HELD_OUT_SAMPLES = 10
+
+
+@dataclass(frozen=True)
+class SplitRecordings:
+    """Contiguous recordings of motion, each cut once: a part to fit, and an end to test on.
+
+    Parameters
+    ----------
+    recorded : tuple of Recording
+        As they were recorded.
+    starts : tuple of int
+        Where the held-out end of each begins.
+    groups : tuple of int
+        The log that each comes from.
+    """
+
+    recorded: tuple[Recording, ...]
+    starts: tuple[int, ...]
+    groups: tuple[int, ...]
+
+    @cached_property
+    def whole(self) -> tuple[Recording, ...]:
+        """The recordings from end to end, with velocities."""
+        return tuple(with_velocities(recording) for recording in self.recorded)
+
+    @cached_property
+    def fitted(self) -> tuple[Recording, ...]:
+        """The parts before the held-out ends.
+
+        Their velocities are derived apart, so that none knows of the held-out positions.
+        """
+        return tuple(with_velocities(part) for part in self._parts())
+
+    def _parts(self) -> tuple[Recording, ...]:
+        return tuple(
+            recording.window(0, start)
+            for recording, start in zip(self.recorded, self.starts, strict=True)
+        )
+
+
+def prepare(
+    logs: Sequence[Log], share: float, model: Kind | Auto = "auto"
+) -> tuple[SplitRecordings, tuple[str, ...]]:
+    """Collect the recordings that are long enough, and a warning for each that is not.
+
+    Parameters
+    ----------
+    logs : sequence of Log
+        Of the same drive, with the same kind of input.
+    share : float
+        Share of each recording, at its end, to be held out.
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Whose channels are kept; all, if not given.
+
+    Raises
+    ------
+    RecordingError
+        If the logs do not go together, or all are too short.
+    SettingError
+        If the share leaves too little to test on, or the logs lack a channel of the model.
+    """
+    check_distinct(logs)
+    common_input_unit(logs)
+    _check_encoders(logs)
+    recordings = [
+        (group, _seen_by(model, recording))
+        for group, log in enumerate(logs)
+        for recording in log.recordings
+    ]
+    kept = _long_enough(recordings, share)
+    warnings = [
+        _left_out(log.source, short)
+        for number, log in enumerate(logs)
+        if kept
+        and (short := [r for group, r in recordings if group == number and (group, r) not in kept])
+    ]
+    groups, recorded = zip(*(kept or recordings), strict=True)
+    starts = tuple(_held_out_start(recording, share) for recording in recorded)
+    return SplitRecordings(recorded, starts, groups), tuple(warnings)
+
+
+def _left_out(source: str, short: list[Recording]) -> str:
+    """What to say of the recordings of a log that are too short."""
+    shown = [f"the {len(one)} samples from {one.start_time:g} s on" for one in short[:3]]
+    more = f" and {len(short) - 3} more recordings" if len(short) > 3 else ""
+    return (
+        f"{source}: {', '.join(shown)}{more} are too few to fit and validate, so they were left "
+        f"out: record without gaps"
+    )
+
+
+def _seen_by(model: Kind | Auto, recording: Recording) -> Recording:
+    """A recording with the channels of a model alone."""
+    if model == "auto":
+        return recording
+    if model != "rigid" and recording.link_position is None:
+        raise SettingError(
+            "model", f"{recording.source} has no link position, which {model} needs: give rigid"
+        )
+    if model != "link" and recording.input is None:
+        raise SettingError(
+            "model", f"{recording.source} has no input, which {model} needs: give link"
+        )
+    if model == "link":
+        return replace(recording, input=None, input_unit="")
+    if model == "rigid":
+        return replace(recording, link_position=None, link_velocity=None)
+    return recording
+
+
+def check_distinct(logs: Sequence[Log]) -> None:
+    """Refuse the same data twice: counted as independent, they would narrow every interval."""
+    sources: dict[str, str] = {}
+    for log in logs:
+        if log.sha256 and log.sha256 in sources:
+            raise RecordingError(
+                log.source, "", f"holds the same data as {sources[log.sha256]}: give it only once"
+            )
+        sources[log.sha256] = log.source
+
+
+def common_input_unit(logs: Sequence[Log]) -> str:
+    """Unit of the input of all logs, empty where none has one; refuses logs that differ in it."""
+    units = {recording.input_unit: log.source for log in logs for recording in log.recordings}
+    if len(units) > 1:
+        (first, second), sources = list(units)[:2], list(units.values())
+        if "" in units:
+            raise RecordingError(
+                units[""], "input", "is missing where other logs have one: take them one by one"
+            )
+        raise RecordingError(
+            sources[1],
+            "input",
+            f"is in {second} where {sources[0]} has {first}: take them one by one",
+        )
+    return next(iter(units))
+
+
+def _check_encoders(logs: Sequence[Log]) -> None:
+    """Refuse logs that differ in the encoders they hold."""
+    encoders = {p.link_position is None: log.source for log in logs for p in log.recordings}
+    if len(encoders) > 1:
+        raise RecordingError(
+            encoders[True],
+            "link_position",
+            f"is missing where {encoders[False]} has it: take them one by one",
+        )
+
+
+def _long_enough(
+    recordings: Sequence[tuple[int, Recording]], share: float
+) -> list[tuple[int, Recording]]:
+    """Those, with their logs, that leave enough to fit."""
+    return [
+        (group, recording)
+        for group, recording in recordings
+        if round(len(recording) * (1 - share)) >= _FEWEST_TRAINING_SAMPLES
+    ]
+
+
+def _held_out_start(recording: Recording, share: float) -> int:
+    start = round(len(recording) * (1 - share))
+    if start < _FEWEST_TRAINING_SAMPLES:
+        raise RecordingError(
+            recording.source,
+            f"recording from {recording.start_time:g} s",
+            f"has {len(recording)} samples, of which {share:.0%} are kept out for validation and "
+            f"{start} are left to fit, fewer than {_FEWEST_TRAINING_SAMPLES}: record "
+            f"{ceil(_FEWEST_TRAINING_SAMPLES / (1 - share))} or more without a gap",
+        )
+    if len(recording) - start < _FEWEST_HELD_OUT_SAMPLES:
+        raise SettingError(
+            "validation-share",
+            f"{share:g} keeps only {len(recording) - start} samples of {recording.source} out, "
+            f"fewer than {_FEWEST_HELD_OUT_SAMPLES}: raise it, or record longer",
+        )
+    return start

@@ -1,0 +1,220 @@
+"""Settings of an identification, and what the user already knows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from math import isfinite, isnan
+from typing import Literal
+
+from flexid.errors import SettingError
+from flexid.estimators.filter_rate import check_filter_rate
+from flexid.estimators.segments import FEWEST_SAMPLES
+from flexid.identification.preparation.joint import Joint, Kind
+from flexid.identification.vocabulary.intervals import POSITIVE
+from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS
+from flexid.models.physical import PARAMETER_NAMES
+from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
+from flexid.recording.recording import Hold
+
+_LARGEST_SHARE = 0.8
+_LARGEST_DELAY = 0.1  # of the shortest recording
+_SMALLEST, _LARGEST = 1e-15, 1e15  # of whatever is stated of a drive, in SI units
+_COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
+_FLEXIBLE = TERMS | SHAPE_TERMS
+_TERMS = dict.fromkeys([*_FLEXIBLE, *RIGID_TERMS])
+_NAMES = dict.fromkeys([*PARAMETER_NAMES, *_COEFFICIENTS])
+_POSITIVE = POSITIVE | {"motor_inertia", "link_inertia", "inertia", "joint_stiffness"}
+
+_SEEN: dict[Kind, str] = {
+    "flexible": "the flexible joint, which two encoders show",
+    "link": "the link alone, which is all that a log shows without its input",
+    "rigid": "the rigid joint, which is all that one encoder shows",
+}
+
+Auto = Literal["auto"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Choices of an identification; what is ``auto`` is chosen from the log.
+
+    Parameters
+    ----------
+    model : {"auto", "flexible", "link", "rigid"}, optional
+        Of the joint: flexible, from both encoders and the input; the link alone, driven by the
+        measured motor position, without the input; or rigid, from the motor's encoder alone.
+        What the log shows, if not given.
+    terms : tuple of str, optional
+        Terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
+        `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder.
+    known : mapping of str to float, optional
+        Physical parameters, such as ``motor_inertia`` in kg m², or coefficients, by name.
+    known_deviations : mapping of str to float, optional
+        Standard deviations of what is known; what has none is taken as exact.
+    bounds : mapping of str to tuple of float, optional
+        Lower and upper end of physical parameters or coefficients, infinite where there is none.
+    hold : {"auto", "zero", "linear", "cubic"}, optional
+        How the input behaves between samples.
+    input_delay : float, optional
+        By how many seconds the input acts later than it was recorded.
+    link_delay : float, optional
+        By how many seconds the link's encoder lags behind the motor's.
+    coulomb_velocity : float, optional
+        Velocity in rad/s over which Coulomb friction changes sign; at once if not given.
+    filter_rate : float, optional
+        Rate in 1/s of the state-variable filter of least squares, which a stream is fitted by.
+    segment_duration : float, optional
+        Length of the segments of the prediction error in s.
+    validation_share : float, optional
+        Share of each recording, at its end, that the free run is tested on.
+
+    Raises
+    ------
+    SettingError
+        If a value cannot be used.
+    """
+
+    model: Kind | Auto = "auto"
+    terms: tuple[str, ...] | Auto = "auto"
+    known: Mapping[str, float] = field(default_factory=dict)
+    known_deviations: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    hold: Hold | Auto = "auto"
+    input_delay: float | Auto = "auto"
+    link_delay: float | Auto = "auto"
+    coulomb_velocity: float | Auto = "auto"
+    filter_rate: float | Auto = "auto"
+    segment_duration: float | Auto = "auto"
+    validation_share: float = 1 / 3
+
+    def __post_init__(self) -> None:
+        _check_choice("model", self.model, ("auto", *_SEEN))
+        if self.terms != "auto":
+            for term in self.terms:
+                if term not in _TERMS:
+                    raise SettingError(
+                        "terms", f"{term!r} is unknown; known are auto, {', '.join(_TERMS)}"
+                    )
+        for name, value in self.known.items():
+            _check_known(name, value, self.known_deviations.get(name, 0.0))
+        for name, (lower, upper) in self.bounds.items():
+            _check_bounds(name, lower, upper)
+        _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
+        _check_positive("coulomb-velocity", self.coulomb_velocity, "rad/s")
+        _check_positive("filter-rate", self.filter_rate, "1/s")
+        _check_positive("segment-duration", self.segment_duration, "s")
+        for name in ("input_delay", "link_delay"):
+            delay = getattr(self, name)
+            if delay != "auto" and not isfinite(delay):
+                raise SettingError(name.replace("_", "-"), "give a number of seconds, or auto")
+        if not 0 < self.validation_share <= _LARGEST_SHARE:
+            raise SettingError(
+                "validation-share", f"give a share of the log between 0 and {_LARGEST_SHARE}"
+            )
+
+
+def check_for(joint: Joint, settings: Settings) -> None:
+    """Raise `SettingError` for what a joint does not have, or what contradicts itself."""
+    what = _SEEN[joint.kind]
+    terms = joint.terms
+    chosen = () if settings.terms == "auto" else settings.terms
+    for term in chosen:
+        if term not in terms:
+            raise SettingError(
+                "terms",
+                f"{term!r} is no term of {what}; it has {', '.join(terms)}",
+            )
+    if joint.kind == "rigid" and "motor_inertia" in settings.known:
+        raise SettingError(
+            "known",
+            "motor_inertia says nothing about the inertia of motor and link together, which is all "
+            "that one encoder shows: give beta1, the inverse of that",
+        )
+    if joint.kind == "link":
+        for setting in ("hold", "input_delay"):
+            if getattr(settings, setting) != "auto":
+                raise SettingError(
+                    setting.replace("_", "-"),
+                    "the log has no input that it could be true of: leave it",
+                )
+
+
+def check_against(settings: Settings, sample_time: float, shortest: float) -> None:
+    """Raise `SettingError` for numbers that a log gives no meaning to.
+
+    Parameters
+    ----------
+    settings : Settings
+        To check.
+    sample_time : float
+        Of the log, in s.
+    shortest : float
+        Length of its shortest recording in s.
+    """
+    length = settings.segment_duration
+    if length != "auto" and length < FEWEST_SAMPLES * sample_time:
+        raise SettingError(
+            "segment-duration",
+            f"{length:g} s is less than {FEWEST_SAMPLES} samples of this log: give "
+            f"{FEWEST_SAMPLES * sample_time:.3g} s or more",
+        )
+    rate = settings.filter_rate
+    if rate != "auto":
+        check_filter_rate(rate, sample_time)
+    for name in ("input_delay", "link_delay"):
+        delay = getattr(settings, name)
+        if delay != "auto" and abs(delay) > _LARGEST_DELAY * shortest:
+            raise SettingError(
+                name.replace("_", "-"),
+                f"{delay:g} s is more than a tenth of the log, {shortest:.4g} s: give seconds",
+            )
+
+
+def _check_choice(setting: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise SettingError(setting, f"{value!r} is none of {', '.join(choices)}")
+
+
+def _check_positive(setting: str, value: float | str, unit: str) -> None:
+    if isinstance(value, str):
+        _check_choice(setting, value, ("auto",))
+    elif not (isfinite(value) and value > 0):
+        raise SettingError(setting, f"give a positive number in {unit}, or auto")
+
+
+def _check_known(name: str, value: float, deviation: float) -> None:
+    _check_name("known", name)
+    if not _possible(value) or (name in _POSITIVE and value <= 0.0):
+        raise SettingError(
+            "known",
+            f"{name} = {value:g} is no possible value: give one in SI units"
+            + (", above zero" if name in _POSITIVE else ""),
+        )
+    if not (_possible(deviation) and deviation >= 0):
+        raise SettingError("known", f"{deviation:g} is no standard deviation of {name}")
+
+
+def _check_bounds(name: str, lower: float, upper: float) -> None:
+    _check_name("bounds", name)
+    if isnan(lower) or isnan(upper) or lower >= upper:
+        raise SettingError("bounds", f"of {name}: {lower:g} is not below {upper:g}")
+    for end in (lower, upper):
+        if isfinite(end) and not _possible(end):
+            raise SettingError("bounds", f"of {name}: {end:g} is no possible value in SI units")
+    if name in _POSITIVE and upper <= 0.0:
+        raise SettingError("bounds", f"of {name}: it is above zero, and {upper:g} is not")
+
+
+def _check_name(setting: str, name: str) -> None:
+    if name not in _NAMES:
+        near = get_close_matches(name, _NAMES, 3) or ["motor_inertia", "joint_stiffness"]
+        raise SettingError(
+            setting,
+            f"{name!r} is no parameter or coefficient of a joint; there are, for example, "
+            f"{', '.join(near)}",
+        )
+
+
+def _possible(value: float) -> bool:
+    """Whether a drive can have a value of this size, in whatever SI unit."""
+    return isfinite(value) and (value == 0.0 or _SMALLEST <= abs(value) <= _LARGEST)

@@ -1,0 +1,274 @@
+"""What the user states of a drive, as far as it decides coefficients before anything is fitted.
+
+A physical parameter is a function of coefficients. Where all of these but one are known exactly,
+what is stated of the parameter is stated of that one: a known value fixes it, bounds become its
+bounds, and the fit heeds them. What is stated of a function of several unknown coefficients is
+joined to the fit afterwards (`prior_knowledge`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf, isclose, isfinite
+
+from flexid.errors import SettingError
+from flexid.identification.preparation.joint import Joint
+from flexid.identification.preparation.prior_knowledge import Known
+from flexid.identification.preparation.settings import Settings
+from flexid.models.physical import Amplitude, PhysicalParameter, Product
+
+Bounds = dict[str, tuple[float, float]]
+
+_SAME = 1e-9  # relative difference of two statements of the same
+_ORDER = (
+    "beta1",
+    "alpha1",
+    "theta2",
+)  # solved for last: other coefficients are one parameter's own
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What is stated of a joint.
+
+    Parameters
+    ----------
+    given : mapping of str to float
+        Coefficients that are known exactly.
+    bounds : mapping of str to tuple of float
+        Ends of coefficients.
+    known : tuple of Known
+        What is to be joined to the fit: what is uncertain, and exact functions of several
+        coefficients.
+    within : mapping of str to tuple of float
+        Ends of functions of several coefficients.
+    kept : frozenset of str
+        Coefficients that all this is about, so that their terms stay.
+    """
+
+    given: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]]
+    known: tuple[Known, ...] = ()
+    within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    kept: frozenset[str] = frozenset()
+
+
+def stated(settings: Settings, joint: Joint, input_unit: str) -> Stated:
+    """What the settings state of a joint with an input.
+
+    Raises
+    ------
+    SettingError
+        If a name is none here, or two statements exclude or repeat each other.
+    """
+    functions = _functions(settings, joint, input_unit)
+    for setting, names in (("known", settings.known), ("bounds", settings.bounds)):
+        for name in names:
+            if name not in functions:
+                raise _nothing_here(setting, name, functions, input_unit)
+    exact = {n: v for n, v in settings.known.items() if not settings.known_deviations.get(n)}
+    given, left = _solved({name: (functions[name], value) for name, value in exact.items()})
+    uncertain = [
+        Known(name, settings.known[name], deviation)
+        for name, deviation in settings.known_deviations.items()
+        if deviation > 0.0 and name in settings.known
+    ]
+    for item in uncertain:
+        if {*functions[item.name].coefficients} <= given.keys():
+            raise SettingError(
+                "known", f"{item.name} follows from what else is known: leave it out"
+            )
+    bounds, within = _bounded(settings.bounds, functions, given)
+    _check_uncertain(uncertain, functions, given, {**bounds, **settings.bounds})
+    return Stated(
+        given,
+        bounds,
+        (*(Known(name, exact[name], 0.0) for name in left), *uncertain),
+        within,
+        frozenset(c for n in (*settings.known, *settings.bounds) for c in _own(functions[n])),
+    )
+
+
+def _functions(settings: Settings, joint: Joint, input_unit: str) -> dict[str, PhysicalParameter]:
+    """What may be stated of: coefficients and parameters of the terms that may be on."""
+    on = [
+        c
+        for c in joint.units
+        if settings.terms == "auto"
+        or (term := joint.of_coefficient(c)) is None
+        or term in settings.terms
+    ]
+    parameters = joint.parameters(on, input_unit == "N m")
+    return {c: Product(c, "", {c: 1}) for c in on} | {p.name: p for p in parameters}
+
+
+def _nothing_here(
+    setting: str, name: str, functions: Mapping[str, PhysicalParameter], input_unit: str
+) -> SettingError:
+    here = ", ".join(functions)
+    torque = "" if input_unit == "N m" else "; what is absolute needs a torque as the input"
+    return SettingError(
+        setting, f"this log and these terms have no {name}{torque}; there are {here}"
+    )
+
+
+def _own(function: PhysicalParameter) -> tuple[str, ...]:
+    """Coefficients without which there is no such parameter; gravity may lie all in its sine."""
+    if isinstance(function, Amplitude):
+        return (function.sine, *function.exponents)
+    return function.coefficients
+
+
+@dataclass(frozen=True)
+class _Power:
+    """factor times a product of powers of coefficients."""
+
+    factor: float
+    exponents: Mapping[str, int]
+
+    def knowing(self, values: Mapping[str, float]) -> "_Power":
+        """The same with some coefficients known."""
+        factor, left = self.factor, {}
+        for name, power in self.exponents.items():
+            if name in values:
+                factor *= _power(values[name], power)
+            else:
+                left[name] = power
+        return _Power(factor, left)
+
+    def with_other(self, name: str, other: "_Power") -> "_Power":
+        """The same with a coefficient replaced by a product of others."""
+        power = self.exponents.get(name, 0)
+        exponents = {c: e for c, e in self.exponents.items() if c != name}
+        for c, e in other.exponents.items():
+            exponents[c] = exponents.get(c, 0) + power * e
+        factor = self.factor * _power(other.factor, power)
+        return _Power(factor, {c: e for c, e in exponents.items() if e})
+
+
+def _power(value: float, power: int) -> float:
+    return value**power if value or power >= 0 else inf
+
+
+def _solved(
+    exact: Mapping[str, tuple[PhysicalParameter, float]],
+) -> tuple[dict[str, float], list[str]]:
+    """Coefficients that follow, and the names of what is left as functions of several."""
+    given: dict[str, float] = {}
+    relations: dict[str, tuple[str, _Power]] = {}  # by coefficient: whose relation, and what it is
+    left = [name for name, (function, _) in exact.items() if not isinstance(function, Product)]
+    for name, (function, value) in exact.items():
+        if not isinstance(function, Product):
+            continue
+        here = _Power(1.0, function.exponents).knowing(given)
+        for coefficient, (_, relation) in relations.items():
+            here = here.with_other(coefficient, relation)
+        here = here.knowing(given)
+        if not here.exponents:
+            same = isclose(here.factor, value, rel_tol=_SAME)
+            advice = "leave it out" if same else f"that makes it {here.factor:.6g}"
+            raise SettingError("known", f"{name} follows from what else is known: {advice}")
+        single = [c for c, power in here.exponents.items() if abs(power) == 1]
+        if not single:
+            left.append(name)
+            continue
+        pivot = min(single, key=lambda c: (c in _ORDER, -_rank(c)))
+        relation = _isolated(here, pivot, value)
+        settled = not relation.exponents or not relation.factor
+        if settled:
+            given[pivot] = _finite(name, relation.factor)
+        else:
+            relations[pivot] = (name, relation)
+        for coefficient, (owner, other) in [*relations.items()]:
+            known = (other if settled else other.with_other(pivot, relation)).knowing(given)
+            relations[coefficient] = (owner, known)
+            if not known.exponents:
+                given[coefficient] = _finite(owner, known.factor)
+                del relations[coefficient]
+    return given, left + [owner for owner, _ in relations.values()]
+
+
+def _rank(coefficient: str) -> int:
+    return _ORDER.index(coefficient) if coefficient in _ORDER else 0
+
+
+def _isolated(function: _Power, pivot: str, value: float) -> _Power:
+    """The pivot as a product of the others, where the function has a value."""
+    power = function.exponents[pivot]  # 1 or -1
+    others = {c: -e * power for c, e in function.exponents.items() if c != pivot}
+    return _Power(_power(value / function.factor, power), others)
+
+
+def _finite(name: str, value: float) -> float:
+    if not isfinite(value):
+        raise SettingError("known", f"{name}: the value is no possible one beside what is known")
+    return value
+
+
+def _bounded(
+    wanted: Mapping[str, tuple[float, float]],
+    functions: Mapping[str, PhysicalParameter],
+    given: Mapping[str, float],
+) -> tuple[Bounds, Bounds]:
+    """Bounds of coefficients, and of what is a function of several unknown ones."""
+    bounds: Bounds = {}
+    within: Bounds = {}
+    for name, (lower, upper) in wanted.items():
+        function = functions[name]
+        if {*function.coefficients} <= given.keys():
+            value = function.value(given)
+            if not lower <= value <= upper:
+                raise SettingError(
+                    "bounds",
+                    f"{name} = {value:.6g} follows from what is known, and lies outside "
+                    f"{lower:g}:{upper:g}: correct one of them",
+                )
+            continue
+        if not isinstance(function, Product):
+            within[name] = (lower, upper)
+            continue
+        here = _Power(1.0, function.exponents).knowing(given)
+        if len(here.exponents) > 1:
+            within[name] = (lower, upper)
+            continue
+        ((coefficient, power),) = here.exponents.items()
+        ends = _ends(lower / here.factor, upper / here.factor, power)
+        before = bounds.get(coefficient, (-inf, inf))
+        found = (max(before[0], ends[0]), min(before[1], ends[1]))
+        if not found[0] < found[1]:
+            raise SettingError(
+                "bounds", f"those of {name} leave no room beside the others: correct one of them"
+            )
+        bounds[coefficient] = found
+    return bounds, within
+
+
+def _ends(first: float, second: float, power: int) -> tuple[float, float]:
+    """Ends of a coefficient from those of it or, for an inertia, of its inverse."""
+    if power > 0:
+        return min(first, second), max(first, second)
+    lower, upper = max(0.0, min(first, second)), max(first, second)
+    return (1.0 / upper if upper > 0.0 else inf), (1.0 / lower if lower > 0.0 else inf)
+
+
+def _check_uncertain(
+    uncertain: list[Known],
+    functions: Mapping[str, PhysicalParameter],
+    given: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]],
+) -> None:
+    """Refuse what is known as a value that its bounds exclude."""
+    for item in uncertain:
+        ends = bounds.get(item.name)
+        value, name = item.value, item.name
+        function = functions[item.name]
+        if ends is None and isinstance(function, Product):
+            here = _Power(1.0, function.exponents).knowing(given)
+            if len(here.exponents) == 1:
+                (name,) = here.exponents
+                value, ends = _isolated(here, name, item.value).factor, bounds.get(name)
+        if ends is not None and not ends[0] <= value <= ends[1]:
+            raise SettingError(
+                "bounds",
+                f"{item.name} is known as {item.value:g}, so that {name} = {value:.6g} lies "
+                f"outside {ends[0]:g}:{ends[1]:g}: correct one of them",
+            )

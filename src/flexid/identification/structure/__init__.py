@@ -1,0 +1,1 @@
+"""What of the full model a log shows."""

@@ -1,0 +1,284 @@
+"""Which of the terms a log shows, and over which segments it is fitted best.
+
+All that a log may show is fitted at once; then what it does not show is taken away, one by one,
+with the others following along the quadratic form of the fit. A term stays if chance would hardly
+give one as large, the residuals' correlation counted, and goes if it has a sign that no friction
+has.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import stdtr
+
+from flexid.arrays import FloatArray
+from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.segmented_motion import INPUT
+from flexid.identification.full_model.climbing import Climb
+from flexid.identification.full_model.fitting import fit_like, onward
+from flexid.identification.full_model.model import ROUGH, Fitted, Structure
+from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
+from flexid.identification.vocabulary.progress import Progress
+from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import DISSIPATIVE
+
+_ROUNDS = 2  # of taking away and fitting over longer segments
+_CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The structure of a log.
+
+    Parameters
+    ----------
+    full : Structure
+        With everything that was considered.
+    structure : Structure
+        With what the log shows.
+    fitted : Fitted
+        It, fitted to the data that it was chosen on.
+    terms : tuple of TermEvidence
+        What was kept and what was not.
+    lengths : tuple of SegmentEvidence
+        The segments that were tried.
+    climbed : Climb
+        How the full model was fitted.
+    rivals : tuple of Fitted
+        With terms that chance might explain, without frictions that came out negative, and, where
+        the model leaves more than noise, over segments of other lengths: held-out data may prefer
+        one of these.
+    """
+
+    full: Structure
+    structure: Structure
+    fitted: Fitted
+    terms: tuple[TermEvidence, ...]
+    lengths: tuple[SegmentEvidence, ...]
+    climbed: Climb
+    rivals: tuple[Fitted, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Length of the segments in s."""
+        return self.fitted.duration
+
+
+def choose_structure(
+    climbed: Climb,
+    kept: Collection[str],
+    with_shapes: bool,
+    progress: Progress,
+    thresholds: Thresholds = THRESHOLDS,
+) -> Choice:
+    """Take away from the full model what a log does not show.
+
+    Parameters
+    ----------
+    climbed : Climb
+        Of the full model.
+    kept : collection of str
+        Coefficients and delays that stay whatever the log says.
+    with_shapes : bool
+        Whether terms beyond the usual ones are considered.
+    progress : callable
+        Called with each step in words.
+    thresholds : Thresholds, optional
+        What counts as chance.
+    """
+    found, ladder = list(climbed.found), climbed.ladder
+    if climbed.tied:  # the delay that is left stands for another hold
+        kept = {*kept, INPUT}
+    best = _best(found) if climbed.free_length else found[-1]
+    progress("taking away what the log does not show")
+    wider = _wider(best, with_shapes)
+    structure, evidence = eliminate(wider, kept, thresholds)
+    for _ in range(_ROUNDS):
+        # What is left may be fitted over longer segments, and these show more.
+        leaner = fit_like(structure, wider)
+        if leaner is None:
+            break
+        found = [leaner, *onward(leaner, ladder)]
+        longer = _best(found) if climbed.free_length else found[-1]
+        if longer is leaner:
+            best = leaner
+            break
+        wider = fit_like(wider.structure, longer, ROUGH) or wider
+        best = longer
+        if len(wider.problem.segments) != len(longer.problem.segments):
+            break  # the wider model does not follow; what it said of shorter segments stands
+        structure, evidence = eliminate(wider, kept, thresholds)
+    fitted = best if best.structure is structure else fit_like(structure, best)
+    while fitted is not None:
+        # Far from where it was expanded a quadratic form is none; the leaner fit has its own.
+        leaner, own = eliminate(fitted, kept, thresholds)
+        evidence = _latest(evidence, own)
+        if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
+            break
+        structure, fitted = leaner, fit_like(leaner, fitted)
+    tests = tuple(SegmentEvidence(f.duration, f.excess, relative_deviation(f)) for f in found)
+    if fitted is None:
+        structure, fitted = best.structure, best
+    more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
+    generous = None if more.absent >= structure.absent else fit_like(more, fitted)
+    rivals = [f for f in (generous, _without_negative_friction(fitted, kept)) if f is not None]
+    if fitted.excess > thresholds.sensor_excess and climbed.free_length:
+        rivals += [other for other in found if other.duration != fitted.duration]
+    return Choice(wider.structure, structure, fitted, evidence, tests, climbed, tuple(rivals))
+
+
+def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
+    """A fit without the frictions that came out negative, which drive where they should brake.
+
+    Where the model leaves more than noise, a deviation says little of a friction's sign. None where
+    there is no such friction, or the fit without fails.
+    """
+    base = [name.partition("[")[0] for name in fitted.names]
+    negative = {
+        name
+        for name, value in zip(base, fitted.values.tolist(), strict=True)
+        if name in DISSIPATIVE and value < 0.0 and name not in kept
+    }
+    return fit_like(fitted.structure.without(negative), fitted) if negative else None
+
+
+def _latest(
+    before: Sequence[TermEvidence], after: Sequence[TermEvidence]
+) -> tuple[TermEvidence, ...]:
+    """Evidence on every term, the later where there is some."""
+    return tuple({e.name: e for e in (*before, *after)}.values())
+
+
+def _wider(best: Fitted, with_shapes: bool) -> Fitted:
+    """A fit with terms beyond the usual ones; the fit itself where they lead astray."""
+    if not with_shapes or not best.structure.joint.shapes:
+        return best
+    joint = best.structure.joint
+    shapes = joint.shapes - joint.remembered
+    extended = replace(best.structure, absent=best.structure.absent - shapes)
+    return fit_like(extended, best, ROUGH) or best
+
+
+def relative_deviation(fitted: Fitted) -> float:
+    """Geometric mean of the relative standard deviations of inertias, stiffness and gravity."""
+    deviations = np.sqrt(np.diag(fitted.fit.covariance))
+    found = [
+        deviation / max(abs(value), 1e-300)
+        for name, value, deviation in zip(fitted.names, fitted.values, deviations, strict=True)
+        if name in _CORE
+    ]
+    usable = [d for d in found if np.isfinite(d) and d > 0.0]
+    return float(np.exp(np.mean(np.log(usable)))) if usable else np.inf
+
+
+def _best(found: Sequence[Fitted]) -> Fitted:
+    """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
+    best, narrowest = found[0], np.inf
+    for fitted in found:
+        width = relative_deviation(fitted)
+        if width <= _ALIKE * narrowest:
+            best, narrowest = fitted, width
+    return best
+
+
+_ALIKE = 1.05  # ratio of widths that two lengths may differ by at random
+
+
+def eliminate(
+    full: Fitted, kept: Collection[str], thresholds: Thresholds
+) -> tuple[Structure, tuple[TermEvidence, ...]]:
+    """Take terms away while one is left that chance explains.
+
+    Parameters
+    ----------
+    full : Fitted
+        With all terms.
+    kept : collection of str
+        What stays in any case.
+    thresholds : Thresholds
+        Probabilities below which a term is no chance.
+    """
+    joint = full.structure.joint
+    names = full.names
+    base = [name.partition("[")[0] for name in names]
+    grips = {*joint.grips.values()}
+    may_go = [
+        (b in joint.optional or b in full.structure.timing.sought) and b not in {*kept, *grips}
+        for b in base
+    ]
+    limits = np.array(
+        [thresholds.shape_chance if b in joint.shapes else thresholds.term_chance for b in base]
+    )
+    frictions = np.array([b in DISSIPATIVE for b in base])
+    delays = np.array([b in full.structure.timing.sought for b in base])
+    quadratic = _Quadratic.of(full)
+    left = np.ones(len(names), dtype=np.bool_)
+    tests: dict[str, TermEvidence] = {}
+    while True:
+        values, deviations = quadratic.at(left)
+        chance = 2.0 * stdtr(quadratic.freedom, -np.abs(values) / deviations)
+        negative = frictions & (values < 0.0) & (values > -thresholds.friction_sign * deviations)
+        ratio = np.where(negative, 1.0, chance) / limits
+        # A channel later than the margin of the data has no partner there.
+        ratio[delays & (np.abs(values) > full.data.margin)] = np.inf
+        candidates = [i for i in np.flatnonzero(left) if may_go[i] and (ratio[i] > 1.0)]
+        free = [i for i in candidates if not np.isfinite(deviations[i])]
+        tests |= {
+            names[i]: TermEvidence(
+                names[i], True, float(values[i]), float(deviations[i]), float(chance[i])
+            )
+            for i in np.flatnonzero(left)
+            if may_go[i]
+        }
+        if not candidates:
+            break
+        # Of terms that the log does not distinguish the less usual ones go first.
+        gone = max(free or candidates, key=lambda i: (base[i] in joint.shapes, ratio[i], i))
+        left[gone] = False
+        left[[b == joint.grips.get(base[gone]) for b in base]] = False
+        tests[names[gone]] = replace(tests[names[gone]], kept=False)
+    dropped = [names[i] for i in np.flatnonzero(~left)]
+    whole = {b for b, stays in zip(base, left, strict=True) if stays}
+    return full.structure.without(n for n in dropped if n.partition("[")[0] not in whole), tuple(
+        tests.values()
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Quadratic:
+    """The sum of squares about its minimum, with deviations that hold for correlated residuals."""
+
+    information: FloatArray
+    right: FloatArray
+    factors: FloatArray
+    freedom: FloatArray
+
+    @classmethod
+    def of(cls, full: Fitted) -> "_Quadratic":
+        information = full.information
+        robust = np.sqrt(np.diag(full.fit.covariance))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            factors = robust / full.unit_deviations
+        usable = np.isfinite(factors) & (factors > 0.0)
+        middle = float(np.median(factors[usable])) if usable.any() else 1.0
+        freedom = np.array(full.fit.degrees_of_freedom)
+        return cls(
+            information,
+            information @ full.values,
+            # Few blocks may agree by chance; the sensors' noise is there in any case.
+            np.maximum(np.where(usable, factors, middle), 1.0),
+            np.where(usable & (freedom > 0.0), freedom, 5.0),
+        )
+
+    def at(self, left: np.ndarray) -> tuple[FloatArray, FloatArray]:
+        """Values and deviations where only some are left; zero and infinite for the others."""
+        values, deviations = np.zeros(len(left)), np.full(len(left), np.inf)
+        places = np.flatnonzero(left)
+        part = self.information[np.ix_(places, places)]
+        scale = np.sqrt(np.diag(part))
+        inverse, free = scaled_inverse(part, np.where(scale > 0.0, scale, 1.0))
+        values[places] = inverse @ self.right[places]
+        spread = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * self.factors[places]
+        deviations[places] = np.where(free | (spread <= 0.0), np.inf, spread)
+        return values, deviations

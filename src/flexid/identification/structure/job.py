@@ -1,0 +1,218 @@
+"""What the logs and the settings leave to be found, and the structure that predicts best."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.identification.full_model.climbing import Climb, climb_full, climb_remembering
+from flexid.identification.full_model.model import LINK, Data, Structure
+from flexid.identification.preparation.joint import Joint, Kind, joint_of
+from flexid.identification.preparation.recordings import SplitRecordings
+from flexid.identification.preparation.settings import Settings, check_against, check_for
+from flexid.identification.preparation.stated import Stated, stated
+from flexid.identification.structure.elimination import Choice, choose_structure
+from flexid.identification.structure.link_delay import CONFUSED, doubtful
+from flexid.identification.structure.validation import misprediction, validate
+from flexid.identification.vocabulary.evidence import Validation
+from flexid.identification.vocabulary.progress import Progress
+from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.recording.recording import Hold, Recording
+
+MEASURED_HOLD: Hold = "cubic"
+"""How a measured position runs between samples: no motion has corners."""
+
+_HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
+
+
+@dataclass(frozen=True)
+class Job:
+    """What the logs and the settings leave to be found.
+
+    Parameters
+    ----------
+    joint : Joint
+        Flexible, its link alone, or rigid.
+    input_unit : str
+        Of the input; empty where there is none.
+    stated : Stated
+        What the user states of the drive.
+    settings : Settings
+        What the user decides.
+    deflection : bool, optional
+        Whether the deflection was measured instead of the link's position.
+    left_out : frozenset of str, optional
+        Coefficients and delays that are not considered.
+    """
+
+    joint: Joint
+    input_unit: str
+    stated: Stated
+    settings: Settings
+    deflection: bool = False
+    left_out: frozenset[str] = frozenset()
+
+    @property
+    def delay_in_doubt(self) -> bool:
+        """Whether a delay of the link's encoder may pass for damping and friction.
+
+        That of a deflection's sensor cannot.
+        """
+        settings = self.settings
+        if self.joint.kind != "link" or self.deflection or settings.link_delay != "auto":
+            return False
+        return settings.terms == "auto" or {*CONFUSED} <= self.kept
+
+    def climbed(self, training: Data, progress: Progress, thresholds: Thresholds) -> Climb:
+        """The full model, fitted to some data."""
+        settings = self.settings
+        smooth = settings.coulomb_velocity
+        joint = self.joint.scaled(training.samples)
+        if smooth != "auto":
+            joint = joint.with_coulomb_velocity(smooth)
+        absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
+        given, bounds = self.stated.given, self.stated.bounds
+        base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
+        base = base.without(self.left_out)
+        duration = settings.segment_duration
+        durations = () if duration == "auto" else (duration,)
+        return climb_full(base, training, self.holds, durations, progress, thresholds)
+
+    @property
+    def holds(self) -> Sequence[Hold]:
+        """Behaviours of the input to choose from."""
+        if self.joint.kind == "link":
+            return (MEASURED_HOLD,)
+        return _HOLDS if self.settings.hold == "auto" else (self.settings.hold,)
+
+    @property
+    def kept(self) -> set[str]:
+        """Coefficients that stay in the model whatever the log says."""
+        settings = self.settings
+        if settings.terms == "auto":
+            return {*self.stated.kept}
+        return {c for term in settings.terms for c in self.joint.terms[term]}
+
+    def _timing(self) -> Timing:
+        settings = self.settings
+        asked = {}
+        if self.joint.kind != "link":  # which knows time only against its encoder
+            asked[INPUT] = settings.input_delay
+        if self.joint.kind != "rigid":
+            asked[LINK] = settings.link_delay
+        given = {name: value for name, value in asked.items() if not isinstance(value, str)}
+        return Timing("zero", given, tuple(name for name in asked if name not in given))
+
+
+def job_of(recordings: SplitRecordings, settings: Settings) -> Job:
+    """What is to be found in some recordings.
+
+    Raises
+    ------
+    SettingError
+        If a setting does not suit the joint.
+    """
+    input_unit = recordings.recorded[0].input_unit
+    joint = joint_of(_kind(recordings.recorded[0]))
+    check_for(joint, settings)
+    shortest = min(len(recording) * recording.sample_time for recording in recordings.recorded)
+    check_against(settings, recordings.recorded[0].sample_time, shortest)
+    deflection = recordings.recorded[0].link_from_deflection
+    return Job(joint, input_unit, stated(settings, joint, input_unit), settings, deflection)
+
+
+def _kind(recording: Recording) -> Kind:
+    """What can be identified from the channels of a recording."""
+    if recording.link_position is None:
+        return "rigid"
+    return "link" if recording.input is None else "flexible"
+
+
+def predicting(
+    job: Job,
+    training: Data,
+    whole: Data,
+    recordings: SplitRecordings,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> tuple[Choice, Validation]:
+    """The structure that the data before the held-out ends show, and how it predicts these.
+
+    Terms beyond the usual ones have to pay there: a rig with too little data for them is better
+    described without.
+    """
+    rest = (training, whole, recordings, progress, thresholds)
+    if not job.delay_in_doubt:
+        return _in_time(job, _predicting(job, *rest), *rest)
+    found = _predicting(replace(job, left_out=job.left_out | {LINK}), *rest)
+    impossible = doubtful(found[0].fitted.by_name) - job.kept
+    return _predicting(replace(job, left_out=impossible), *rest) if impossible else found
+
+
+def _in_time(
+    job: Job,
+    found: tuple[Choice, Validation],
+    training: Data,
+    whole: Data,
+    recordings: SplitRecordings,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> tuple[Choice, Validation]:
+    """What was found of the link alone, or the same without a delay if it predicts far better.
+
+    A late encoder acts like damping; together they may fit what no term describes, and drift away
+    in a free run.
+    """
+    fitted = found[0].fitted
+    explained = fitted.excess <= thresholds.sensor_excess
+    if job.joint.kind != "link" or LINK not in fitted.structure.timing.sought or explained:
+        return found
+    timely = replace(job, left_out=job.left_out | {LINK})
+    other = _predicting(timely, training, whole, recordings, progress, thresholds)
+    better = misprediction(other[1]) < misprediction(found[1]) - thresholds.generous_gain
+    return other if better else found
+
+
+def _predicting(
+    job: Job,
+    training: Data,
+    whole: Data,
+    recordings: SplitRecordings,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> tuple[Choice, Validation]:
+    climb = job.climbed(training, progress, thresholds)
+    auto = job.settings.terms == "auto"
+    choice = choose_structure(climb, job.kept, auto, progress, thresholds)
+    progress("predicting the held-out data")
+    choice, validation = _preferred(choice, whole, recordings, thresholds)
+    if not auto:
+        return choice, validation
+    if not choice.structure.joint.shapes <= choice.structure.absent:
+        progress("the usual terms alone as a rival")
+        rival = choose_structure(climb, job.kept, False, progress, thresholds)
+        rival, other = _preferred(rival, whole, recordings, thresholds)
+        if misprediction(validation) >= misprediction(other):
+            choice, validation = rival, other
+    remembering = climb_remembering(climb, job.holds, progress, thresholds)
+    if remembering is None:
+        return choice, validation
+    rival = choose_structure(remembering, job.kept, True, progress, thresholds)
+    rival, other = _preferred(rival, whole, recordings, thresholds)
+    if misprediction(other) < misprediction(validation) - thresholds.generous_gain:
+        return rival, other
+    return choice, validation
+
+
+def _preferred(
+    choice: Choice, whole: Data, recordings: SplitRecordings, thresholds: Thresholds
+) -> tuple[Choice, Validation]:
+    """The structure as it was chosen, or a rival of it that predicts far better."""
+    chosen = validate(choice.fitted, whole, recordings.starts)
+    limit = misprediction(chosen) - thresholds.generous_gain
+    best = choice
+    for rival in choice.rivals:
+        other = validate(rival, whole, recordings.starts)
+        if misprediction(other) < limit:
+            limit, chosen = misprediction(other), other
+            best = replace(choice, structure=rival.structure, fitted=rival)
+    return best, chosen

@@ -1,0 +1,224 @@
+"""How well the model alone predicts a stretch that was kept out of the fit, and for how long.
+
+The state at the start of a prediction is taken from the half second of data before it: the model is
+fitted to that with its initial states as the only unknowns and runs on from there. Nothing of the
+stretch itself but the input is used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
+from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.preparation.joint import Joint
+from flexid.identification.structure.following import following_states
+from flexid.identification.vocabulary.evidence import FreeRun, Validation
+
+HORIZONS = (0.05, 0.2, 1.0, 5.0)
+"""Seconds after which predictions begin anew."""
+
+_WARM_UP = 0.5  # s of data before a prediction from which its first state is taken
+_SMALLEST, _LARGEST = 1e-9, 1e4  # per cent of the motion, errors that are compared
+_REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
+
+
+def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
+    """Predict the held-out end of each recording.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        To the data before the held-out ends.
+    data : Data
+        The recordings with their ends.
+    starts : sequence of int
+        Where the held-out end of each begins.
+
+    Returns
+    -------
+    Validation
+        With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
+        hardly moves in the held-out stretches, where a fit would test nothing.
+    """
+    return validate_with(fitted.structure.joint, fitted.problem, fitted.values, data, starts)
+
+
+def free_run_percent(fitted: Fitted, data: Data, starts: Sequence[int]) -> dict[str, float]:
+    """Fit of the free run over the held-out ends in per cent, per channel, and nothing else.
+
+    Parameters
+    ----------
+    fitted, data, starts
+        As of `validate`.
+    """
+    joint, origins = fitted.structure.joint, [[start] for start in starts]
+    runs = _predictions(joint, fitted.problem, fitted.values, data, origins, np.inf)
+    return _percent(joint, runs, _spreads(joint, data, starts))
+
+
+def validate_with(
+    joint: Joint,
+    problem: SegmentedMotion,
+    values: FloatArray,
+    data: Data,
+    starts: Sequence[int],
+) -> Validation:
+    """Predict the held-out end of each recording with given values, wherever they come from.
+
+    Parameters
+    ----------
+    joint : Joint
+        What was identified.
+    problem : SegmentedMotion
+        The model's motion; over which segments does not matter.
+    values : array, shape (k,)
+        Of what `problem` seeks.
+    data : Data
+        The recordings with their ends.
+    starts : sequence of int
+        Where the held-out end of each begins.
+
+    Returns
+    -------
+    Validation
+        As of `validate`.
+    """
+    spreads = _spreads(joint, data, starts)
+    runs = _predictions(joint, problem, values, data, [[start] for start in starts], np.inf)
+    horizons = {}
+    for horizon in HORIZONS:
+        origins = [
+            _origins(len(recording), start, recording.sample_time, horizon)
+            for recording, start in zip(data.samples, starts, strict=True)
+        ]
+        if all(origins):
+            predicted = _predictions(joint, problem, values, data, origins, horizon)
+            horizons[horizon] = _percent(joint, predicted, spreads)
+    return Validation(_percent(joint, runs, spreads), tuple(runs), horizons)
+
+
+def misprediction(validation: Validation) -> float:
+    """Mean logarithm of the errors over horizons and channels: what a better model has less of."""
+    fits = [f for by_channel in validation.horizons.values() for f in by_channel.values()]
+    fits += list(validation.fit_percent.values())
+    errors = np.array([100.0 - fit for fit in fits if not np.isnan(fit)])
+    return float(np.mean(np.log(np.clip(errors, _SMALLEST, _LARGEST)))) if len(errors) else 0.0
+
+
+def _origins(length: int, start: int, sample_time: float, horizon: float) -> list[int]:
+    """First samples of predictions that end before the next one needs its data."""
+    span = round(horizon / sample_time)
+    # Windows that are fitted to must not overlap with what another one predicts.
+    pitch = span + _warm_up(sample_time)
+    return list(range(start, length - span, pitch))
+
+
+def _warm_up(sample_time: float) -> int:
+    return max(FEWEST_SAMPLES, round(_WARM_UP / sample_time))
+
+
+def residuals_over_noise(
+    problem: SegmentedMotion, values: FloatArray, data: Data, duration: float
+) -> dict[str, float]:
+    """Residual of each position over its sensor's noise, as root mean squares.
+
+    Parameters
+    ----------
+    problem, values
+        As of `validate_with`.
+    data : Data
+        What the model is to follow.
+    duration : float
+        Length in s of segments that each start anew from the state that fits them best.
+    """
+    segments = divide(data.samples, duration)
+    states = following_states(problem, values, segments)
+    equations = replace(problem, segments=segments).equations(Point(values, states))
+    squares = np.mean(equations.residuals[segments.within] ** 2, axis=0)
+    ratios = np.sqrt(squares) / data.noise if np.isfinite(equations.cost) else np.inf * squares
+    names = ["motor" if row.name == "rigid" else row.name for row in problem.unknowns.system.rows]
+    return {f"{name}_position": float(r) for name, r in zip(names, ratios, strict=True)}
+
+
+def _predictions(
+    joint: Joint,
+    model: SegmentedMotion,
+    values: FloatArray,
+    data: Data,
+    origins: Sequence[Sequence[int]],
+    horizon: float,
+) -> list[FreeRun]:
+    """Predicted motion from each origin on, for a horizon in s or to the end of its recording."""
+    whole = divide(data.samples, data.duration)  # one segment for each recording
+    firsts, warm, total, recordings, places = [], [], [], [], []
+    for recording, (samples, own) in enumerate(zip(data.samples, origins, strict=True)):
+        offset = int(whole.recording_starts[recording])
+        for origin in own:
+            first = max(0, origin - _warm_up(samples.sample_time))
+            last = len(samples)
+            if np.isfinite(horizon):
+                last = min(last, origin + round(horizon / samples.sample_time))
+            firsts.append(offset + first)
+            warm.append(origin - first)
+            total.append(last - first)
+            recordings.append(recording)
+            places.append(origin)
+    before = _windows(whole, firsts, warm, recordings)
+    states = following_states(model, values, before)
+    windows = _windows(whole, firsts, total, recordings)
+    problem = replace(model, segments=windows)
+    equations = problem.equations(Point(values, states))
+    measured = problem.timely(values)
+    runs = []
+    for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):
+        part = slice(first + skipped, first + length)
+        seen = measured[part]
+        inputs = windows.inputs[part]
+        channels = joint.channels_of(seen, inputs)
+        predicted = joint.channels_of(seen - equations.residuals[part], inputs)
+        if equations.diverged[s]:
+            predicted = np.full_like(channels, np.inf)
+        samples = data.samples[recordings[s]]
+        time = samples.time[places[s] : places[s] + len(seen)]
+        runs.append(FreeRun(time, channels, predicted))
+    return runs
+
+
+def _windows(
+    whole: Segments, firsts: Sequence[int], spans: Sequence[int], recordings: Sequence[int]
+) -> Segments:
+    """Stretches of recordings as segments; `whole` has one segment for each recording."""
+    own = np.array(recordings, dtype=np.int64)
+    return replace(
+        whole,
+        starts=np.array(firsts, dtype=np.int64),
+        lengths=np.array(spans, dtype=np.int64),
+        sample_times=whole.sample_times[own],
+        start_times=whole.start_times[own],
+        recordings=own,
+    )
+
+
+def _spreads(joint: Joint, data: Data, starts: Sequence[int]) -> FloatArray:
+    """Root mean square of the held-out motion about its mean, per channel; NaN where it rests."""
+    every = [joint.channels_of(recording.positions, recording.inputs) for recording in data.samples]
+    held = _spread([y[start:] for y, start in zip(every, starts, strict=True)])
+    fitted = _spread([y[:start] for y, start in zip(every, starts, strict=True)])
+    return np.where(held < _REST * fitted, np.nan, held)
+
+
+def _spread(stretches: Sequence[FloatArray]) -> FloatArray:
+    squares = sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in stretches)
+    return np.sqrt(np.asarray(squares) / sum(map(len, stretches)))
+
+
+def _percent(joint: Joint, runs: Sequence[FreeRun], spreads: FloatArray) -> dict[str, float]:
+    squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in runs)
+    error = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in runs))
+    with np.errstate(invalid="ignore"):
+        fits = 100.0 * (1.0 - error / spreads)
+    return dict(zip(joint.channels, map(float, fits), strict=True))

@@ -1,0 +1,1 @@
+"""Logs too long for memory."""

@@ -1,0 +1,1 @@
+"""Estimates as files: read, rebuilt, held against other logs."""

@@ -1,0 +1,241 @@
+"""A stored estimate held against other logs: how well, and for how long, it predicts them."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import flexid
+from flexid.arrays import FloatArray
+from flexid.errors import RecordingError, SettingError
+from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.segments import FEWEST_SAMPLES, divide
+from flexid.identification.full_model.model import LINK, Data, data_of
+from flexid.identification.preparation.joint import Joint, Kind
+from flexid.identification.preparation.recordings import check_distinct, common_input_unit
+from flexid.identification.structure.validation import validate_with
+from flexid.identification.vocabulary.evidence import Validation
+from flexid.recording.recording import Log, Recording
+from flexid.recording.velocities import position_noise
+from flexid.stored_estimates.estimate_file import WANTED, EstimateFile, read_estimate
+from flexid.stored_estimates.rebuilt import Described, Rebuilt, averaged_offsets, rebuilt
+from flexid.toml_file import validated
+
+if TYPE_CHECKING:
+    from flexid.stored_estimates.estimate_schema import StoredEstimate
+
+_HEAD = 0.5  # s at the start of each recording from which the first state is taken
+_SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator are chosen
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimateValidation(Validation):
+    """Predictions of logs by a model that was not fitted to them.
+
+    Parameters
+    ----------
+    model : {"flexible", "link", "rigid"}
+        The joint of the estimate.
+    residuals : mapping of float to mapping of str to float
+        Root mean square in rad of what each channel is off, by horizon in s; infinite for the free
+        run.
+    noise : mapping of str to float
+        Standard deviation in rad of each channel's noise.
+    warnings : tuple of str
+        What limits the test.
+    provenance : mapping
+        Version, estimate and logs with their hashes.
+    """
+
+    model: Kind
+    residuals: Mapping[float, Mapping[str, float]]
+    noise: Mapping[str, float]
+    warnings: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+
+def validate_estimate(
+    estimate: Path | str | Mapping[str, Any], logs: Sequence[Log]
+) -> EstimateValidation:
+    """Predict logs with an estimate as it is: nothing is fitted but the state at each start.
+
+    Parameters
+    ----------
+    estimate : path or mapping
+        An ``estimate.json`` of ``flexid identify``, or its content.
+    logs : sequence of Log
+        With the same kind of input as those that it was made from. What is tested is all but the
+        first half second of each recording.
+
+    Returns
+    -------
+    EstimateValidation
+
+    Raises
+    ------
+    SettingError
+        If the estimate cannot be read, or is none of a joint of flexid.
+    RecordingError
+        If the logs do not go together or with the estimate, or are too short.
+    """
+    file = read_estimate(estimate)
+    name, raw, _ = file
+    stored, model = _model(file)
+    check_distinct(logs)
+    recordings, dropped = _recordings(logs, model.joint.kind)
+    _check_unit(name, stored, logs)
+    data = data_of(model.joint, recordings, [0] * len(recordings))
+    starts = [round(_HEAD / recording.sample_time) for recording in recordings]
+    problem, _ = model.motion(divide(data.samples, _SEGMENT), data.noise, data)
+    try:
+        with np.errstate(all="ignore"):
+            found = validate_with(model.joint, problem, model.values, data, starts)
+    except np.linalg.LinAlgError:
+        raise SettingError(
+            name, "diverges on this log at once: give the estimate of the same drive"
+        ) from None
+    return EstimateValidation(
+        found.fit_percent,
+        found.runs,
+        found.horizons,
+        model=model.joint.kind,
+        residuals=_residuals(found, model.joint, data, starts),
+        noise=_noise(model.joint, data),
+        warnings=(
+            *(warning for log in logs for warning in log.warnings),
+            *dropped,
+            *_doubts(stored, logs),
+        ),
+        provenance={
+            "flexid_version": flexid.__version__,
+            "estimate": {"file": name, "sha256": hashlib.sha256(raw).hexdigest()},
+            "inputs": [log.provenance for log in logs],
+        },
+    )
+
+
+def _model(file: EstimateFile) -> "tuple[StoredEstimate, Rebuilt]":
+    from flexid.stored_estimates.estimate_schema import StoredEstimate
+
+    refuse = file.refuse
+    stored = validated(file.content, StoredEstimate, refuse)
+    choices = stored.choices
+    described = Described(
+        stored.model,
+        {c: found.value for c, found in stored.coefficients.items()},
+        choices.hold,
+        {INPUT: choices.input_delay.value, LINK: choices.link_delay.value},
+        choices.coulomb_velocity,
+        choices.shapes,
+    )
+    try:
+        model = rebuilt(described)
+    except SettingError as error:
+        raise refuse("", f"is no estimate that can be run: {error}") from None
+    for term in choices.terms:
+        if term not in model.joint.terms:
+            raise refuse(
+                "choices.terms",
+                f"has {term[:40]!r}, no term of the {stored.model} joint: give {WANTED} of this "
+                f"version",
+            )
+    return stored, model
+
+
+def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]]:
+    """Recordings that are long enough, and a sentence for each that is not."""
+    recordings, dropped = [], []
+    for recording in (recording for log in logs for recording in log.recordings):
+        if kind != "rigid" and recording.link_position is None:
+            raise RecordingError(
+                recording.source,
+                "link_position",
+                "is missing, and the estimate is of a joint with two encoders",
+            )
+        fewest = round(_HEAD / recording.sample_time) + FEWEST_SAMPLES
+        if len(recording) >= max(fewest, 2 * FEWEST_SAMPLES):
+            recordings.append(recording)
+        else:
+            dropped.append(
+                f"{recording.source}: the {len(recording)} samples from {recording.start_time:g} s "
+                f"on are too few to predict, so they were left out"
+            )
+    if not recordings:
+        raise RecordingError(
+            logs[0].source, "", f"holds no recording longer than {_HEAD:g} s: record longer"
+        )
+    return recordings, dropped
+
+
+def _check_unit(name: str, stored: "StoredEstimate", logs: Sequence[Log]) -> None:
+    """Refuse logs whose input is another quantity than that of the estimate."""
+    unit = common_input_unit(logs)
+    if stored.model == "link":  # driven by the motor's motion, whatever the logs have beside it
+        return
+    gain = stored.coefficients["beta1"].unit
+    shown = f"({unit})" if " " in unit else unit
+    if gain and not gain.endswith(f"/{shown}"):
+        raise RecordingError(
+            logs[0].source,
+            "input",
+            f"is in {unit}, and {name} has an input gain in {gain}: give logs of the same input",
+        )
+
+
+def _residuals(
+    found: Validation, joint: Joint, data: Data, starts: Sequence[int]
+) -> dict[float, dict[str, float]]:
+    """Root mean square of what each channel is off, by horizon."""
+    squares = sum(np.sum((run.measured - run.simulated) ** 2, axis=0) for run in found.runs)
+    free = np.sqrt(np.asarray(squares) / sum(len(run.time) for run in found.runs))
+    held = [
+        joint.channels_of(p.positions, p.inputs)[s:]
+        for p, s in zip(data.samples, starts, strict=True)
+    ]
+    moved = sum(np.sum((y - y.mean(axis=0)) ** 2, axis=0) for y in held)
+    spread = np.sqrt(np.asarray(moved) / sum(map(len, held)))
+    by_horizon = {
+        horizon: _by_channel(joint, (1.0 - np.array(list(fits.values())) / 100.0) * spread)
+        for horizon, fits in found.horizons.items()
+    }
+    return {**by_horizon, np.inf: _by_channel(joint, free)}
+
+
+def _noise(joint: Joint, data: Data) -> dict[str, float]:
+    if joint.kind == "rigid":
+        return _by_channel(joint, data.noise)
+    if joint.kind == "link":
+        motor = position_noise(max(data.samples, key=len).inputs[:, 0])
+        return _by_channel(joint, np.array([data.noise[0], np.hypot(data.noise[0], motor)]))
+    return _by_channel(joint, np.array([*data.noise, np.hypot(*data.noise)]))
+
+
+def _by_channel(joint: Joint, numbers: FloatArray) -> dict[str, float]:
+    return dict(zip(joint.channels, map(float, numbers), strict=True))
+
+
+def _doubts(stored: "StoredEstimate", logs: Sequence[Log]) -> list[str]:
+    """What limits the test."""
+    doubts = []
+    fitted = {source.sha256 for source in stored.provenance.inputs if source.sha256}
+    doubts += [
+        f"{log.source} is one of the logs that the estimate was made from: how it is predicted "
+        f"tests nothing new"
+        for log in logs
+        if log.sha256 in fitted
+    ]
+    guessed = [name for name, c in stored.coefficients.items() if c.verdict == "undetermined"]
+    if guessed:
+        doubts.append(
+            f"the estimate leaves {', '.join(guessed)} undetermined: what it predicts rests on a "
+            f"guess"
+        )
+    offsets = averaged_offsets(stored.coefficients)
+    if offsets:
+        doubts.append(
+            f"the estimate has {' and '.join(offsets)} log by log: for these logs the mean is taken"
+        )
+    return doubts

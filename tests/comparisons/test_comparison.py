@@ -1,0 +1,500 @@
+"""Two estimates side by side: closed forms, SciPy's tests, and how often chance is a change."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, ttest_ind
+
+from flexid.comparisons.comparison import compare_estimates, holm
+from flexid.comparisons.joint_difference import hotelling
+from flexid.errors import SettingError
+from flexid.identification.judgement.verdict import verdict
+from flexid.identification.preparation.alignment import Alignment, Delay
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.identification.vocabulary.intervals import interval, logarithmic_interval
+from made_estimates import NOTHING, TRUE, drawn, estimate_of, wishart, with_parameter
+
+
+def number(value, std, freedom=np.inf, *, unit="N m", name="gravity_torque", logarithmic=False):
+    """A parameter with its interval."""
+    ends = (logarithmic_interval if logarithmic else interval)(value, std, freedom)
+    judged = verdict(value, ends)
+    return ParameterEstimate(
+        name, unit, value, std, ends, *judged, freedom, logarithmic, {"theta1": 1.0}
+    )
+
+
+def compared(a, b, *, same_log=False):
+    """The difference of one number in two estimates that hold nothing else."""
+    rng = np.random.default_rng(0)
+    made = [replace(drawn(rng), parameters={p.name: p}) for p in (a, b)]
+    if same_log:
+        made[1] = replace(
+            made[1], provenance={**made[0].provenance, "settings": {"hold": "linear"}}
+        )
+    return compare_estimates(made[0], made[1]).parameters[a.name]
+
+
+def test_two_samples_as_scipy_tests_them():
+    """Assert that difference, interval and probability are those of Welch's test of two samples."""
+    rng = np.random.default_rng(3)
+    before, after = rng.normal(10.0, 1.0, 12), rng.normal(10.8, 0.4, 25)
+    a, b = (number(x.mean(), x.std(ddof=1) / len(x) ** 0.5, len(x) - 1.0) for x in (before, after))
+    found = compared(a, b)
+    truth: Any = ttest_ind(after, before, equal_var=False)
+    ends = truth.confidence_interval(0.95)
+    assert found.value == pytest.approx(after.mean() - before.mean(), rel=1e-12)
+    assert found.interval == pytest.approx((ends.low, ends.high), rel=1e-9)
+    assert found.probability == pytest.approx(truth.pvalue, rel=1e-9)
+    scale = 100.0 / before.mean()
+    assert found.percent_interval == pytest.approx((scale * ends.low, scale * ends.high))
+    covariances = (np.array([[a.std**2]]), np.array([[b.std**2]]))
+    alone = hotelling(("x",), np.array([found.value]), covariances, (11.0, 24.0))
+    assert alone is not None
+    assert alone.probability == pytest.approx(truth.pvalue, rel=1e-9)
+
+
+def test_a_ratio_has_its_interval_on_the_logarithm():
+    """Assert that of two reciprocals the ratio is compared, and turned round is the reciprocal."""
+    a = number(2.0, 0.1, name="motor_inertia", logarithmic=True)
+    b = number(2.4, 0.3, name="motor_inertia", logarithmic=True)
+    found, back = compared(a, b), compared(b, a)
+    reach = 1.959964 * np.hypot(0.05, 0.125)
+    ends = [100.0 * (1.2 * np.exp(sign * reach) - 1.0) for sign in (-1, 1)]
+    assert found.percent == pytest.approx(20.0)
+    assert found.percent_interval == pytest.approx(ends, rel=1e-6)
+    assert found.interval == pytest.approx([2.0 * end / 100.0 for end in ends], rel=1e-6)
+    turned = [100.0 * (1.0 / (1.0 + end / 100.0) - 1.0) for end in found.percent_interval[::-1]]
+    assert back.percent_interval == pytest.approx(turned)
+    assert back.probability == pytest.approx(found.probability)
+
+
+def test_angles_are_compared_round_the_circle():
+    """Assert that 3.1 and -3.1 rad are 0.083 rad apart, of which no percentage is made."""
+    found = compared(
+        *(number(x, 0.01, name="gravity_angle", unit="rad") for x in (3.1, -3.1)),
+    )
+    assert found.value == pytest.approx(2.0 * np.pi - 6.2)
+    assert np.isnan(found.percent)
+
+
+def test_no_percentage_of_what_may_be_zero():
+    """Assert that a friction that may be none has a difference in its unit alone."""
+    found = compared(number(0.01, 0.02), number(0.5, 0.02))
+    assert found.outcome == "changed"
+    assert np.isnan(found.percent)
+    assert found.interval[0] > 0.4
+
+
+@pytest.mark.parametrize("freedom", [(8, 25), (20, 20)])
+@pytest.mark.parametrize("logarithmic", [False, True])
+def test_intervals_of_differences_hold_the_truth(freedom, logarithmic):
+    """Assert a coverage of 95 % for unlike deviations that are themselves estimated."""
+    rng = np.random.default_rng(11)
+    count, true, relative = 2000, (0.1, 0.13), (0.02, 0.06)
+    held = 0
+    for _ in range(count):
+        made = []
+        for value, share, nu in zip(true, relative, freedom, strict=True):
+            std = share * np.sqrt(rng.chisquare(nu) / nu)
+            if logarithmic:  # the reciprocal of what is normal
+                estimate = 1.0 / (1.0 / value * (1.0 + share * rng.standard_normal()))
+            else:
+                estimate = value * (1.0 + share * rng.standard_normal())
+            made.append(number(estimate, std * estimate, nu, logarithmic=logarithmic))
+        found = difference_of(*made)
+        if logarithmic:
+            low, high = found.percent_interval
+            held += low < 100.0 * (true[1] / true[0] - 1.0) < high
+        else:
+            held += found.interval[0] < true[1] - true[0] < found.interval[1]
+    assert abs(held / count - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / count)
+
+
+TWO = [drawn(np.random.default_rng(seed)) for seed in (1, 2)]
+
+
+def difference_of(a, b):
+    """The same without drawing all the rest anew."""
+    first, second = (replace(e, parameters={p.name: p}) for e, p in zip(TWO, (a, b), strict=True))
+    return compare_estimates(first, second).parameters[a.name]
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_one_drive_twice_is_said_to_have_changed_in_one_comparison_of_twenty(correlation):
+    """Assert that the answer of all numbers and the joint test errs no more often."""
+    rng = np.random.default_rng(5)
+    count, freedom = 500, 15
+    found = [
+        compare_estimates(
+            drawn(rng, None, freedom, correlation), drawn(rng, None, freedom, correlation)
+        )
+        for _ in range(count)
+    ]
+    alarms = sum(comparison.differ for comparison in found)
+    assert alarms / count < 0.05 + 3.0 * np.sqrt(0.05 * 0.95 / count)
+    single = sum(d.probability < 0.05 for c in found for d in c.parameters.values())
+    intervals = sum(len(c.parameters) for c in found)
+    assert 0.03 < single / intervals < 0.07
+    assert all(c.differ is not c.agree for c in found)
+
+
+def test_a_change_is_named():
+    """Assert that 10 % more stiffness is found in stiffness alone, with its size."""
+    rng = np.random.default_rng(8)
+    stiffer = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
+    found = compare_estimates(drawn(rng, correlation=0.0), drawn(rng, stiffer, correlation=0.0))
+    assert [d.name for d in found.having("changed")] == ["joint_stiffness"]
+    low, high = found.parameters["joint_stiffness"].percent_interval
+    assert low < 10.0 < high
+    assert found.differ
+    assert not found.agree
+
+
+@pytest.mark.parametrize(("count", "freedom"), [(1, (9.0, 14.0)), (3, (12.0, 12.0)), (6, (20, 11))])
+def test_hotelling_errs_as_often_as_it_says(count, freedom):
+    """Assert that one drive is called another in one test of twenty, however many coefficients."""
+    rng = np.random.default_rng(2)
+    draws, covariances = 2000, (np.eye(count), 3.0 * np.eye(count))
+    alarms = 0
+    for _ in range(draws):
+        d = rng.standard_normal(count) * np.sqrt(4.0)
+        estimated = [wishart(rng, c, nu) for c, nu in zip(covariances, freedom, strict=True)]
+        test = hotelling(("x",) * count, d, (estimated[0], estimated[1]), freedom)
+        assert test is not None
+        alarms += test.probability < 0.05
+    assert abs(alarms / draws - 0.05) < 4.0 * np.sqrt(0.05 * 0.95 / draws)
+
+
+def test_hotelling_with_known_covariances_is_a_chi_square():
+    """Assert the limit in closed form, and that units do not matter."""
+    rng = np.random.default_rng(6)
+    d = np.array([1.0, -0.5, 2.0])
+    c = wishart(rng, np.eye(3), 9)
+    known = hotelling(("x", "y", "z"), d, (c, c), (np.inf, np.inf))
+    assert known is not None
+    statistic = d @ np.linalg.inv(2.0 * c) @ d
+    assert known.statistic == pytest.approx(statistic)
+    assert known.probability == pytest.approx(chi2.sf(statistic, 3), rel=1e-6)
+    scale = np.diag([1e-9, 1.0, 1e9])
+    scaled = scale @ c @ scale
+    other = hotelling(("x", "y", "z"), scale @ d, (scaled, scaled), (9.0, 14.0))
+    same = hotelling(("x", "y", "z"), d, (c, c), (9.0, 14.0))
+    assert other is not None
+    assert same is not None
+    assert other.probability == pytest.approx(same.probability)
+    assert other.degrees_of_freedom == pytest.approx(same.degrees_of_freedom)
+
+
+def test_no_test_of_more_than_the_logs_can_tell():
+    """Assert that with fewer degrees of freedom than coefficients nothing is tested at once."""
+    c = np.eye(4)
+    assert hotelling(("w", "x", "y", "z"), np.ones(4), (c, c), (1.5, 1.4)) is None
+
+
+def test_holm_lies_between_one_by_one_and_all_times_their_number():
+    """Assert Holm's steps on a case counted by hand."""
+    assert holm([0.01, 0.04, 0.03, 0.005], 0.05) == [True, False, False, True]
+    assert holm([0.012, 0.016, 0.024, 0.05], 0.05) == [True, True, True, True]
+    assert holm([0.013, 0.016, 0.024, 0.05], 0.05) == [False] * 4
+    assert holm([], 0.05) == []
+
+
+def test_what_chance_explains_among_several_is_perhaps_a_change():
+    """Assert that one number beyond its own interval alone is named, and decides nothing."""
+    rng = np.random.default_rng(1)
+    a = drawn(rng, freedom=40, correlation=0.0)
+    b = estimate_of(a.fit, "another log")
+    p = b.parameters["gravity_torque"]
+    b = with_parameter(b, "gravity_torque", value=p.value + 2.3 * np.sqrt(2.0) * p.std)
+    found = compare_estimates(a, b)
+    assert found.parameters["gravity_torque"].outcome == "perhaps changed"
+    assert found.agree
+
+
+def test_one_log_cannot_have_changed():
+    """Assert that estimates of one log are compared by the sum of their deviations."""
+    near, far = (compared(number(5.0, 0.1), number(b, 0.1), same_log=True) for b in (5.37, 5.43))
+    assert near.outcome == "compatible"
+    assert far.outcome == "contradictory"
+    assert near.interval == pytest.approx((0.37 - 1.959964 * 0.2, 0.37 + 1.959964 * 0.2))
+    rng = np.random.default_rng(4)
+    a, b = drawn(rng, log="one"), drawn(rng, log="one", hold="linear")
+    found = compare_estimates(a, b)
+    assert found.logs == "same"
+    assert found.together is None
+    outcomes = {d.outcome for d in (*found.parameters.values(), *found.coefficients.values())}
+    assert outcomes <= {"compatible", "contradictory"}
+
+
+def test_logs_in_common_make_intervals_wide():
+    """Assert that a log in both estimates is seen, said, and allowed for."""
+    rng = np.random.default_rng(4)
+    a, b = drawn(rng, log="one"), drawn(rng, log="one")
+    more = [*b.provenance["inputs"], {"file": "two.csv", "sha256": "two"}]
+    b = replace(b, provenance={**b.provenance, "inputs": more})
+    apart = compare_estimates(a, replace(b, provenance={**b.provenance, "inputs": more[1:]}))
+    found = compare_estimates(a, b)
+    assert found.logs == "some shared"
+    assert any("some logs are in both" in warning for warning in found.warnings)
+    for name, d in found.parameters.items():
+        width = np.ptp(apart.parameters[name].interval)
+        assert width < np.ptp(d.interval)
+        assert d.outcome in {"changed", "perhaps changed", "no change"}
+
+
+def test_what_one_model_does_without_is_compared_by_its_bound():
+    """Assert that a friction that one log does not show is compared with how large it could be."""
+    rng = np.random.default_rng(7)
+    friction = number(0.5, 0.02, 30.0, name="motor_coulomb_friction")
+    bound = number(0.001, 0.01, 30.0, name="motor_coulomb_friction")
+    a, b = drawn(rng), drawn(rng)
+    a = replace(a, parameters={**a.parameters, friction.name: friction})
+    unknown = compare_estimates(a, b)
+    assert unknown.lacking == (unknown.parameters[friction.name],)
+    assert not unknown.agree
+    found = compare_estimates(a, replace(b, removed={bound.name: bound}))
+    d = found.parameters[friction.name]
+    assert d.without == ("B",)
+    assert d.outcome == "changed"
+    assert d.value == pytest.approx(-0.499)
+    assert found.lacking == ()
+
+
+def with_infinite(estimate):
+    """Nothing known of the stiffness."""
+    return with_parameter(
+        estimate,
+        "joint_stiffness",
+        std=np.inf,
+        interval=(-np.inf, np.inf),
+        verdict="undetermined",
+        reason="the log holds no information on it",
+    )
+
+
+def contradicted(estimate):
+    """Narrow, but said to be undetermined: something that was known contradicts the log."""
+    return with_parameter(
+        estimate, "joint_stiffness", verdict="undetermined", reason="what is known contradicts it"
+    )
+
+
+def given(estimate):
+    """Not estimated."""
+    value = estimate.parameters["joint_stiffness"].value
+    return with_parameter(
+        estimate, "joint_stiffness", std=0.0, interval=(value, value), reason="given"
+    )
+
+
+def in_volts(estimate):
+    """Of an input that is no torque."""
+    return with_parameter(estimate, "joint_stiffness", unit="V/rad")
+
+
+@pytest.mark.parametrize(
+    ("change", "outcome", "reason"),
+    [
+        (with_infinite, "not determined", "in B the log holds no information on it"),
+        (contradicted, "not determined", "in B what is known contradicts it"),
+        (given, "not compared", "in B it was not estimated: it follows from what was given"),
+        (in_volts, "not compared", "A has it in N m/rad, B in V/rad"),
+    ],
+)
+def test_what_cannot_be_compared_says_why(change, outcome, reason):
+    """Assert that each obstacle is one reason, and that only what the data lack is a lack."""
+    rng = np.random.default_rng(9)
+    found = compare_estimates(drawn(rng), change(drawn(rng)))
+    d = found.parameters["joint_stiffness"]
+    assert (d.outcome, d.reason) == (outcome, reason)
+    assert np.isnan(d.value)
+    assert found.agree is (outcome == "not compared")
+
+
+def test_values_of_one_log_each_are_not_compared():
+    """Assert that an offset that was found log by log is left out, of the joint test too."""
+    rng = np.random.default_rng(9)
+    made = []
+    for _ in range(2):
+        estimate = drawn(rng)
+        offset = number(0.1, 0.01, name="motor_offset_torque[1]")
+        made.append(replace(estimate, parameters={**estimate.parameters, offset.name: offset}))
+    found = compare_estimates(made[0], made[1])
+    assert found.parameters["motor_offset_torque[1]"].reason == "each log has its own"
+    assert found.agree
+    of_logs = [drawn(rng, {**TRUE, "alpha_offset[1]": 0.3, "alpha_offset[2]": 0.4}) for _ in "ab"]
+    together = compare_estimates(of_logs[0], of_logs[1]).together
+    assert together is not None
+    assert together.names == tuple(TRUE)
+
+
+def test_other_models_share_what_means_the_same():
+    """Assert that a rigid joint's coefficients, named alike, are left alone, with a warning."""
+    rng = np.random.default_rng(9)
+    a, b = drawn(rng), replace(drawn(rng), model="rigid")
+    b = replace(b, parameters={"gravity_torque": b.parameters["gravity_torque"]})
+    found = compare_estimates(a, b)
+    assert found.coefficients == {}
+    assert found.together is None
+    assert found.parameters["gravity_torque"].compared
+    assert found.parameters["joint_stiffness"].b is None
+    assert found.lacking == ()
+    assert "A is of a flexible joint and B of a rigid joint" in found.warnings[0]
+
+
+def test_nothing_in_common_is_no_agreement():
+    """Assert that two estimates without a number in common do not agree."""
+    rng = np.random.default_rng(9)
+    a, b = drawn(rng), replace(drawn(rng), model="rigid", parameters={}, coefficients={})
+    found = compare_estimates(a, b)
+    assert not found.agree
+    assert not found.differ
+
+
+def test_what_was_done_otherwise_is_shown():
+    """Assert that settings, choices, versions, logs and columns that differ are listed, alone."""
+    rng = np.random.default_rng(9)
+    a, b = drawn(rng, log="a"), drawn(rng, log="b", hold="linear")
+    late = Alignment("linear", Delay(0.002, 1e-4, (0.0018, 0.0022), "found"), NOTHING, "")
+    terms = ("gravity", "motor_coulomb")
+    b = replace(b, choices=replace(b.choices, hold="linear", alignment=late, terms=terms))
+    columns = {"motor_torque": {"columns": {"u": 1.0}, "factor": 2.0, "gear_ratio": None}}
+    log = {**b.provenance["inputs"][0], "columns": columns}
+    b = replace(b, provenance={**b.provenance, "flexid_version": "0.2.0", "inputs": [log]})
+    assert compare_estimates(a, b).settings == {
+        "logs": ("a.csv", "b.csv"),
+        "flexid": ("0.1.0", "0.2.0"),
+        "hold (asked)": ("auto", "linear"),
+        "hold": ("zero", "linear"),
+        "input delay": ("0 ms", "2 ms"),
+        "column of motor_torque": ("none", "columns u 1, factor 2"),
+        "terms only here": ("motor_viscous", "motor_coulomb"),
+    }
+
+
+def test_doubts_are_said():
+    """Assert that common knowledge, logs without a name and warnings of either are passed on."""
+    rng = np.random.default_rng(9)
+    a, b = (drawn(rng, known={"motor_inertia": 0.3}) for _ in range(2))
+    b = replace(b, provenance={**b.provenance, "inputs": "?"}, warnings=("the joint hardly moves",))
+    unnamed, knowledge, passed = compare_estimates(a, b).warnings
+    assert "both rest on what was said of motor_inertia" in knowledge
+    assert unnamed.startswith("B does not say which logs")
+    assert passed == "B: the joint hardly moves"
+
+
+def test_an_estimate_and_itself_are_refused():
+    """Assert that one estimate twice is refused, and the same numbers of another log are not."""
+    a = drawn(np.random.default_rng(9))
+    with pytest.raises(SettingError, match="A and B hold the same estimate"):
+        compare_estimates(a, a)
+    found = compare_estimates(a, estimate_of(a.fit, "another log"))
+    assert found.agree
+    assert all(d.value == 0.0 for d in found.parameters.values())
+
+
+def test_the_joint_test_sees_what_no_single_number_shows():
+    """Assert that a change across strongly correlated errors is found at once, and only there."""
+    deviations = 0.01 * np.abs(list(TRUE.values()))
+    correlation = np.where(np.eye(5) == 1, 1.0, 0.98)
+    covariance = np.outer(deviations, deviations) * correlation
+    values = np.array(list(TRUE.values()))
+    names, freedom = tuple(TRUE), (60.0,) * 5
+    moved = values + deviations * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
+    made = [
+        estimate_of(Estimate(names, x, covariance, freedom), log)
+        for x, log in ((values, "one"), (moved, "two"))
+    ]
+    a, b = (replace(e, parameters={}) for e in made)
+    found = compare_estimates(a, b)
+    assert found.together is not None
+    assert found.together.significant
+    assert found.having("changed") == ()
+    assert found.differ
+
+
+def read_from(estimate, *columns):
+    """The same, with the columns that the positions of its log came from."""
+    channels = ("motor_position", "link_position")
+    said = {c: {"columns": {x: 1.0}} for c, x in zip(channels, columns, strict=True)}
+    said["motor_torque"] = {"columns": {"u": 1.0}}
+    log = {**estimate.provenance["inputs"][0], "columns": said}
+    return replace(estimate, provenance={**estimate.provenance, "inputs": [log]})
+
+
+def test_two_axes_of_one_file_are_two_logs():
+    """Assert that a file read by other columns of the positions is another log."""
+    rng = np.random.default_rng(4)
+    a, b = drawn(rng, log="one"), drawn(rng, log="one", hold="linear")
+    first = read_from(a, "q1_motor", "q1_link")
+    assert compare_estimates(first, read_from(b, "q2_motor", "q2_link")).logs == "different"
+    for same in (read_from(b, "q1_motor", "q1_link"), read_from(b, "q1_motor", "other"), b):
+        assert compare_estimates(first, same).logs == "same"
+
+
+def test_the_joint_test_takes_what_is_compared_alone():
+    """Assert that a coefficient that is refused one by one is not tested beside the others."""
+    rng = np.random.default_rng(9)
+    a, b = drawn(rng), drawn(rng)
+    refused = replace(b.coefficients["theta2"], verdict="undetermined", reason="contradicted")
+    b = replace(b, coefficients={**b.coefficients, "theta2": refused})
+    together = compare_estimates(a, b).together
+    assert together is not None
+    assert together.names == tuple(name for name in TRUE if name != "theta2")
+
+
+def test_numbers_that_no_estimate_has():
+    """Assert that zero beside its interval has no percentage, and no width is nothing known."""
+    zero = replace(number(1.5, 0.25), value=0.0, interval=(1.0, 2.0))
+    found = compared(zero, number(1.5, 0.25))
+    assert found.compared
+    assert np.isnan(found.percent)
+    name = "motor_inertia"
+    sharp = number(2.0, 0.1, name=name, logarithmic=True)
+    sharp = replace(sharp, value=1e300, std=1e-300, interval=(1e299, 2e300))
+    assert compared(sharp, number(2.0, 0.1, name=name, logarithmic=True)).outcome == (
+        "not determined"
+    )
+
+
+def with_width(estimate, width):
+    """The same with Stribeck friction of a width."""
+    friction = number(0.5, 0.02, 30.0, name="motor_stribeck_friction")
+    friction = replace(friction, slopes={"alpha_stribeck": 1.0})
+    slopes = {"alpha_stribeck": 1.0}
+    coefficient = replace(estimate.coefficients["alpha1"], name="alpha_stribeck", slopes=slopes)
+    shapes = {"stribeck_velocity": width, "backlash_width": width}
+    return replace(
+        estimate,
+        parameters={**estimate.parameters, friction.name: friction},
+        coefficients={**estimate.coefficients, "alpha_stribeck": coefficient},
+        choices=replace(estimate.choices, shapes=shapes),
+    )
+
+
+def test_an_amplitude_goes_with_its_width():
+    """Assert that widths are shown, and that what rests on unlike ones is not compared."""
+    rng = np.random.default_rng(9)
+    a, near, far = (with_width(drawn(rng), width) for width in (0.1, 0.19, 0.21))
+    found = compare_estimates(a, near)
+    assert found.parameters["motor_stribeck_friction"].compared
+    assert found.settings["stribeck velocity"] == ("0.1 rad/s", "0.19 rad/s")
+    assert "backlash width" not in found.settings
+    found = compare_estimates(a, far)
+    d = found.parameters["motor_stribeck_friction"]
+    assert d.outcome == "not compared"
+    assert d.reason.startswith("it rests on a stribeck_velocity of 0.1 in A and of 0.21 in B")
+    assert not found.coefficients["alpha_stribeck"].compared
+    assert found.parameters["joint_stiffness"].compared
+
+
+def test_a_smoothed_friction_is_shown():
+    """Assert that the velocity over which friction changes sign stands in what was otherwise."""
+    rng = np.random.default_rng(9)
+    a, b = drawn(rng), drawn(rng)
+    b = replace(b, choices=replace(b.choices, coulomb_velocity=0.02))
+    assert compare_estimates(a, b).settings["coulomb velocity"] == ("none", "0.02 rad/s")

@@ -1,0 +1,317 @@
+"""The frequency response of an identified joint: closed forms, coverage of its band, spectra."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flexid
+from flexid.errors import SettingError
+from flexid.frequency.frequency_response import frequency_response
+from flexid.frequency.linear_joint import linear_joint
+from flexid.frequency.response_band import response_band
+from flexid.frequency.spectral_estimate import spectral_estimates
+from flexid.identification.vocabulary.intervals import quantile
+from flexid.report.bode_chart import bode_chart
+from flexid.report.charts.description import Line
+from flexid.report.charts.figure import draw
+from flexid.simulation.free_run import free_run
+
+STEP = 1e-3
+TRUE = {
+    "theta1": 5.0,
+    "theta2": 100.0,
+    "theta_damping": 0.5,
+    "alpha1": 400.0,
+    "alpha2": 1.5,
+    "alpha_damping": 2.0,
+    "beta1": 4.0,
+}
+
+
+def broad(samples, seed):
+    """A torque with all frequencies from 0.05 to 20 Hz, and the motion of the joint under it."""
+    generator = np.random.default_rng(seed)
+    hertz = np.arange(1, 400) / (samples * STEP)
+    time = STEP * np.arange(samples)
+    waves = np.cos(2 * np.pi * np.outer(time, hertz) + generator.uniform(0, 6.28, len(hertz)))
+    torque = 0.25 * waves.sum(axis=1)
+    system = flexid.flexible_joint(("gravity", "motor_viscous", "joint_damping"))
+    states = free_run(system, TRUE, np.zeros(4), torque, STEP, "zero")
+    noise = 1e-4 * generator.standard_normal((samples, 2))
+    link, motor = (states[:, ::2] + noise).T
+    return {
+        "time [s]": time,
+        "link_position [rad]": link,
+        "motor_position [rad]": motor,
+        "motor_torque [N m]": torque,
+    }
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A log of 20 s."""
+    return broad(20_000, seed=3)
+
+
+@pytest.fixture(scope="module")
+def estimate(log):
+    """What is found in it."""
+    terms = ("gravity", "motor_viscous", "joint_damping")
+    return flexid.identify(log, terms=terms, hold="zero", segment_duration=1.0)
+
+
+def two_masses(c, omega):
+    """Velocities of motor and link per torque, by Cramer's rule on the two-mass drive."""
+    s = 1j * omega
+    spring = c["theta2"] + s * c["theta_damping"]
+    coupled = c["alpha1"] + s * c["alpha_damping"]
+    link = s**2 + c["theta1"] + spring
+    motor = s**2 + s * c["alpha2"] + coupled
+    determinant = link * motor - spring * coupled
+    return s * c["beta1"] * link / determinant, s * c["beta1"] * spring / determinant
+
+
+def test_it_is_that_of_the_two_mass_drive(estimate):
+    """Assert that both responses are the closed form, in rad/s per N m, at any frequency."""
+    hertz = np.geomspace(0.01, 300, 50)
+    found = estimate.frequency_response(frequency=hertz)
+    values = {name: c.value for name, c in estimate.coefficients.items()}
+    motor, link = two_masses(values, 2 * np.pi * hertz)
+    by_output = {r.output: r for r in found.responses}
+    np.testing.assert_allclose(by_output["motor velocity"].values, motor, rtol=1e-9)
+    np.testing.assert_allclose(by_output["link velocity"].values, link, rtol=1e-9)
+    assert by_output["link velocity"].unit == "rad/s/(N m)"
+
+
+def test_gravity_counts_where_the_link_hangs(estimate):
+    """Assert that about another position gravity's slope is that of its sine there."""
+    values = {name: c.value for name, c in estimate.coefficients.items()}
+    values["theta1"] *= np.cos(2.0)
+    hertz = np.geomspace(0.05, 2, 20)
+    found = estimate.frequency_response(frequency=hertz, position=2.0)
+    motor, _ = two_masses(values, 2 * np.pi * hertz)
+    np.testing.assert_allclose(found.responses[1].values, motor, rtol=1e-9)
+
+
+def test_resonance_and_antiresonance_have_intervals(estimate):
+    """Assert that they are near the truth's, within their intervals, which are not wide."""
+    matrix = np.array([[5.0 + 100.0, -100.0], [-400.0, 400.0]])
+    true = {"antiresonance": 105.0**0.5, "resonance": max(np.linalg.eigvals(matrix)) ** 0.5}
+    found = {f.name: f for f in estimate.frequency_response().characteristic}
+    assert set(found) == set(true)
+    for name, omega in true.items():
+        low, high = found[name].interval
+        assert low < omega / (2 * np.pi) < high
+        assert high - low < 0.01 * found[name].value
+    wider = {f.name: f for f in estimate.frequency_response(level=0.999).characteristic}
+    assert wider["resonance"].interval[0] < found["resonance"].interval[0]
+
+
+def test_the_interval_of_a_resonance_follows_the_covariance(estimate):
+    """Assert that its deviation is that of draws of the coefficients, correlations included."""
+    joint = linear_joint(estimate.result)
+    generator = np.random.default_rng(11)
+    draws = joint.deviations @ generator.standard_normal((joint.deviations.shape[1], 4000))
+    theta1, theta2, alpha1 = (
+        joint.values[place] + draws[place]
+        for place in map(joint.names.index, ("theta1", "theta2", "alpha1"))
+    )
+    total = theta1 + theta2 + alpha1
+    resonance = np.sqrt((total + np.sqrt(total**2 - 4 * theta1 * alpha1)) / 2) / (2 * np.pi)
+    (found,) = (f for f in frequency_response(estimate.result).characteristic if f.name[0] == "r")
+    half = (found.interval[1] - found.interval[0]) / 2
+    deviation = half / quantile(joint.degrees_of_freedom)
+    assert deviation == pytest.approx(np.std(resonance), rel=0.06)  # of 4000 draws: 1.1 %
+
+
+def drawn(joint, values, spread, seed):
+    """The joint with these coefficients, and deviations as large and correlated at random."""
+    full = np.zeros(len(joint.names))
+    for name, value in values.items():
+        full[joint.names.index(name)] = value
+    mixed = np.random.default_rng(seed).standard_normal((len(values), len(values)))
+    mixed /= np.linalg.norm(mixed, axis=1)[:, None]
+    deviations = np.zeros((len(full), len(values)))
+    deviations[np.flatnonzero(full)] = mixed
+    deviations *= spread * np.abs(full)[:, None]
+    free = np.zeros(len(full), dtype=bool)
+    return replace(joint, values=full, deviations=deviations, free=free, degrees_of_freedom=np.inf)
+
+
+LIGHT = {"theta1": 5.0, "theta2": 100.0, "alpha1": 333.0, "alpha2": 0.33, "beta1": 3.33}
+
+
+@pytest.mark.parametrize(
+    ("values", "spread", "seed"), [(LIGHT, 0.05, 1), (LIGHT, 0.005, 2), (TRUE, 0.05, 3)]
+)
+def test_the_band_covers(estimate, values, spread, seed):
+    """Assert that 95 % bands hold the truth in about 95 % of draws, beside sharp peaks too."""
+    true = drawn(linear_joint(estimate.result), values, spread, seed)
+    antiresonance = (values["theta1"] + values["theta2"]) ** 0.5
+    resonance = (values["theta2"] + values["alpha1"]) ** 0.5
+    beside = 1.0 + np.linspace(-0.04, 0.04, 4)
+    omega = np.concatenate(
+        (np.geomspace(0.3, 200.0, 8), antiresonance * beside, resonance * beside)
+    )
+    response = true.positions(omega)
+    generator = np.random.default_rng(seed)
+    inside = []
+    for _ in range(250):
+        moved = true.deviations @ generator.standard_normal(true.deviations.shape[1])
+        found = replace(true, values=true.values + moved)
+        band = response_band(found, omega, 0.95)
+        ratio = response / found.positions(omega)
+        size, angle = np.abs(ratio), np.angle(ratio)
+        held = (band.lower <= size) & (size <= band.upper)
+        turned = (band.behind <= angle) & (angle <= band.ahead)
+        inside.append((held, turned))
+    shares = np.mean(inside, axis=0)
+    assert shares.min() > 0.89  # of 250 draws; 0.95 less four of their deviations
+    assert 0.92 < shares.mean() < 0.985
+
+
+def test_a_band_narrows_to_nothing(estimate):
+    """Assert that coefficients without deviation leave the response without width."""
+    joint = drawn(linear_joint(estimate.result), TRUE, 0.0, 1)
+    for bare in (joint, replace(joint, deviations=joint.deviations[:, :0])):
+        band = response_band(bare, np.array([1.0, 20.0]), 0.95)
+        np.testing.assert_allclose((band.lower, band.upper), 1.0)
+        np.testing.assert_allclose((band.behind, band.ahead), 0.0)
+
+
+def test_what_is_not_determined_leaves_no_band(estimate):
+    """Assert that a free coefficient is named, in the figure too, and has no finite band."""
+    lost = estimate.result.fit.without_knowledge_of({"theta2"})
+    coefficients = estimate.result.coefficients
+    found = frequency_response(replace(estimate.result, fit=lost))
+    assert found.unknown == ("theta2", "theta_damping")  # which follows from it
+    assert np.isinf(found.responses[0].upper).all()
+    assert found.characteristic[0].interval == (0.0, np.inf)
+    titles = [panel.title for panel in bode_chart(found).panels]
+    assert any("theta2, theta_damping not determined" in title for title in titles)
+    assert coefficients["theta2"].verdict == "determined"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "still"),
+    [("theta2", 0.0, set()), ("beta1", 0.0, {0, 1}), ("alpha1", np.nan, set())],
+)
+def test_a_joint_that_is_none_can_be_drawn(estimate, name, value, still):
+    """Assert that a spring or a gain at zero, and a value that is none, leave a figure."""
+    changed = replace(estimate.result.coefficients[name], value=value, slopes={})
+    coefficients = {**estimate.result.coefficients, name: changed}
+    found = frequency_response(replace(estimate.result, coefficients=coefficients))
+    assert {i for i, r in enumerate(found.responses) if not r.values.any()} == still
+    assert all(np.isinf(found.responses[i].upper).all() for i in still)
+    assert (name in found.unknown) == np.isnan(value)
+    assert draw(bode_chart(found))._repr_png_()  # type: ignore[attr-defined] - in a notebook
+
+
+def test_the_spectral_estimate_is_the_model(estimate, log):
+    """Assert that where it is coherent, the log shows what the model says, in size and phase."""
+    found = estimate.frequency_response()
+    # Below 4.5 Hz the joint rings for longer than a segment lasts, and its spectrum leaks.
+    for response, coherence, error in zip(found.responses, (0.97, 0.998), (0.1, 0.03), strict=True):
+        (measured,) = response.measured
+        assert measured.averages == 14
+        steady = (measured.coherence > coherence) & (measured.frequency > 4.5)
+        assert steady.sum() > 4
+        f = measured.frequency[steady]
+        model = estimate.frequency_response(frequency=f).responses
+        (own,) = (r for r in model if r.output == response.output)
+        ratio = measured.values[steady] / own.values
+        assert np.abs(ratio - 1.0).max() < error  # the hold alone turns it by 0.04 at 13 Hz
+
+
+def test_delays_and_hold_are_taken_out(estimate):
+    """Assert that a late link, a late torque and another hold leave the estimate as it was."""
+    recordings = estimate.result.recordings
+    plain = spectral_estimates(recordings, estimate.result)
+    choices = estimate.result.choices
+    late = replace(
+        choices.alignment,
+        link_delay=replace(choices.alignment.link_delay, value=0.003),
+        input_delay=replace(choices.alignment.input_delay, value=0.001),
+    )
+    for name, delay in (("link velocity", 0.004), ("motor velocity", 0.001)):
+        result = replace(estimate.result, choices=replace(choices, alignment=late))
+        (before,) = (e for e in plain if e.output == name)
+        (after,) = (e for e in spectral_estimates(recordings, result) if e.output == name)
+        turned = np.angle(after.values / before.values)
+        wanted = 2 * np.pi * before.frequency * delay
+        np.testing.assert_allclose(np.angle(np.exp(1j * (turned - wanted))), 0.0, atol=1e-9)
+    smooth = replace(estimate.result, choices=replace(choices, hold="cubic"))
+    ratio = spectral_estimates(recordings, smooth)[0].values / plain[0].values
+    cycles = plain[0].frequency * STEP
+    np.testing.assert_allclose(ratio, np.sinc(cycles) * np.exp(-1j * np.pi * cycles), rtol=1e-9)
+
+
+def test_other_logs_can_stand_beside(estimate, log):
+    """Assert that other logs may be given, and that a short one shows nothing."""
+    alone = replace(estimate.result, recordings=())
+    bare = flexid.JointEstimate(alone)
+    assert not bare.frequency_response().responses[0].measured
+    (measured,) = bare.frequency_response(log).responses[0].measured
+    (own,) = estimate.frequency_response().responses[0].measured
+    np.testing.assert_array_equal(measured.values, own.values)
+    both = bare.frequency_response([log, broad(8_000, seed=4)]).responses[0].measured
+    assert both[0].averages > measured.averages
+    short = estimate.result.recordings[0].window(0, 30)
+    assert spectral_estimates([short], alone) == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"frequency": [1.0, 0.0]}, "Hz"),
+        ({"frequency": [np.nan]}, "Hz"),
+        ({"position": np.inf}, "rad"),
+        ({"level": 95}, "probability"),
+    ],
+)
+def test_nonsense_is_refused(estimate, options, said):
+    """Assert that each option that is none is refused with what would be right."""
+    with pytest.raises(SettingError, match=said):
+        estimate.frequency_response(**options)
+
+
+def test_link_and_rigid_joint_have_one_as_well(log):
+    """Assert that a log without torque gives link over motor, one encoder the rigid joint."""
+    del_torque = {name: values for name, values in log.items() if "torque" not in name}
+    link = flexid.identify(del_torque, terms=("gravity", "joint_damping"), segment_duration=1.0)
+    (response,) = link.frequency_response(frequency=np.array([0.001, 8.0])).responses
+    c = {name: e.value for name, e in link.coefficients.items()}
+    s = 2j * np.pi * 8.0
+    spring = c["theta2"] + s * c["theta_damping"]
+    assert (response.output, response.input) == ("link position", "motor position")
+    assert response.values[1] == pytest.approx(spring / (s**2 + c["theta1"] + spring))
+    assert [f.name for f in link.frequency_response().characteristic] == ["antiresonance"]
+    one = {name: values for name, values in log.items() if "link" not in name}
+    rigid = flexid.identify(one, terms=("viscous",), hold="zero", segment_duration=1.0)
+    found = rigid.frequency_response(frequency=np.array([2.0]))
+    beta, damping = (rigid.coefficients[name].value for name in ("beta1", "gamma_viscous"))
+    assert found.responses[0].values[0] == pytest.approx(beta / (4j * np.pi + damping))
+    assert found.characteristic == ()
+    for one, columns in ((rigid, 1), (link, 1)):
+        chart = bode_chart(one.frequency_response(log if one is rigid else None))
+        assert chart.columns == columns
+        assert draw(chart).axes
+
+
+def test_the_figure_shows_what_is_described(estimate):
+    """Assert that it has magnitude, phase and coherence of both, and names the frequencies."""
+    figure = estimate.plot.bode()
+    assert len(figure.axes) == 6
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    for word in ("model", "95 % band", "spectral", "antiresonance", "resonance"):
+        assert any(word in label for label in labels)
+    chart = bode_chart(frequency_response(estimate.result))
+    assert len(chart.panels) == 4
+    first, second = chart.panels[2:]
+    assert first.y == second.y
+    assert first.y.limits is not None
+    low, high = first.y.limits
+    shown = np.concatenate([m.y for p in (first, second) for m in p.marks if isinstance(m, Line)])
+    assert low < shown.min() < shown.max() < high

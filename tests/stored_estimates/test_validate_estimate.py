@@ -1,0 +1,302 @@
+"""A stored estimate on other logs: its answers again, and one sentence for what is none."""
+
+import json
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexid.errors import FlexidError, RecordingError, SettingError
+from flexid.identification.identify import identify
+from flexid.identification.preparation.settings import Settings
+from flexid.models.flexible_joint import flexible_joint
+from flexid.models.rigid_joint import rigid_joint
+from flexid.recording.read import read_log
+from flexid.report.documents import identification_document, to_json
+from flexid.simulation.free_run import free_run
+from flexid.stored_estimates.validate_estimate import validate_estimate
+
+TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+STEP = 0.002
+NOISE = 1e-4
+CHANNELS = ("link_position", "motor_position", "deflection")
+
+
+def torque(seed, duration=8.0):
+    """A torque of four tones with phases of its own, held from sample to sample."""
+    phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, 4)
+    t = STEP * np.arange(round(duration / STEP))
+    tones = np.sin(np.outer(t, [0.9, 4.3, 15.0, 24.0]) + phases)
+    return t, tones @ np.array([4.0, 5.0, 5.0, 4.0])
+
+
+def write_flexible(path, seed=0, duration=8.0, true=TRUE, unit="motor_torque [N m]"):
+    """A log of Table I's joint from rest."""
+    t, u = torque(seed, duration)
+    x = free_run(flexible_joint(), true, np.zeros(4), u, STEP, "zero")
+    noise = NOISE * np.random.default_rng(seed + 100).standard_normal((len(t), 2))
+    header = f"time [s],link_position [rad],motor_position [rad],{unit}"
+    table = np.column_stack([t, x[:, [0, 2]] + noise, u])
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    return read_log(path)
+
+
+def stored(**changed):
+    """Table I's joint as a document."""
+    document = {
+        "format_version": 1,
+        "model": "flexible",
+        "coefficients": {name: {"value": value} for name, value in TRUE.items()},
+        "choices": {
+            "terms": ["gravity", "motor_viscous"],
+            "hold": "zero",
+            "input_delay": {"value": 0.0},
+            "link_delay": {"value": 0.0},
+            "coulomb_velocity": None,
+        },
+    }
+    document.update(changed)
+    return deepcopy(document)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A log of the joint."""
+    return write_flexible(tmp_path_factory.mktemp("log") / "log.csv")
+
+
+def test_the_truth_leaves_the_noise(log):
+    """Assert that the true values predict all that is no noise, however long."""
+    found = validate_estimate(stored(), [log])
+    assert set(found.fit_percent) == set(CHANNELS)
+    assert set(found.horizons) == {0.05, 0.2, 1.0, 5.0}
+    for horizon in (0.05, 0.2):  # longer ones show that the first state is not known exactly
+        residuals = found.residuals[horizon]
+        assert residuals["link_position"] == pytest.approx(NOISE, rel=0.2)
+        assert residuals["motor_position"] == pytest.approx(NOISE, rel=0.2)
+        assert residuals["deflection"] == pytest.approx(np.sqrt(2) * NOISE, rel=0.2)
+    assert all(fit > 99 for fit in found.fit_percent.values())
+    assert found.noise["deflection"] == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
+    spread = np.std(found.runs[0].measured[:, 0])
+    assert found.fit_percent["link_position"] == pytest.approx(
+        100 * (1 - found.residuals[np.inf]["link_position"] / spread)
+    )
+    assert found.warnings == ()
+
+
+def test_what_identify_reports_comes_again(log, tmp_path):
+    """Assert that a stored estimate predicts the end that identify held out as well as that did."""
+    result = identify([log], Settings(terms=("gravity", "motor_viscous")))
+    path = tmp_path / "estimate.json"
+    path.write_text(to_json(identification_document(result)))
+    start = len(log.recordings[0]) - round(len(log.recordings[0]) / 3)
+    # From half a second before the end that was held out, so that the same stretch is predicted.
+    part = log.recordings[0].window(start - round(0.5 / STEP), len(log.recordings[0]))
+    end = replace(log, recordings=(part,), sha256="of the end alone")
+    found = validate_estimate(path, [end])
+    for channel in CHANNELS:
+        once = result.validation.fit_percent[channel]
+        # The values are now those of all data.
+        assert 100 - found.fit_percent[channel] == pytest.approx(100 - once, rel=0.3)
+    assert found.warnings == ()
+    (warning,) = validate_estimate(path, [log]).warnings
+    assert "tests nothing new" in warning
+
+
+def test_a_wrong_stiffness_predicts_less(log):
+    """Assert that 5 % more stiffness lowers every fit, the more the longer the prediction."""
+    wrong = stored()
+    for name in ("theta2", "alpha1"):
+        wrong["coefficients"][name]["value"] *= 1.05
+    right, found = validate_estimate(stored(), [log]), validate_estimate(wrong, [log])
+    for horizon, fits in found.horizons.items():
+        for channel, fit in fits.items():
+            assert fit < right.horizons[horizon][channel]
+    off = [residuals["deflection"] for residuals in found.residuals.values()]
+    assert off[0] < off[2]
+
+
+def test_delays_are_heeded(tmp_path):
+    """Assert that an input recorded early is predicted with the delay, and not without."""
+    t, u = torque(3)
+    x = free_run(flexible_joint(), TRUE, np.zeros(4), u, STEP, "zero")
+    early = np.append(u[5:], np.full(5, u[-1]))  # it acts 10 ms after it was recorded
+    path = tmp_path / "late.csv"
+    header = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
+    np.savetxt(path, np.column_stack([t, x[:, [0, 2]], early]), delimiter=",", header=header)
+    path.write_text(path.read_text().removeprefix("# "))
+    late = stored()
+    late["choices"]["input_delay"]["value"] = 0.01
+    with_delay = validate_estimate(late, [read_log(path)]).horizons[0.2]["deflection"]
+    without = validate_estimate(stored(), [read_log(path)]).horizons[0.2]["deflection"]
+    assert with_delay > 99.5
+    assert without < 90.0
+
+
+def test_shapes_need_their_widths(log):
+    """Assert that backlash of no size changes nothing, and that its width must be there."""
+    document = stored()
+    for name in ("alpha_backlash", "theta_backlash"):
+        document["coefficients"][name] = {"value": 0.0}
+    document["choices"]["terms"].append("backlash")
+    with pytest.raises(SettingError, match="backlash_width"):
+        validate_estimate(document, [log])
+    document["choices"]["shapes"] = {"backlash_width": 1e-4}
+    found = validate_estimate(document, [log])
+    plain = validate_estimate(stored(), [log])
+    assert found.fit_percent == pytest.approx(plain.fit_percent)
+
+
+def test_offsets_of_several_logs(log):
+    """Assert that offsets found log by log are averaged, and that this is said."""
+    document = stored()
+    document["coefficients"] |= {f"alpha_offset[{n}]": {"value": v} for n, v in ((1, 2), (2, -2))}
+    document["choices"]["terms"].append("motor_offset")
+    found = validate_estimate(document, [log])
+    assert found.fit_percent == pytest.approx(validate_estimate(stored(), [log]).fit_percent)
+    assert "alpha_offset" in found.warnings[0]
+
+
+def test_a_rigid_joint(tmp_path):
+    """Assert that the estimate of a rigid joint predicts the motor's encoder, that of two too."""
+    t, u = torque(4)
+    true = {"gamma1": 4.0, "beta1": 0.8}
+    x = free_run(rigid_joint(("gravity",)), true, np.zeros(2), u, STEP, "zero")
+    path = tmp_path / "one.csv"
+    header = "time [s],motor_position [rad],motor_torque [N m]"
+    noise = NOISE * np.random.default_rng(1).standard_normal(len(t))
+    np.savetxt(path, np.column_stack([t, x[:, 0] + noise, u]), delimiter=",", header=header)
+    path.write_text(path.read_text().removeprefix("# "))
+    rigid = stored(model="rigid", coefficients={c: {"value": v} for c, v in true.items()})
+    rigid["choices"]["terms"] = ["gravity"]
+    found = validate_estimate(rigid, [read_log(path)])
+    assert set(found.fit_percent) == {"motor_position"}
+    assert found.residuals[0.05]["motor_position"] == pytest.approx(NOISE, rel=0.15)
+    assert found.residuals[np.inf]["motor_position"] < 5.0 * NOISE
+    with pytest.raises(RecordingError, match="link_position"):
+        validate_estimate(stored(), [read_log(path)])
+
+
+def test_an_undetermined_value_is_said(log):
+    """Assert that what rests on a guess is named."""
+    document = stored()
+    document["coefficients"]["alpha2"]["verdict"] = "undetermined"
+    (warning,) = validate_estimate(document, [log]).warnings
+    assert "alpha2" in warning
+
+
+def test_another_input_is_refused(tmp_path, log):
+    """Assert that a log of a voltage is refused for an estimate made of torques."""
+    document = stored()
+    document["coefficients"]["beta1"]["unit"] = "rad/s^2/(N m)"
+    assert validate_estimate(document, [log]).fit_percent["link_position"] > 99
+    other = write_flexible(tmp_path / "volts.csv", unit="motor_voltage [V]")
+    with pytest.raises(RecordingError, match="input"):
+        validate_estimate(document, [other])
+
+
+def test_a_short_log_is_refused(tmp_path):
+    """Assert that a log without half a second to start from is refused."""
+    with pytest.raises(RecordingError, match="longer"):
+        validate_estimate(stored(), [write_flexible(tmp_path / "short.csv", duration=0.4)])
+
+
+def without(*keys):
+    """The document less one key."""
+    document = stored()
+    part = document
+    for key in keys[:-1]:
+        part = part[key]
+    del part[keys[-1]]
+    return document
+
+
+def with_value(value, *keys):
+    """The document with another value somewhere."""
+    document = stored()
+    part = document
+    for key in keys[:-1]:
+        part = part[key]
+    part[keys[-1]] = value
+    return document
+
+
+@pytest.mark.parametrize(
+    ("document", "complaint"),
+    [
+        (without("format_version"), "estimate.json"),
+        (with_value(2, "format_version"), "update flexid"),
+        (with_value(True, "format_version"), "estimate.json"),
+        (without("model"), "model"),
+        (without("coefficients", "theta2"), "theta2"),
+        (without("choices", "hold"), "hold"),
+        (with_value("pendulum", "model"), "model"),
+        (with_value(None, "coefficients", "beta1", "value"), "value"),
+        (with_value(float("nan"), "coefficients", "beta1", "value"), "value"),
+        (with_value("3", "coefficients", "beta1", "value"), "value"),
+        (with_value({"value": 1.0}, "coefficients", "gamma1"), "gamma1"),
+        (with_value(["stiction"], "choices", "terms"), "stiction"),
+        (with_value("spline", "choices", "hold"), "hold"),
+        (with_value(1e9, "choices", "input_delay", "value"), "input_delay"),
+        (with_value(-1.0, "choices", "coulomb_velocity"), "coulomb_velocity"),
+        (with_value({"a": 0.0}, "choices", "shapes"), "shapes"),
+        (with_value(3, "coefficients"), "coefficients"),
+        (with_value([], "choices"), "choices"),
+    ],
+)
+def test_bad_estimates_are_one_sentence(log, document, complaint):
+    """Assert that what is wrong is named in one line."""
+    with pytest.raises(SettingError, match=complaint) as caught:
+        validate_estimate(document, [log])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{}", b"[]", b"null", b"\xff\xfe", b"[" * 100_000, b'{"model": ', b"1" * 5000],
+)
+def test_bad_files_are_one_sentence(log, tmp_path, content):
+    """Assert that a file that is no estimate is refused by name."""
+    path = tmp_path / "estimate.json"
+    path.write_bytes(content)
+    with pytest.raises(SettingError, match=r"estimate\.json") as caught:
+        validate_estimate(path, [log])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [1e6, 1e150, 1e300])
+def test_impossible_values_diverge_or_are_refused(log, size):
+    """Assert that a hostile coefficient ends in an answer or a sentence."""
+    try:
+        found = validate_estimate(with_value(-size, "coefficients", "theta2", "value"), [log])
+    except FlexidError:
+        return
+    assert not found.fit_percent["link_position"] > 0.0
+
+
+def test_the_command(flexid, tmp_path):
+    """Assert that the command prints within the page and writes document and figure."""
+    write_flexible(tmp_path / "log.csv")
+    path = tmp_path / "estimate.json"
+    path.write_text(json.dumps(stored()))
+    outcome = flexid("validate", path, tmp_path / "log.csv", "--out", tmp_path / "out")
+    assert outcome.status == 0, outcome.stderr
+    assert max(map(len, outcome.stdout.splitlines())) <= 100
+    assert "free run" in outcome.stdout
+    names = {file.name for file in (tmp_path / "out").iterdir()}
+    assert names == {"report.html", "validation.json", "validation.png"}
+    document = json.loads((tmp_path / "out" / "validation.json").read_text())
+    assert set(document["residuals"]) == {"0.05", "0.2", "1", "5", "free"}
+    assert document["provenance"]["inputs"][0]["file"] == str(tmp_path / "log.csv")
+    printed = flexid("validate", path, tmp_path / "log.csv", "--json")
+    assert json.loads(printed.stdout)["fit_percent"] == document["fit_percent"]
+
+
+@pytest.mark.parametrize("name", ["none.json", "log.csv"])
+def test_the_command_refuses_what_is_no_estimate(flexid, tmp_path, name):
+    """Assert that a missing file, and a log in its place, exit with 2 and one line."""
+    write_flexible(tmp_path / "log.csv", duration=2.0)
+    outcome = flexid("validate", tmp_path / name, tmp_path / "log.csv")
+    assert outcome.status == 2
+    assert len(outcome.stderr.strip().splitlines()) == 1
