@@ -147,6 +147,10 @@ def truth(draft: Draft, drive: Drive, size: Size) -> dict[str, float]:
         "link_viscous_friction": drive.link_viscous,
         "link_coulomb_friction": drive.link_coulomb,
         "link_offset_torque": drive.link_offset + stretch,
+        "half_backlash": drive.half_gap,
+        "eccentricity_sine": drive.eccentricity * float(np.cos(drive.eccentricity_phase)),
+        "eccentricity_cosine": drive.eccentricity * float(np.sin(drive.eccentricity_phase)),
+        "torque_saturation": drive.saturation / drive.peak_torque**2,
         "input_delay": draft.input_delay,
         "link_delay": draft.link_delay,
     }
@@ -164,6 +168,9 @@ _TERMS = {
     "spring_hysteresis": "spring_hysteresis",
     "link_offset_torque": "link_offset",
     "motor_offset_torque": "motor_offset",
+    "half_backlash": "backlash",
+    "eccentricity_sine": "eccentricity",
+    "torque_saturation": "torque_saturation",
 }
 """The term that brings each parameter in."""
 

@@ -2,7 +2,8 @@
 
 All signals pass the same low-pass filter forwards and backwards, so that it delays nothing and
 cancels from the equations; both equations are linear in the physical parameters and are solved
-together. The terms, hold, delays and the joint's resonance are given.
+together. The terms, hold, delays and the joint's resonance are given; gaps, eccentric gears and
+torques that saturate are not among them.
 """
 
 import numpy as np
@@ -56,7 +57,7 @@ def plain_least_squares(trial: Trial) -> dict[str, float]:
         "link_offset": ("link_offset_torque", -one, zero),
         "motor_offset": ("motor_offset_torque", zero, -one),
     }
-    columns |= {extra[term][0]: extra[term][1:] for term in trial.terms}
+    columns |= {extra[term][0]: extra[term][1:] for term in trial.terms if term in extra}
     rows = [np.concatenate([smooth(side) for side in sides]) for sides in columns.values()]
     solved = np.linalg.lstsq(np.array(rows).T, np.append(smooth(zero), smooth(torque)))[0]
     found = dict(zip(columns, solved.tolist(), strict=True))

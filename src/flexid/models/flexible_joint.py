@@ -80,7 +80,10 @@ SHAPE_TERMS: dict[str, Term] = {
     "eccentricity": Term(
         "error of the transmission that repeats with each turn",
         {"theta_ecc_sine": "sin(x3)", "theta_ecc_cosine": "cos(x3)"},
-        {"alpha_ecc_sine": "-sin(x3)", "alpha_ecc_cosine": "-cos(x3)"},
+        {  # the gear, which turns a little more or less, turns the torque so much more or less too
+            "alpha_ecc_sine": "-sin(x3) + (x1 - x3)*cos(x3)",
+            "alpha_ecc_cosine": "-cos(x3) - (x1 - x3)*sin(x3)",
+        },
     ),
     "spring_hysteresis": Term(
         "friction within the joint spring",
