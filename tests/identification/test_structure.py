@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from scipy.stats import norm, t
+from scipy.stats import chi2, norm, t
 
 from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.identification.full_model.model import Fitted, Structure
@@ -84,6 +84,24 @@ def test_chance_decides(name, chance, side):
     """Assert that a usual term stays if chance is below one in 50, a shape if below one in 1000."""
     assert left(alone(name, side * (normal(chance) + 0.02))) == {name}
     assert left(alone(name, side * (normal(chance) - 0.02))) == set()
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.7, np.pi / 2.0, 3.0])
+def test_amplitude_and_phase_are_one_term(phase):
+    """Assert that both components of an eccentric gear stay, or none, whatever its phase.
+
+    Together they are that far from zero one time in 1000 for two degrees of freedom.
+    """
+    names = ("theta2", "alpha1", "beta1", "alpha_ecc_sine", "alpha_ecc_cosine")
+    edge = float(np.sqrt(chi2.isf(0.001, 2)))
+
+    def found(deviations: float) -> set[str]:
+        values = np.array([100.0, 300.0, 3.0, 0.0, 0.0])
+        values[3:] = 0.1 * deviations * np.cos(phase), 0.1 * deviations * np.sin(phase)
+        return left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0])))
+
+    assert found(edge + 0.02) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
+    assert found(edge - 0.02) == set()
 
 
 def test_few_degrees_of_freedom_ask_for_more():

@@ -3,14 +3,15 @@
 All that a log may show is fitted at once; then what it does not show is taken away, one by one,
 with the others following along the quadratic form of the fit. A term stays if chance would hardly
 give one as large, the residuals' correlation counted, and goes if it has a sign that no friction
-has.
+has. Amplitude and phase of an eccentric gear are one term: either both of its coefficients stay, or
+none.
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
@@ -18,6 +19,7 @@ from flexid.estimators.segmented_motion import INPUT
 from flexid.identification.full_model.climbing import Climb
 from flexid.identification.full_model.fitting import fit_like, onward
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
+from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
@@ -212,12 +214,14 @@ def eliminate(
     )
     frictions = np.array([b in DISSIPATIVE for b in base])
     delays = np.array([b in full.structure.timing.sought for b in base])
+    groups = _groups(names, joint)
     quadratic = _Quadratic.of(full)
     left = np.ones(len(names), dtype=np.bool_)
     tests: dict[str, TermEvidence] = {}
     while True:
-        values, deviations = quadratic.at(left)
-        chance = 2.0 * stdtr(quadratic.freedom, -np.abs(values) / deviations)
+        values, covariance = quadratic.at(left)
+        deviations = np.sqrt(np.diag(covariance))
+        chance = np.array([quadratic.chance(group, values, covariance) for group in groups])
         negative = frictions & (values < 0.0) & (values > -thresholds.friction_sign * deviations)
         ratio = np.where(negative, 1.0, chance) / limits
         # A channel later than the margin of the data has no partner there.
@@ -235,14 +239,25 @@ def eliminate(
             break
         # Of terms that the log does not distinguish the less usual ones go first.
         gone = max(free or candidates, key=lambda i: (base[i] in joint.shapes, ratio[i], i))
-        left[gone] = False
+        left[groups[gone]] = False
         left[[b == joint.grips.get(base[gone]) for b in base]] = False
-        tests[names[gone]] = replace(tests[names[gone]], kept=False)
+        tests |= {names[i]: replace(tests[names[i]], kept=False) for i in groups[gone]}
     dropped = [names[i] for i in np.flatnonzero(~left)]
     whole = {b for b, stays in zip(base, left, strict=True) if stays}
     return full.structure.without(n for n in dropped if n.partition("[")[0] not in whole), tuple(
         tests.values()
     )
+
+
+def _groups(names: Sequence[str], joint: Joint) -> list[list[int]]:
+    """For each name the places of those that stay or go with it, its own among them.
+
+    They are the coefficients of one term, in one log where each has its own.
+    """
+    term_of = {c: term for term, coefficients in joint.terms.items() for c in coefficients}
+    term_of |= {grip: grip for grip in joint.grips.values()}  # which follows its term untested
+    keys = [(term_of.get(base, base), log) for base, _, log in (n.partition("[") for n in names)]
+    return [[i for i, other in enumerate(keys) if other == key] for key in keys]
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,14 +286,30 @@ class _Quadratic:
             np.where(usable & (freedom > 0.0), freedom, 5.0),
         )
 
+    def chance(self, group: list[int], values: FloatArray, covariance: FloatArray) -> float:
+        """Probability of values as large together, were they zero; one where some are free."""
+        part = covariance[np.ix_(group, group)]
+        if not np.isfinite(part).all():
+            return 1.0
+        scale = np.sqrt(np.diag(part))
+        inverse, free = scaled_inverse(part, scale)
+        if free.any():
+            return 1.0
+        square = float(values[group] @ inverse @ values[group])
+        return float(fdtrc(len(group), min(self.freedom[group]), square / len(group)))
+
     def at(self, left: np.ndarray) -> tuple[FloatArray, FloatArray]:
-        """Values and deviations where only some are left; zero and infinite for the others."""
-        values, deviations = np.zeros(len(left)), np.full(len(left), np.inf)
+        """Values and covariance where only some are left; zero and infinite for the others."""
+        values, covariance = np.zeros(len(left)), np.diag(np.full(len(left), np.inf))
         places = np.flatnonzero(left)
         part = self.information[np.ix_(places, places)]
         scale = np.sqrt(np.diag(part))
         inverse, free = scaled_inverse(part, np.where(scale > 0.0, scale, 1.0))
         values[places] = inverse @ self.right[places]
         spread = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * self.factors[places]
-        deviations[places] = np.where(free | (spread <= 0.0), np.inf, spread)
-        return values, deviations
+        free = free | (spread <= 0.0)
+        found = inverse * np.outer(self.factors[places], self.factors[places])
+        found[free | free[:, None]] = 0.0
+        found[free, free] = np.inf
+        covariance[np.ix_(places, places)] = found
+        return values, covariance
