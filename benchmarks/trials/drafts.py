@@ -36,6 +36,14 @@ class Draft:
         Added to what is recorded; the last as a share of the torque's root mean square.
     controlled : bool
         Whether a position controller drives.
+    motion : {"sines", "steps", "moves"}
+        Which torques are played, or with the last, which references are followed.
+    jolted : bool
+        Whether a torque in steps plays before the log begins, and steps where it does.
+    durations : tuple of float
+        Shortest and longest log in s.
+    longest : float
+        Longest step of the integrator in s.
     holds : tuple of str
         Holds to choose from.
     bits : tuple of int
@@ -74,6 +82,10 @@ class Draft:
     motor_zero: float = 0.0
     torque_zero: float = 0.0
     controlled: bool = False
+    motion: str = "sines"
+    jolted: bool = False
+    durations: tuple[float, float] = (12.0, 30.0)
+    longest: float = 5e-5
     holds: tuple[str, ...] = ("zero", "smooth")
     bits: tuple[int, int] = (13, 18)
     noise: tuple[float, float] = (2e-5, 3e-4)

@@ -24,6 +24,8 @@ class Family:
     change : callable
         What it draws beside the basic drive.
     has_gravity : bool, optional
+    resonances : tuple of float, optional
+        Slowest and fastest of link against motor, in rad/s.
     """
 
     name: str
@@ -31,10 +33,12 @@ class Family:
     in_class: bool
     change: Callable[[Generator, Draft], None]
     has_gravity: bool = True
+    resonances: tuple[float, float] = (8.0, 45.0)
 
     def draw(self, rng: Generator) -> Draft:
         """Draw a drive."""
-        draft = _harmonic(rng) if self.name == "harmonic_drive" else _basic(rng, self.has_gravity)
+        harmonic = self.name == "harmonic_drive"
+        draft = _harmonic(rng) if harmonic else _basic(rng, self.has_gravity, self.resonances)
         self.change(rng, draft)
         return draft
 
@@ -43,11 +47,11 @@ def _log(rng: Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _basic(rng: Generator, has_gravity: bool) -> Draft:
+def _basic(rng: Generator, has_gravity: bool, resonances: tuple[float, float]) -> Draft:
     """Gravity and viscous friction of the motor; everything else is for the families."""
     link = _log(rng, 0.02, 2.0)
     motor = link * _log(rng, 0.2, 5.0)
-    resonance = _log(rng, 8.0, 45.0)
+    resonance = _log(rng, *resonances)
     stiffness = resonance**2 * link * motor / (link + motor)
     fastest = min(8.0, 0.5 * np.sqrt(stiffness / link))
     pendulum = _log(rng, 1.0, max(fastest, 1.1))
@@ -150,6 +154,35 @@ def _cubic_spring(rng: Generator, draft: Draft) -> None:
     draft.cubic = _log(rng, 0.05, 0.5)
 
 
+def _torque_steps(rng: Generator, draft: Draft) -> None:
+    draft.motion, draft.holds, draft.durations = "steps", ("zero",), _SHORT
+    draft.jolted = bool(rng.random() < 0.5)
+    if rng.random() < 0.5:
+        _some_coulomb(rng, draft)
+
+
+def _point_to_point(rng: Generator, draft: Draft) -> None:
+    draft.motion, draft.controlled, draft.durations = "moves", True, _SHORT
+    if rng.random() < 0.5:
+        _some_coulomb(rng, draft)
+    plain = draft.base
+    _damping_link_friction(rng, draft)
+    if rng.random() < 0.7:
+        draft.base = draft.base._replace(joint_damping=plain.joint_damping)
+    if rng.random() < 0.7:
+        draft.base = draft.base._replace(link_viscous=plain.link_viscous)
+    if rng.random() < 0.3:
+        draft.input_delay = rng.uniform(0.0, 5e-3)
+
+
+def _fast_joint(rng: Generator, draft: Draft) -> None:
+    draft.band = draft.resonance * rng.uniform(0.4, 0.75)  # none of its tones is far above
+    draft.smallest = 3e-4
+    draft.longest = 2.0**-16  # no rounding as such steps add up, of which there are many
+    if rng.random() < 0.5:
+        _some_coulomb(rng, draft)
+
+
 def _lugre(rng: Generator, draft: Draft) -> None:
     coulomb = rng.uniform(0.05, 0.2)
     static = coulomb * rng.uniform(1.2, 1.8)
@@ -213,6 +246,8 @@ def _spring_other(rng: Generator, draft: Draft) -> None:
     draft.base = draft.base._replace(bend_stiffness=float(gain) * draft.base.joint_stiffness)
 
 
+_SHORT = (6.0, 20.0)  # s, of a log
+
 _ALL = (
     Family("basic", "gravity and viscous friction of the motor", True, _nothing),
     Family(
@@ -273,6 +308,27 @@ _ALL = (
         _payload_off_axis,
     ),
     Family("hysteresis", "spring hysteresis after Dahl, 2 to 8 % of its torque", True, _hysteresis),
+    Family(
+        "torque_steps",
+        "torque in random steps or switched to and fro, 6 to 20 s; half of them begin in full "
+        "swing; Coulomb friction in half",
+        True,
+        _torque_steps,
+    ),
+    Family(
+        "point_to_point",
+        "position controller from rest to rest, 6 to 20 s; Coulomb friction in half, damping, "
+        "friction of the link or a late torque in three of ten each",
+        True,
+        _point_to_point,
+    ),
+    Family(
+        "fast_joint",
+        "resonance 94 to 314 rad/s, Coulomb friction in half",
+        True,
+        _fast_joint,
+        resonances=(94.0, 314.0),
+    ),
     Family("lugre", "LuGre friction with Stribeck effect and presliding", False, _lugre),
     Family(
         "ripple",

@@ -12,7 +12,7 @@ from benchmarks.trials.arrays import FloatArray
 from benchmarks.trials.drafts import Draft, Size, acting, realised, truth
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
-from benchmarks.trials.motions import Motion, draw_reference, draw_torque
+from benchmarks.trials.motions import Motion, draw_moves, draw_reference, draw_steps, draw_torque
 from benchmarks.trials.sensors import (
     Noise,
     Sensors,
@@ -25,7 +25,7 @@ from benchmarks.trials.sensors import (
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 
 _TABLE_STEP = 1e-4  # s, of a smooth torque
-_COARSE, FINE = 2.5e-4, 5e-5  # s, steps while the amplitude is sought, and for the log
+_COARSE = 2.5e-4  # s, steps while the amplitude is sought
 TRIES, _MOTIONS, _PLAYS = 500, 4, 7
 _FARTHEST = 2.2  # rad from hanging straight down: no link goes over the top
 _FASTEST = 60.0  # rad/s
@@ -158,7 +158,7 @@ def record(rng: np.random.Generator, family: str, seed: int, draft: Draft) -> Re
             sensors = faint(draft, sensors, size.deflection / draft.faint)
             noise = draw_noise(rng, draft, sensors)
         times = sensors.instants + sensors.sample_time * noise.jitter
-        run = run_play(draft, drive, play, times, noise, size.torque, FINE)
+        run = run_play(draft, drive, play, times, noise, size.torque, draft.longest)
         if _accepted(draft, drive, sensors, run):
             trial = trial_of(rng, family, seed, draft, drive, sensors, play, size, noise, run)
             return Recorded(trial, drive, sensors, play, size)
@@ -168,9 +168,9 @@ def record(rng: np.random.Generator, family: str, seed: int, draft: Draft) -> Re
 def _draw_play(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> tuple[Play, Size]:
     """A motion, and a guess at its size."""
     base = draft.base
+    motion = _draw_motion(rng, draft, sensors)
     inertia = base.link_inertia + base.motor_inertia
     if draft.controlled:
-        motion = draw_reference(rng, draft.resonance)
         bandwidth = min(draft.resonance, 30.0) * rng.uniform(0.25, 0.6)
         proportional = inertia * bandwidth**2
         law = Law(
@@ -184,13 +184,23 @@ def _draw_play(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> tupl
         play = Play(motion, draft.target / _half_range(motion.at(sensors.instants)), law, "zero")
         torque = draft.target * max(inertia * 9.0, base.gravity_torque)
     else:
-        motion = draw_torque(rng, draft.band, sensors.duration)
         torque = draft.target * (inertia * (0.2 * draft.band) ** 2 + base.gravity_torque)
         play = Play(
             motion, torque / motion.at(sensors.instants).std(), Law(), str(rng.choice(draft.holds))
         )
     deflection = torque / base.joint_stiffness
     return play, Size(torque, 2.0 * torque, deflection, 2.0 * deflection)
+
+
+def _draw_motion(rng: np.random.Generator, draft: Draft, sensors: Sensors) -> Motion:
+    begin = float(sensors.instants[0])
+    if draft.motion == "steps":
+        return draw_steps(rng, draft.resonance, begin, sensors.duration, draft.jolted)
+    if draft.motion == "moves":
+        return draw_moves(rng, begin, sensors.duration)
+    if draft.controlled:
+        return draw_reference(rng, draft.resonance)
+    return draw_torque(rng, draft.band, sensors.duration)
 
 
 def _sized(

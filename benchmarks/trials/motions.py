@@ -1,14 +1,32 @@
-"""What is played: torques and references as sums of sines, one of which may sweep."""
+"""What is played: sums of sines, one of which may sweep; torques in steps; moves to and fro."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from benchmarks.trials.arrays import FloatArray
+from benchmarks.trials.arrays import FloatArray, IntArray
+
+
+class Motion(Protocol):
+    """A torque or a reference over time."""
+
+    @property
+    def kind(self) -> str:
+        """What it is, in a word or two."""
+        ...
+
+    def at(self, time: FloatArray, /) -> FloatArray:
+        """Values at some times, shape (n,)."""
+        ...
+
+    def rate_at(self, time: FloatArray, /) -> FloatArray:
+        """Derivatives at some times, shape (n,)."""
+        ...
 
 
 @dataclass(frozen=True)
-class Motion:
+class Sines:
     """A sum of sines, ``sum a sin(f t + s t^2 / 2 + phase)``.
 
     Parameters
@@ -46,7 +64,88 @@ class Motion:
         ]
 
 
-def draw_torque(rng: np.random.Generator, resonance: float, duration: float) -> Motion:
+@dataclass(frozen=True)
+class Steps:
+    """Levels, each from its own instant on; zero before the first.
+
+    Parameters
+    ----------
+    instants, levels : (k,) ndarray
+        Instants in s, ascending.
+    kind : str
+    """
+
+    instants: FloatArray
+    levels: FloatArray
+    kind: str
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Values at some times, shape (n,)."""
+        return np.append(0.0, self.levels)[np.searchsorted(self.instants, time, side="right")]
+
+    def rate_at(self, time: FloatArray) -> FloatArray:
+        """Derivatives between the steps: none, shape (n,)."""
+        return np.zeros(len(time))
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Moves from target to target, with rests in between; it begins at rest at zero.
+
+    Parameters
+    ----------
+    begins, takes : (k,) ndarray
+        When each move begins, and how long it takes, in s; a move ends before the next begins.
+    targets : (k,) ndarray
+        Where each of them ends.
+    ramp : float
+        Share of a move's time in which it gains speed, and again in which it loses it: the speed is
+        a trapezoid. Zero is for moves of minimum jerk.
+    """
+
+    begins: FloatArray
+    takes: FloatArray
+    targets: FloatArray
+    ramp: float
+
+    @property
+    def kind(self) -> str:
+        """The shape of a move."""
+        return "trapezoids" if self.ramp else "minimum jerk"
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Values at some times, shape (n,)."""
+        move, share = self._place(time)
+        if self.ramp:
+            early = np.minimum(share, self.ramp)
+            late = np.maximum(share - (1.0 - self.ramp), 0.0)
+            gone = share - early + (early**2 - late**2) / (2.0 * self.ramp)
+            gone /= 1.0 - self.ramp
+        else:
+            gone = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        return self._starts[move] + (self.targets - self._starts)[move] * gone
+
+    def rate_at(self, time: FloatArray) -> FloatArray:
+        """Derivatives at some times, shape (n,)."""
+        move, share = self._place(time)
+        if self.ramp:
+            speed = np.clip(np.minimum(share, 1.0 - share) / self.ramp, 0.0, 1.0)
+            speed /= 1.0 - self.ramp
+        else:
+            speed = 30.0 * (share * (1.0 - share)) ** 2
+        return (self.targets - self._starts)[move] * speed / self.takes[move]
+
+    @property
+    def _starts(self) -> FloatArray:
+        return np.append(0.0, self.targets[:-1])
+
+    def _place(self, time: FloatArray) -> tuple[IntArray, FloatArray]:
+        """The move that goes on, or went before, and the share of its time that is over."""
+        move = np.maximum(np.searchsorted(self.begins, time, side="right") - 1, 0)
+        return move, np.clip((time - self.begins[move]) / self.takes[move], 0.0, 1.0)
+
+
+def draw_torque(rng: np.random.Generator, resonance: float, duration: float) -> Sines:
     """Draw a torque of about unit size: two to four sines, a sweep, or filtered noise."""
     kind = str(rng.choice(["sines", "sines", "sines", "chirp", "noise"]))
     if kind == "sines":
@@ -67,14 +166,56 @@ def draw_torque(rng: np.random.Generator, resonance: float, duration: float) -> 
         amplitudes = rng.rayleigh(0.3, 40) / np.sqrt(1.0 + (frequencies / corner) ** 2)
         sweeps = np.zeros(40)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(frequencies))
-    return Motion(amplitudes, frequencies, sweeps, phases, kind)
+    return Sines(amplitudes, frequencies, sweeps, phases, kind)
 
 
-def draw_reference(rng: np.random.Generator, resonance: float) -> Motion:
+def draw_reference(rng: np.random.Generator, resonance: float) -> Sines:
     """Draw a smooth reference of about unit size for a position controller."""
     count = int(rng.integers(3, 7))
     fastest = min(12.0, 0.6 * resonance)
     frequencies = np.exp(rng.uniform(np.log(0.4), np.log(fastest), count))
     amplitudes = rng.uniform(0.3, 1.0, count) / np.sqrt(1.0 + (frequencies / 3.0) ** 2)
     phases = rng.uniform(0.0, 2.0 * np.pi, count)
-    return Motion(amplitudes, frequencies, np.zeros(count), phases, "tracking")
+    return Sines(amplitudes, frequencies, np.zeros(count), phases, "tracking")
+
+
+def draw_steps(
+    rng: np.random.Generator, resonance: float, begin: float, end: float, jolted: bool
+) -> Steps:
+    """Draw a torque in steps, or one that switches to and fro by a clock.
+
+    Parameters
+    ----------
+    rng : Generator
+    resonance : float
+        In rad/s; a clock ticks in a part of its period.
+    begin, end : float
+        Times in s, before and after zero, between which it plays.
+    jolted : bool
+        Whether it plays before time zero already and steps then. Otherwise there is no torque
+        until some time after zero.
+    """
+    first = 0.0 if jolted else float(rng.uniform(0.1, 0.5))
+    if rng.random() < 0.5:
+        kind = "steps"
+        spans = rng.uniform(0.1, 1.5, int((end - first) / 0.1) + 1)
+        levels = rng.uniform(-1.0, 1.0, len(spans))
+    else:
+        kind = "binary"
+        tick = rng.uniform(0.2, 2.0) * np.pi / resonance
+        spans = np.full(int((end - first) / tick) + 1, tick)
+        levels = rng.choice([-1.0, 1.0], len(spans))
+    instants = first + np.append(0.0, np.cumsum(spans[:-1]))
+    if jolted:  # something else than what comes at zero, so that this is a step
+        instants = np.append(begin, instants)
+        levels = np.append(-np.sign(levels[0]) * rng.uniform(0.3, 1.0), levels)
+    return Steps(instants, levels, kind)
+
+
+def draw_moves(rng: np.random.Generator, begin: float, end: float) -> Moves:
+    """Draw a reference of about unit size that goes to random targets and rests at each."""
+    ramp = float(rng.choice([0.0, rng.uniform(0.15, 0.5)]))
+    most = int((end - begin) / 0.5) + 1
+    takes, rests = rng.uniform(0.3, 1.5, most), rng.uniform(0.2, 1.0, most)
+    begins = begin + np.cumsum(rests) + np.append(0.0, np.cumsum(takes[:-1]))
+    return Moves(begins, takes, rng.uniform(-1.0, 1.0, most), ramp)

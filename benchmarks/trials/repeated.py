@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.trials.drafts import Draft
 from benchmarks.trials.families import FAMILIES
-from benchmarks.trials.generate import FINE, TRIES, Recorded, Trial, record, run_play, trial_of
+from benchmarks.trials.generate import TRIES, Recorded, Trial, record, run_play, trial_of
 from benchmarks.trials.integrator import Drive
 from benchmarks.trials.sensors import draw_noise
 
@@ -63,7 +63,7 @@ def _same_motion(
     sensors = replace(sensors, zeros=tuple(sensors.count * rng.random(2)))
     noise = draw_noise(rng, draft, sensors)
     times = sensors.instants + sensors.sample_time * noise.jitter
-    run = run_play(draft, drive, play, times, noise, size.torque, FINE)
+    run = run_play(draft, drive, play, times, noise, size.torque, draft.longest)
     return trial_of(rng, family, seed, draft, drive, sensors, play, size, noise, run)
 
 

@@ -75,7 +75,7 @@ def draw_sensors(rng: np.random.Generator, draft: Draft) -> Sensors:
     zeros = rng.uniform(0.0, count, 2)
     return Sensors(
         sample_time=1.0 / float(rng.choice(_RATES)),
-        duration=float(rng.uniform(12.0, 30.0)),
+        duration=float(rng.uniform(*draft.durations)),
         lead=float(rng.uniform(0.05, 1.0)),
         count=count if rounded else 0.0,
         noise=0.0 if rounded else noise,
