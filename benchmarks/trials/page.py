@@ -67,6 +67,13 @@ def _share(share: Share) -> str:
     return f"{share.percent:.1f} % of {share.whole}" if share.whole else "–"
 
 
+def _coverage(one: FamilyScore) -> str:
+    share = one.coverage["all"]
+    if not isfinite(one.coverage_deviation):
+        return _share(share)
+    return f"{share.percent:.1f} ± {100.0 * one.coverage_deviation:.1f} % of {share.whole}"
+
+
 def _spread(spread: Spread) -> str:
     values = (spread.middle, spread.high, spread.largest)
     if not all(isfinite(value) for value in values):
@@ -106,11 +113,12 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
     ),
     (
         "Intervals",
-        "Nominal 95 % intervals that hold the truth. Removed: parameters of terms that were taken "
+        "Nominal 95 % intervals that hold the truth; of all, with the standard error from log to "
+        "log. Removed: parameters of terms that were taken "
         "out of the model. Width: of the determined core parameters, over the width with terms, "
         "hold and delays given; median.",
         (
-            ("all", lambda one: _share(one.coverage["all"])),
+            ("all", _coverage),
             ("determined", lambda one: _share(one.coverage["determined"])),
             ("determined core", lambda one: _share(one.coverage["core"])),
             ("removed", lambda one: _share(one.coverage["removed"])),

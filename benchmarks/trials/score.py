@@ -121,6 +121,9 @@ class FamilyScore:
     coverage : mapping of str to Share
         Intervals that hold the truth: ``all`` (parameters kept and removed), ``determined``,
         ``core`` (of the determined), ``removed`` and ``delay``.
+    coverage_deviation : float
+        Standard error of the share ``all``, from log to log, since the intervals of one log miss
+        together.
     core_determined : Share
         Core parameters that were said to be determined, of all there are.
     error : Spread
@@ -145,6 +148,7 @@ class FamilyScore:
     wrong_core: int
     wrong: int
     coverage: Mapping[str, Share]
+    coverage_deviation: float
     core_determined: Share
     error: Spread
     given_error: Spread
@@ -186,6 +190,9 @@ def score(records: Sequence[Record]) -> FamilyScore:
             "removed": _held(removed),
             "delay": _held(delays),
         },
+        coverage_deviation=_deviation(
+            [_held([c for c in of_log if c.kind != "delay"]) for of_log in of_logs]
+        ),
         core_determined=Share(len(core), sum(len(core_names(record)) for record in records)),
         error=spread([claim.error for claim in core]),
         given_error=spread(given),
@@ -226,6 +233,16 @@ def _badness(of_family: FamilyScore) -> tuple[bool, float, float, float]:
 
 def _held(some: Sequence[Claim]) -> Share:
     return Share(sum(claim.holds for claim in some), len(some))
+
+
+def _deviation(of_logs: Sequence[Share]) -> float:
+    """Standard error of a share, from one log to another; NaN of fewer than two logs."""
+    if len(of_logs) < 2:
+        return float("nan")
+    whole = sum(share.whole for share in of_logs)
+    mean = sum(share.part for share in of_logs) / whole
+    squares = sum((share.part - mean * share.whole) ** 2 for share in of_logs)
+    return float((squares * len(of_logs) / (len(of_logs) - 1)) ** 0.5 / whole)
 
 
 def _beside_given(

@@ -42,6 +42,18 @@ def test_each_interval_is_counted_where_it_belongs():
     assert found.coverage["removed"].percent == 50.0
 
 
+def test_intervals_of_one_log_miss_together():
+    """Assert that the standard error counts logs, not intervals.
+
+    Of two logs with three of four and all of four intervals, the share is 7/8, and each log is half
+    an interval off it: sqrt(2 (1/2)^2 2/1)/8.
+    """
+    right = record(removed={"joint_damping": [0.1, -0.1, 0.2], "x": [0.1, -0.1, 0.2]})
+    assert score([record(), right]).coverage_deviation == pytest.approx(1.0 / 8.0)
+    assert score([right, right]).coverage_deviation == 0.0
+    assert isnan(score([right]).coverage_deviation)
+
+
 def test_an_angle_without_gravity_is_no_claim():
     """Assert that the angle counts only where there is gravity, and in rad."""
     assert "gravity_angle" not in {claim.name for claim in claims(record())}

@@ -76,6 +76,19 @@ def test_what_nothing_gets_over_is_given_up():
     assert steps_of(_Rough(0.5, 0.02), insist=False) == ITERATIONS
 
 
+@pytest.mark.parametrize("kept", [1e-4, 0.24])
+def test_what_is_good_enough_need_not_end(kept):
+    """Assert that stuck steps and too many of them are no failure within the variance asked for.
+
+    All of these problems begin with a variance of one, and the second falls by a ninth each step.
+    """
+    with pytest.raises(ConvergenceError):
+        steps_of(_Rough(0.5, kept), enough=0.0)
+    assert steps_of(_Rough(0.5, kept), enough=1.1) == (4 if kept < 0.01 else ITERATIONS)
+    with pytest.raises(ConvergenceError):
+        steps_of(_Rough(0.5, kept), enough=0.9 * (1.0 - 0.5 * kept) ** ITERATIONS)
+
+
 def test_steps_are_counted():
     """Assert that no more are taken than are allowed."""
     with pytest.raises(ConvergenceError, match="within 3"):

@@ -8,6 +8,7 @@ import pytest
 from made_joint import COEFFICIENTS, NOISE, SAMPLE_TIME, made
 from scipy.stats import t
 
+import flexid.identification.full_model.fitting as fitting
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.identification.full_model.fitting import (
@@ -151,6 +152,34 @@ def test_fit_to_other_data():
     assert durations == sorted(durations)
     assert durations[-1] == pytest.approx(4.0, rel=0.1)
     assert found.values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)
+
+
+def test_the_rest_follows_what_is_gone(monkeypatch):
+    """Assert that where there is no way from a wider fit, the leaner one starts where it ends.
+
+    Viscous friction of the link stands in for that of the motor, in noise that hides which it is.
+    """
+    link_viscous = replace(PAPER, absent=PAPER.absent - {"theta_viscous"})
+    wide, _ = fit_to(link_viscous, data(made(12, 1.0, noise=1e-3)), COEFFICIENTS, 0.5)
+    lean = fitting.fit_like(PAPER, wide)
+    assert lean is not None
+    friction = lean.by_name["alpha2"]
+    apart = abs(wide.by_name["alpha2"] - friction)
+    begun = []
+
+    def refit(structure, data, start, *rest):
+        begun.append(start)
+        if len(begun) == 1:
+            raise ConvergenceError("prediction error", "nowhere")
+        return lean
+
+    monkeypatch.setattr(fitting, "refit", refit)
+    assert fitting.fit_like(PAPER, wide) is lean
+    assert begun[0] == wide.by_name
+    assert apart > 1e-3 * friction
+    assert abs(begun[1]["alpha2"] - friction) < 0.05 * apart
+    begun.clear()
+    assert fitting.fit_like(link_viscous, wide) is None  # nothing is gone: there is no other start
 
 
 def test_coefficient_ends_at_its_bound():

@@ -13,6 +13,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
 
 LINK = ("theta1", "theta2")
@@ -25,16 +26,19 @@ BOTH = Estimate(
 )
 
 
-def alone(std: float) -> Estimate:
+PLAIN = replace(THRESHOLDS, row_doubt=1.0, contradiction=3.0)
+
+
+def alone(std: float, value: float = 103.0) -> Estimate:
     """The row's own estimate; its damping is tied in that of both rows."""
     return Estimate(
-        ("theta2", "theta_damping"), np.array([103.0, 0.1]), np.diag([std**2, 1.0]), (50.0, 50.0)
+        ("theta2", "theta_damping"), np.array([value, 0.1]), np.diag([std**2, 1.0]), (50.0, 50.0)
     )
 
 
 def test_the_rest_is_what_it_is_given_the_link():
     """Assert that values and covariance follow Gauss: the marginal is replaced, no more."""
-    found = taken(BOTH, alone(0.5), 1.0)
+    found = taken(BOTH, alone(0.5), PLAIN)
     assert found is not None
     assert found.names == BOTH.names
     assert found.values == pytest.approx([103.0, 3.0 + 3.0 / 4.0, 0.0])
@@ -54,7 +58,10 @@ def test_the_rest_is_what_it_is_given_the_link():
 )
 def test_the_rest_is_doubted_more_but_no_more_than_before(doubt, factor):
     """Assert that the others' deviations are scaled, up to what they were, and nothing else is."""
-    plain, found = taken(BOTH, alone(0.5), 1.0), taken(BOTH, alone(0.5), doubt)
+    plain, found = (
+        taken(BOTH, alone(0.5), PLAIN),
+        taken(BOTH, alone(0.5), replace(PLAIN, row_doubt=doubt)),
+    )
     assert plain is not None
     assert found is not None
     assert found.deviations[0] == plain.deviations[0]
@@ -69,33 +76,43 @@ def test_only_what_is_known_better_is_taken(std, better):
 
     2 x 2.262 of nine degrees of freedom is 2.252 x 2.009 of fifty.
     """
-    assert (taken(BOTH, alone(std), 1.0) is not None) == better
+    assert (taken(BOTH, alone(std), PLAIN) is not None) == better
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_row_that_contradicts_both_is_not_taken(side):
+    """Assert that three deviations of the difference apart is as far as a row may be.
+
+    Both rows have a deviation of 2, the row alone one of 1.5: together 2.5.
+    """
+    assert taken(BOTH, alone(1.5, 100.0 + side * 7.4), PLAIN) is not None
+    assert taken(BOTH, alone(1.5, 100.0 + side * 7.6), PLAIN) is None
 
 
 def test_all_of_it_has_to_be_known_better():
     """Assert that one value known worse is enough to leave all of them."""
     worse = replace(alone(0.5), names=("theta2", "beta1"))
-    assert taken(BOTH, worse, 1.0) is not None
-    assert taken(BOTH, replace(worse, covariance=np.diag([0.25, 2.7])), 1.0) is None
+    assert taken(BOTH, worse, PLAIN) is not None
+    assert taken(BOTH, replace(worse, covariance=np.diag([0.25, 2.7])), PLAIN) is None
 
 
 def test_the_rest_has_no_more_degrees_of_freedom_than_the_row():
     """Assert that what rests on a variance of few degrees of freedom has no more."""
     few = replace(alone(0.5), degrees_of_freedom=(3.0, 50.0))
-    found = taken(BOTH, few, 1.0)
+    found = taken(BOTH, few, PLAIN)
     assert found is not None
     assert found.degrees_of_freedom == (3.0, 3.0, 0.0)
 
 
 def test_nothing_in_common_is_nothing_to_take():
     """Assert that an estimate stays where every coefficient of the link was given."""
-    assert taken(BOTH, replace(alone(0.5), names=("theta1", "theta_damping")), 1.0) is None
+    assert taken(BOTH, replace(alone(0.5), names=("theta1", "theta_damping")), PLAIN) is None
 
 
 def test_what_is_left_free_by_both_rows_is_not_touched():
     """Assert that an infinite variance of the link's is no reason to take the row alone."""
     free = BOTH.without_knowledge_of({"theta2"})
-    assert taken(free, alone(0.5), 1.0) is None
+    assert taken(free, alone(0.5), PLAIN) is None
 
 
 @cache

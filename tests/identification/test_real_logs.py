@@ -126,7 +126,7 @@ def test_arm_without_its_voltage_has_its_stiffness(shared_data, tmp_path):
     alone = identify([log])
     assert alone.model == "link"
     stiffness = alone.parameters["joint_stiffness_per_link_inertia"]
-    assert stiffness.value == pytest.approx(463.0, rel=0.15)
+    assert stiffness.value == pytest.approx(463.0, rel=0.2)
     assert stiffness.interval[0] <= 463.0 <= stiffness.interval[1]
     assert stiffness.verdict != "undetermined"
     assert alone.validation.fit_percent["deflection"] > 83.0

@@ -90,6 +90,7 @@ def minimise(
     *,
     insist: bool = True,
     iterations: int = ITERATIONS,
+    enough: float = 0.0,
 ) -> Minimum:
     """Least sum of squares near a point.
 
@@ -105,6 +106,9 @@ def minimise(
         Whether it has to end there; if not, the least that was found is the answer.
     iterations : int, optional
         Steps that may be taken.
+    enough : float, optional
+        Variance of the weighted residuals at which it is good enough that the steps do not end: the
+        bottom may be too rough, with a friction that the motion hardly shows, or too long.
 
     Raises
     ------
@@ -129,7 +133,7 @@ def minimise(
         if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
             return Minimum(point, equations, reduced, taken, float(last_step))
         if stuck >= _STUCK_STEPS:
-            if not insist:
+            if not insist or variance <= enough:
                 return Minimum(point, equations, reduced, taken, float(last_step))
             raise ConvergenceError(
                 "prediction error",
@@ -141,15 +145,17 @@ def minimise(
             point, equations, damping = _descend(problem, point, equations, reduced, damping)
         except ConvergenceError:
             # Dry friction makes the sum of squares rough; its bottom may be between two steps.
-            if insist and reduced.decrement > FLAT * equations.cost:
+            if insist and not flat and variance > enough:
                 raise
             return Minimum(point, equations, reduced, taken, float(last_step))
         gain = before - equations.cost
         poor = poor + 1 if gain < _POOR_GAIN * reduced.decrement else 0
         stuck = stuck + 1 if gain < _NO_GAIN * reduced.decrement else 0
     reduced = problem.solve(equations)
-    if not insist or reduced.decrement <= FLAT * equations.cost:  # to and fro over a rough bottom
-        return Minimum(point, equations, reduced, iterations, float(last_step))
+    found = Minimum(point, equations, reduced, iterations, float(last_step))
+    rough = reduced.decrement <= FLAT * equations.cost  # to and fro over a rough bottom
+    if not insist or rough or found.variance(problem) <= enough:
+        return found
     raise ConvergenceError(
         "prediction error",
         f"the steps do not end within {iterations}: start from a least-squares fit, shorten the "

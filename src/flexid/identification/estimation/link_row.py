@@ -88,14 +88,14 @@ def with_link_row(
     alone = alone.widened(hidden_covariance(fitted, usual, scales))
     # A stand-in in the spring is in this row as well, and so is what it may stand for.
     alone = alone.widened(stand_in_covariance(fitted, error))
-    found = taken(estimate, alone, thresholds.row_doubt)
+    found = taken(estimate, alone, thresholds)
     row = LinkRow(
         fitted.excess, _values(alone, estimate), _values(estimate, alone), found is not None
     )
     return found or estimate, row
 
 
-def taken(estimate: Estimate, alone: Estimate, doubt: float) -> Estimate | None:
+def taken(estimate: Estimate, alone: Estimate, thresholds: Thresholds) -> Estimate | None:
     """An estimate with the values of some of its names taken from another one.
 
     The others keep what they are given these values: the marginal distribution is another, the
@@ -108,13 +108,15 @@ def taken(estimate: Estimate, alone: Estimate, doubt: float) -> Estimate | None:
         Of everything.
     alone : Estimate
         Of some of it, and maybe of other names.
-    doubt : float
-        Factor by which the others are doubted beyond what follows, as far as they were before.
+    thresholds : Thresholds
+        Factor by which the others are doubted beyond what follows, as far as they were before; and
+        what counts as a contradiction.
 
     Returns
     -------
     Estimate or None
-        None where the other does not know each of the shared names better.
+        None where the other does not know each of the shared names better, or contradicts the
+        estimate: one of them is wrong then, and the motor's coefficients would follow far.
     """
     shared = [name for name in estimate.names if name in alone.names]
     places = [estimate.names.index(name) for name in shared]
@@ -122,6 +124,9 @@ def taken(estimate: Estimate, alone: Estimate, doubt: float) -> Estimate | None:
     before = estimate.deviations[places]
     better = _half_widths(alone)[others] < _half_widths(estimate)[places]
     if not shared or not better.all() or not np.isfinite(before).all():
+        return None
+    apart = np.abs(alone.values[others] - estimate.values[places])
+    if (apart > thresholds.contradiction * np.hypot(before, alone.deviations[others])).any():
         return None
     old = estimate.covariance[np.ix_(places, places)]
     new = alone.covariance[np.ix_(others, others)]
@@ -140,7 +145,7 @@ def taken(estimate: Estimate, alone: Estimate, doubt: float) -> Estimate | None:
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         fallen = estimate.deviations / found.deviations
-    factors = np.where(np.isfinite(fallen), np.clip(fallen, 1.0, doubt), 1.0)
+    factors = np.where(np.isfinite(fallen), np.clip(fallen, 1.0, thresholds.row_doubt), 1.0)
     factors[places] = 1.0
     return found.scaled(factors)
 

@@ -5,7 +5,7 @@ sample later, on the average, than what runs on. Over short segments one hold pa
 with another delay; the longest segments decide, and where these do not, the holds are tied.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT
 from flexid.estimators.segments import Segments
+from flexid.identification.full_model.beginning import FIRST_ITERATIONS, first_climb
 from flexid.identification.full_model.fitting import (
     climb,
     fit_like,
@@ -23,15 +24,13 @@ from flexid.identification.full_model.fitting import (
     with_steps_refined,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
-from flexid.identification.full_model.starting import starts
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold
 
 _SHORT = 0.5  # s of segments up to which any hold will do
 _TURNING = 0.5  # s of segments in which most springs turn round: these show a hysteresis best
-_FIRST_ITERATIONS = 8  # from least squares; what takes longer goes by a smaller model
-_FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
+_GRIPS = (1.0, 0.25)  # of the grip that suits the motion, to begin with: it shows in one step
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
 _TIED = "the log does not distinguish the holds; of these, the one that needs the least delay"
 
@@ -95,7 +94,7 @@ def climb_full(
     progress("the full model")
     short = [s for s in ladder if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
     short = short or ladder[:1]
-    found = _started(_with_hold(base, holds[0]), data, short)
+    found = first_climb(_with_hold(base, holds[0]), data, short, thresholds)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = _best_hold(found[-1], holds, thresholds)
         found = _climbed_like(best, found, short)
@@ -136,27 +135,38 @@ def climb_remembering(
     structure = replace(before.structure, absent=absent - joint.remembered)
     progress("hysteresis of the spring")
     segments = before.problem.segments
-    if promised_by_memory(before, structure) < thresholds.memory_promise:
+    ways = [
+        {**before.by_name, **dict.fromkeys(joint.grips.values(), share * joint.first_grip)}
+        for share in _GRIPS
+    ]
+    promises = [promised_by_memory(before, structure, way) for way in ways]
+    for promise, _, way in sorted(zip(promises, range(len(ways)), ways, strict=True), reverse=True):
+        first = _remembering(before, structure, way, thresholds)
+        if promise >= thresholds.memory_promise and first is not None:
+            found = [first, *onward(first, climbed.ladder)]
+            ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
+            return _with_best_hold(found, ladder, holds, climbed.free_length, thresholds)
+    return None
+
+
+def _remembering(
+    before: Fitted, structure: Structure, way: Mapping[str, float], thresholds: Thresholds
+) -> Fitted | None:
+    """A few steps with memory, if these take away most of what a fit without leaves."""
+    if promised_by_memory(before, structure, way) < thresholds.memory_promise:
         return None
+    segments = [before.problem.segments]
     try:
-        found = climb(
-            structure,
-            before.data,
-            before.by_name,
-            [segments],
-            insist=False,
-            iterations=_FIRST_ITERATIONS,
+        (found,) = climb(
+            structure, before.data, way, segments, insist=False, iterations=FIRST_ITERATIONS
         )
     except ConvergenceError:
         return None
-    if before.excess - found[0].excess < thresholds.memory_share * (before.excess - 1.0):
-        return None
-    found += onward(found[0], climbed.ladder)
-    ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
-    return _with_best_hold(found, ladder, holds, climbed.free_length, thresholds)
+    taken = before.excess - found.excess
+    return found if taken >= thresholds.memory_share * (before.excess - 1.0) else None
 
 
-def promised_by_memory(fitted: Fitted, structure: Structure) -> float:
+def promised_by_memory(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
     """Share of the residuals beyond noise that the first step with memory promises to take away.
 
     Parameters
@@ -165,11 +175,11 @@ def promised_by_memory(fitted: Fitted, structure: Structure) -> float:
         Without memory.
     structure : Structure
         The same with it.
+    way : mapping of str to float
+        Where that step begins.
     """
     states = fitted.minimum.point.initial_states
-    problem, point = motion_at(
-        structure, fitted.data, fitted.problem.segments, fitted.by_name, states
-    )
+    problem, point = motion_at(structure, fitted.data, fitted.problem.segments, way, states)
     equations = problem.equations(point)
     beyond = equations.cost - problem.degrees_of_freedom
     return problem.solve(equations).decrement / beyond if np.isfinite(beyond) else 0.0
@@ -235,50 +245,6 @@ def _climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments])
     except ConvergenceError:
         return [best]
     return climbed if len(climbed[-1].problem.segments) == least else [*climbed, best]
-
-
-def _started(structure: Structure, data: Data, ladder: Sequence[Segments]) -> list[Fitted]:
-    """Climb from least squares; where the full model finds no way, by way of smaller ones."""
-    full = starts(structure, data, ladder[0])
-    try:
-        found = climb(structure, data, full[0], ladder, iterations=_FIRST_ITERATIONS)
-    except ConvergenceError:
-        found = []
-    if found and _has_partners(found[-1]):
-        return found
-    few = structure.without(structure.joint.optional - _FEW)
-    bare = few.without(structure.timing.sought)
-    late = {INPUT} & {*structure.timing.sought}
-    for small in (few, *([few.without(late)] if late else []), bare):
-        try:
-            found = climb(small, data, starts(small, data, ladder[0])[0], ladder)
-        except ConvergenceError:
-            continue
-        if _has_partners(found[-1]):
-            wider = [structure, structure.without(late)] if late else [structure]
-            return _widened([*wider, *([few] if small is not few else [])], found) or found
-    # No drive of this kind: be the fit as bad as it may.
-    return climb(bare, data, full[0], ladder, insist=False)
-
-
-def _has_partners(fitted: Fitted) -> bool:
-    """Whether no channel is so late that its samples have no partners in the data."""
-    sought = fitted.structure.timing.sought
-    return all(abs(fitted.delays[name]) <= fitted.data.margin for name in sought)
-
-
-def _widened(structures: Sequence[Structure], found: Sequence[Fitted]) -> list[Fitted]:
-    """The first wider structure that can be fitted from where a climb ended; empty if none can."""
-    last = found[-1]
-    segments, states = [last.problem.segments], last.minimum.point.initial_states
-    for structure in structures:
-        try:
-            wider = climb(structure, last.data, last.by_name, segments, states)
-        except ConvergenceError:
-            continue
-        if _has_partners(wider[-1]):
-            return wider
-    return []
 
 
 def _best_hold(

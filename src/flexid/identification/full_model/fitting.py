@@ -4,7 +4,7 @@ Over short segments a fit finds its way from least squares; each longer length s
 before it ended, with its states.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
 from flexid.estimators.integration_error import MOST, refinement
 from flexid.estimators.samples import FloatArray
+from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
 from flexid.estimators.unknowns import Unknowns
@@ -24,6 +25,8 @@ SHORTEST = 0.1
 
 LONGEST = 10.0
 """Length in s beyond which segments hold hardly more information."""
+
+_ENOUGH = 1.5  # mean square of residuals over that of the noise with which a climb may go on
 
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
@@ -92,6 +95,7 @@ def climb(
                 ROUGH,
                 insist=insist or bool(found),
                 iterations=ITERATIONS if found else iterations,
+                enough=_ENOUGH,
             )
         except ConvergenceError:
             if not found:
@@ -99,6 +103,8 @@ def climb(
             break
         found.append(fitted)
         values = {**values, **fitted.by_name}
+    while len(found) > 1 and not found[-1].converged:  # which has led no further
+        found.pop()
     return found
 
 
@@ -233,18 +239,32 @@ def refit(
 
 
 def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> Fitted | None:
-    """Another structure over the same segments, from where a fit ended; None if it fails."""
-    try:
-        return refit(
-            structure,
-            fitted.data,
-            fitted.by_name,
-            fitted.problem.segments,
-            tolerance,
-            fitted.minimum.point.initial_states,
-        )
-    except ConvergenceError:
-        return None
+    """Another structure over the same segments, from where a fit ended; None if it fails.
+
+    Of a leaner structure the rest follows what is gone, if there is no way without.
+    """
+    segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
+    for start in (fitted.by_name, *_following(structure, fitted)):
+        try:
+            return refit(structure, fitted.data, start, segments, tolerance, states)
+        except ConvergenceError:
+            continue
+    return None
+
+
+def _following(structure: Structure, fitted: Fitted) -> Iterator[dict[str, float]]:
+    """Values of a fit of which some become zero, as the rest follows along its quadratic form."""
+    sought = {*structure.unknowns(fitted.data.groups).names, *structure.timing.sought}
+    gone = np.array([name not in sought for name in fitted.names])
+    if not gone.any():
+        return
+    information = fitted.information
+    part = information[np.ix_(~gone, ~gone)]
+    inverse, _ = scaled_inverse(part, np.sqrt(np.diag(part)))
+    moved = inverse @ (information[np.ix_(~gone, gone)] @ fitted.values[gone])
+    left = [name for name, lost in zip(fitted.names, gone, strict=True) if not lost]
+    values = (fitted.values[~gone] + moved).tolist()
+    yield {**fitted.by_name, **dict(zip(left, values, strict=True))}
 
 
 def motion_at(
@@ -283,9 +303,10 @@ def _fit_segments(
     *,
     insist: bool = True,
     iterations: int = ITERATIONS,
+    enough: float = 0.0,
 ) -> Fitted:
     steps = data.refinement if tolerance <= FINE else 1
     problem, point = motion_at(structure, data, segments, start, states, steps)
-    found = minimise(problem, point, tolerance, insist=insist, iterations=iterations)
+    found = minimise(problem, point, tolerance, insist=insist, iterations=iterations, enough=enough)
     duration = float(np.mean(segments.lengths * segments.sample_times))
     return Fitted(structure, data, problem, found, duration)

@@ -54,11 +54,13 @@ def of_link_alone(
     driven : Validation
         Of the link alone over the held-out ends.
     stiffness : CoefficientEstimate
-        Per link inertia. Where the log leaves it free, something else explains the deflection.
+        Per link inertia. Where the log leaves it open, something else explains the deflection.
     """
     found = _compliance(recordings, driven, {})
-    if found.visible and not np.isfinite(stiffness.std):
-        reason = f"the deflection moves by {found.deflection:.2g} rad, but for any stiffness"
+    if found.visible and stiffness.verdict == "undetermined":
+        reason = (
+            f"the deflection moves by {found.deflection:.2g} rad, but as well for another stiffness"
+        )
         return replace(found, visible=False, reason=reason)
     return found
 

@@ -176,6 +176,7 @@ def relative_deviation(fitted: Fitted) -> float:
 
 def _best(found: Sequence[Fitted]) -> Fitted:
     """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
+    found = [fitted for fitted in found if fitted.converged] or found
     best, narrowest = found[0], np.inf
     for fitted in found:
         width = relative_deviation(fitted)

@@ -115,7 +115,10 @@ class Thresholds:
         "over 10 ms puts the motor's inertia 1.5 half-widths off what follows",
     )
     contradiction: float = _threshold(
-        3.0, "standard deviations", "between log and prior knowledge, beyond which they contradict"
+        3.0,
+        "standard deviations",
+        "between log and prior knowledge, or the link's row and both rows, beyond which they "
+        "contradict",
     )
 
 

@@ -1,0 +1,151 @@
+"""The first climb: the full model over short segments, from whichever start leads furthest.
+
+One start over one length of segments is no good on some logs: after a jolt, on a drive that swings
+several times in the shortest segments, or that hardly moves, the steps end in another minimum or
+nowhere. Another start, or segments of a quarter of the length, then lead where all lead that do not
+fail. So they are tried until one explains the log, or two agree.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.segments import FEWEST_SAMPLES, Segments
+from flexid.identification.full_model.fitting import climb
+from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.starting import starts
+from flexid.identification.vocabulary.thresholds import Thresholds
+
+FIRST_ITERATIONS = 8
+"""Steps that a fit from afar may take: what takes more is sought from elsewhere."""
+
+_HALVINGS = (0, 1, 2)  # of the shortest segments, to begin with
+_FIRST_STARTS = 3  # that are tried over all of these before the others
+_SAME = 0.01  # relative difference of two sums of squares at one minimum
+_FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
+
+
+def first_climb(
+    structure: Structure, data: Data, ladder: Sequence[Segments], thresholds: Thresholds
+) -> list[Fitted]:
+    """Fit over short segments of growing length, from the start that leads to the least residuals.
+
+    Parameters
+    ----------
+    structure : Structure
+        The full model.
+    data : Data
+        To what.
+    ladder : sequence of Segments
+        From short to long.
+    thresholds : Thresholds
+        Up to which excess a model explains a log.
+
+    Returns
+    -------
+    list of Fitted
+        From the first of the ladder on, up to the length at which the fit no longer converges.
+
+    Raises
+    ------
+    ConvergenceError
+        If no start leads anywhere.
+    """
+    ways = starts(structure, data, ladder[0])
+    best: list[Fitted] = []
+    for found in _tries(structure, data, ladder, ways):
+        agree = len(found) == len(best) and _alike(found, best)
+        best = _better(found, best)
+        explained = best[-1].excess <= thresholds.sensor_excess
+        if len(best) == len(ladder) and (agree or explained):
+            return best
+        if agree:
+            break
+    if best and best[-1].excess <= thresholds.sensor_excess:
+        return best
+    return _better(_by_smaller_models(structure, data, ladder, ways[0]), best)
+
+
+def _tries(
+    structure: Structure,
+    data: Data,
+    ladder: Sequence[Segments],
+    ways: Sequence[Mapping[str, float]],
+) -> Iterator[list[Fitted]]:
+    """Climbs from one start after the other that reach the ladder."""
+    finer: list[list[Segments]] = [[]]
+    for _ in _HALVINGS[1:]:
+        before = (*finer[-1], *ladder)[0]
+        if before.lengths.min() < 2 * FEWEST_SAMPLES:
+            break
+        finer.append([before.halved(), *finer[-1]])
+    first, others = ways[:_FIRST_STARTS], ways[_FIRST_STARTS:]
+    for before, way in (*product(finer, first), *product(finer, others)):
+        rungs = [*before, *ladder]
+        try:
+            found = climb(structure, data, way, rungs, iterations=FIRST_ITERATIONS)
+        except ConvergenceError:
+            continue
+        found = found[len(before) :]
+        if found and _has_partners(found[-1]):
+            yield found
+
+
+def _alike(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
+    """Whether two climbs end in one minimum."""
+    ends = sorted(found[-1].minimum.equations.cost for found in (one, other))
+    return ends[1] <= (1.0 + _SAME) * ends[0]
+
+
+def _better(one: list[Fitted], other: list[Fitted]) -> list[Fitted]:
+    """Of two climbs that with less residuals over the longest segments of both, or the longer."""
+    costs = [{len(f.problem.segments): f.minimum.equations.cost for f in c} for c in (one, other)]
+    common = costs[0].keys() & costs[1].keys()
+    if not common:
+        return one if min(costs[0], default=np.inf) < min(costs[1], default=np.inf) else other
+    first, second = (cost[min(common)] for cost in costs)
+    if abs(first - second) <= _SAME * min(first, second):
+        return one if min(costs[0]) < min(costs[1]) else other
+    return one if first < second else other
+
+
+def _has_partners(fitted: Fitted) -> bool:
+    """Whether no channel is so late that its samples have no partners in the data."""
+    sought = fitted.structure.timing.sought
+    return all(abs(fitted.delays[name]) <= fitted.data.margin for name in sought)
+
+
+def _by_smaller_models(
+    structure: Structure, data: Data, ladder: Sequence[Segments], way: Mapping[str, float]
+) -> list[Fitted]:
+    """Climb with few terms, and go on from there with all."""
+    few = structure.without(structure.joint.optional - _FEW)
+    bare = few.without(structure.timing.sought)
+    late = {INPUT} & {*structure.timing.sought}
+    for small in (few, *([few.without(late)] if late else []), bare):
+        try:
+            found = climb(small, data, starts(small, data, ladder[0])[0], ladder)
+        except ConvergenceError:
+            continue
+        if _has_partners(found[-1]):
+            wider = [structure, structure.without(late)] if late else [structure]
+            return _widened([*wider, *([few] if small is not few else [])], found) or found
+    # No drive of this kind: be the fit as bad as it may.
+    return climb(bare, data, way, ladder, insist=False)
+
+
+def _widened(structures: Sequence[Structure], found: Sequence[Fitted]) -> list[Fitted]:
+    """The first wider structure that can be fitted from where a climb ended; empty if none can."""
+    last = found[-1]
+    segments, states = [last.problem.segments], last.minimum.point.initial_states
+    for structure in structures:
+        try:
+            wider = climb(structure, last.data, last.by_name, segments, states)
+        except ConvergenceError:
+            continue
+        if _has_partners(wider[-1]):
+            return wider
+    return []

@@ -1,0 +1,148 @@
+"""Which of several starts a fit goes on from: on made-up climbs, and on a log that needs it."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import flexid.identification.full_model.beginning as beginning
+from flexid.errors import ConvergenceError
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
+
+SAMPLES = 320
+SHORTEST = 8  # segments of 40 samples, which can be halved once
+
+
+@dataclass(frozen=True)
+class _Segments:
+    count: int
+
+    def __len__(self) -> int:
+        return self.count
+
+    @property
+    def lengths(self) -> np.ndarray:
+        return np.full(self.count, SAMPLES // self.count)
+
+    def halved(self) -> "_Segments":
+        return _Segments(2 * self.count)
+
+
+LADDER = [_Segments(SHORTEST), _Segments(4), _Segments(2)]
+DATA = SimpleNamespace(margin=0.01)
+
+
+def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNamespace:
+    """A fit of which only residuals, segments and delay are known."""
+    return SimpleNamespace(
+        problem=SimpleNamespace(segments=segments),
+        minimum=SimpleNamespace(equations=SimpleNamespace(cost=excess * SAMPLES)),
+        excess=excess,
+        structure=SimpleNamespace(timing=SimpleNamespace(sought=("late",))),
+        delays={"late": late},
+        data=DATA,
+    )
+
+
+@pytest.fixture
+def climbed(monkeypatch):
+    """Return a function that lets climbs end as is said, by start and number of halvings.
+
+    Each is a list of excesses over the ladder, or nothing where it fails.
+    """
+
+    def set_up(ends: dict[tuple[str, int], list[float]], smaller: list[float], late=0.0):
+        tried: list[tuple[str, int]] = []
+
+        def climb(structure, data, way, rungs, iterations):
+            halvings = len(rungs) - len(LADDER)
+            tried.append((way["start"], halvings))
+            excesses = ends.get((way["start"], halvings))
+            if excesses is None:
+                raise ConvergenceError("prediction error", "nowhere")
+            short = [fitted(s, 1.0) for s in rungs[:halvings]]
+            return short + [
+                fitted(s, e, late if (way["start"], halvings) == ("a", 0) else 0.0)
+                for s, e in zip(LADDER, excesses, strict=False)
+            ]
+
+        ways = [{"start": name} for name in "abcdef"]
+        monkeypatch.setattr(beginning, "climb", climb)
+        monkeypatch.setattr(beginning, "starts", lambda *_: ways)
+        monkeypatch.setattr(
+            beginning,
+            "_by_smaller_models",
+            lambda *_: [fitted(s, e) for s, e in zip(LADDER, smaller, strict=False)],
+        )
+        found = beginning.first_climb(
+            cast(Any, None), cast(Any, DATA), cast(Any, LADDER), THRESHOLDS
+        )
+        return [f.excess for f in found], tried
+
+    return set_up
+
+
+def test_a_start_that_explains_the_log_ends_the_search(climbed):
+    """Assert that nothing else is tried after it."""
+    assert climbed({("a", 0): [1.0, 1.0, 1.05]}, [9.0]) == ([1.0, 1.0, 1.05], [("a", 0)])
+
+
+def test_shorter_segments_help_where_no_start_does(climbed):
+    """Assert that three starts are tried, then the same over half the length, then the others.
+
+    Segments that could be halved once are halved once.
+    """
+    found, tried = climbed({("b", 1): [1.0, 1.0, 1.0]}, [9.0])
+    assert found == [1.0, 1.0, 1.0]
+    assert tried == [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1)]
+    _, tried = climbed({("f", 1): [1.0, 1.0, 1.0]}, [9.0])
+    assert tried[6:] == [("d", 0), ("e", 0), ("f", 0), ("d", 1), ("e", 1), ("f", 1)]
+
+
+def test_two_that_agree_end_the_search(climbed):
+    """Assert that what no model explains is sought until another start confirms it."""
+    found, tried = climbed({("a", 0): [3.0, 4.0, 5.0], ("c", 0): [3.0, 4.0, 5.04]}, [9.0])
+    assert found == [3.0, 4.0, 5.0]
+    assert tried == [("a", 0), ("b", 0), ("c", 0)]
+
+
+def test_two_that_get_as_far_agree_as_well(climbed):
+    """Assert that where the same longer segments stop two starts, no third one is tried."""
+    found, tried = climbed({("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.0]}, [9.0])
+    assert found == [1.0, 1.0]
+    assert tried == [("a", 0), ("b", 0)]
+    assert climbed({("a", 0): [2.0, 3.0], ("b", 0): [2.0, 3.0]}, [2.0, 2.5])[0] == [2.0, 2.5]
+
+
+def test_the_least_residuals_win(climbed):
+    """Assert that of starts that disagree the best is taken, be it the last."""
+    ends = {("a", 0): [3.0, 4.0, 9.0], ("b", 0): [3.0, 4.0, 7.0], ("e", 1): [2.0, 2.0, 2.0]}
+    assert climbed(ends, [3.0, 3.0, 3.0])[0] == [2.0, 2.0, 2.0]
+    assert climbed(ends, [1.0, 1.0, 1.0])[0] == [1.0, 1.0, 1.0]
+
+
+def test_climbs_are_compared_over_the_longest_segments_of_both(climbed):
+    """Assert that a climb is not worse for having come further, nor better."""
+    ends = {("a", 0): [1.3, 40.0, 900.0], ("b", 0): [1.2, 1.2]}
+    assert climbed(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2]
+    ends = {("a", 0): [1.2, 1.2], ("b", 0): [1.2, 1.2, 1.3]}
+    assert climbed(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2, 1.3]
+
+
+def test_what_explains_a_part_of_the_ladder_needs_no_smaller_model(climbed):
+    """Assert that a short climb within the noise is taken where no other goes further."""
+    assert climbed({("a", 0): [1.0, 1.0]}, [1.0, 1.0, 1.2])[0] == [1.0, 1.0]
+
+
+def test_a_delay_beyond_the_data_is_no_start(climbed):
+    """Assert that a fit whose channel has no partners left does not count."""
+    ends = {("a", 0): [1.0, 1.0, 1.0], ("b", 0): [2.0, 2.0, 2.0], ("c", 0): [2.0, 2.0, 2.0]}
+    assert climbed(ends, [9.0], late=0.02)[0] == [2.0, 2.0, 2.0]
+    assert climbed(ends, [9.0], late=0.009)[0] == [1.0, 1.0, 1.0]
+
+
+def test_smaller_models_are_the_last_resort(climbed):
+    """Assert that they are taken where every start fails."""
+    assert climbed({}, [5.0, 6.0])[0] == [5.0, 6.0]
