@@ -3,7 +3,7 @@
 One start over one length of segments is no good on some logs: after a jolt, on a drive that swings
 several times in the shortest segments, or that hardly moves, the steps end in another minimum or
 nowhere. Another start, or segments of a quarter of the length, then lead where all lead that do not
-fail. So they are tried until one explains the log, or two agree.
+fail. So they are tried until one explains the log, or two end alike.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,8 +22,8 @@ from flexid.identification.vocabulary.thresholds import Thresholds
 FIRST_ITERATIONS = 8
 """Steps that a fit from afar may take: what takes more is sought from elsewhere."""
 
-_HALVINGS = (0, 1, 2)  # of the shortest segments, to begin with
-_FIRST_STARTS = 3  # that are tried over all of these before the others
+_HALVINGS = 2  # of the shortest segments, if these are too long to begin with
+_FIRST_STARTS = 3  # that are tried over both before the others
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
 
@@ -56,15 +56,18 @@ def first_climb(
     """
     ways = starts(structure, data, ladder[0])
     best: list[Fitted] = []
+    confirmed = False
     for found in _tries(structure, data, ladder, ways):
-        agree = len(found) == len(best) and _alike(found, best)
-        best = _better(found, best)
+        before, best = best, _better(found, best)
         explained = best[-1].excess <= thresholds.sensor_excess
-        if len(best) == len(ladder) and (agree or explained):
+        if explained and len(best) == len(ladder):
             return best
-        if agree:
+        confirmed = len(found) == len(before) and (explained or _alike(found, before))
+        if confirmed:
             break
     if best and best[-1].excess <= thresholds.sensor_excess:
+        return best
+    if confirmed and len(best) == len(ladder):
         return best
     return _better(_by_smaller_models(structure, data, ladder, ways[0]), best)
 
@@ -76,14 +79,14 @@ def _tries(
     ways: Sequence[Mapping[str, float]],
 ) -> Iterator[list[Fitted]]:
     """Climbs from one start after the other that reach the ladder."""
-    finer: list[list[Segments]] = [[]]
-    for _ in _HALVINGS[1:]:
-        before = (*finer[-1], *ladder)[0]
-        if before.lengths.min() < 2 * FEWEST_SAMPLES:
-            break
-        finer.append([before.halved(), *finer[-1]])
+    finer: list[Segments] = []
+    for _ in range(_HALVINGS):
+        shortest = (*finer, *ladder)[0]
+        if shortest.lengths.min() >= 2 * FEWEST_SAMPLES:
+            finer = [shortest.halved(), *finer]
+    begins = [[], finer] if finer else [[]]
     first, others = ways[:_FIRST_STARTS], ways[_FIRST_STARTS:]
-    for before, way in (*product(finer, first), *product(finer, others)):
+    for before, way in (*product(begins, first), *product(begins, others)):
         rungs = [*before, *ladder]
         try:
             found = climb(structure, data, way, rungs, iterations=FIRST_ITERATIONS)
@@ -95,7 +98,7 @@ def _tries(
 
 
 def _alike(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
-    """Whether two climbs end in one minimum."""
+    """Whether two climbs that are as long end in one minimum."""
     ends = sorted(found[-1].minimum.equations.cost for found in (one, other))
     return ends[1] <= (1.0 + _SAME) * ends[0]
 

@@ -2,19 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from flexid.estimators.unknowns import FIXED, Unknowns
-from flexid.identification.judgement.verdict import Judged, verdict
+from flexid.identification.judgement.verdict import verdict
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
-from flexid.identification.vocabulary.intervals import interval, propagated
+from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.physical import Product
-
-POSITIVE = ("theta2", "alpha1", "beta1")
 
 
 def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, float]) -> float:
@@ -78,7 +77,7 @@ def coefficient_estimates(
         # Only what may be absent can be determined to be negligible.
         small = name in sizes and _base(name) in joint.optional
         effect = half * sizes[name] if small else np.inf
-        judged = _possible(name, value, verdict(value, ends, effect, thresholds))
+        judged = verdict(value, ends, effect, thresholds)
         estimates[name] = CoefficientEstimate(
             name, unit, value, std, ends, *judged, freedom, slopes={name: 1.0}
         )
@@ -88,6 +87,7 @@ def coefficient_estimates(
             name, unit, value, 0.0, (value, value), "determined", reason
         )
     estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
+    estimates |= {n: replace(e, **_doubt(estimates)) for n, e in estimates.items() if e.slopes}
     order = list(joint.units)
     return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
 
@@ -125,10 +125,16 @@ def _tied(
     return found
 
 
-def _possible(name: str, value: float, judged: Judged) -> Judged:
-    if name in POSITIVE and value <= 0.0:
-        return "undetermined", "it came out negative, which no spring or inertia can be"
-    return judged
+def _doubt(estimates: Mapping[str, CoefficientEstimate]) -> dict[str, Any]:
+    """What becomes of all that was estimated where one of it belongs to no drive.
+
+    A motor's inertia is the whole drive's where the fit has no spring, however sharp it is.
+    """
+    for name in sorted(POSITIVE & estimates.keys()):
+        if estimates[name].value <= 0.0:
+            reason = f"{name} came out negative, which no spring or inertia can be"
+            return {"verdict": "undetermined", "reason": reason}
+    return {}
 
 
 def parameter_estimates(
@@ -164,10 +170,7 @@ def parameter_estimates(
             unit = _unit(parameter.unit, input_unit)
             judged, reason = verdict(found.value, found.interval, thresholds=thresholds)
             made = [coefficients[label] for label in own]
-            impossible = [c for c in made if c.name in POSITIVE and c.value <= 0.0]
-            if impossible:
-                judged, reason = "undetermined", impossible[0].reason
-            elif (
+            if (
                 judged != "determined"
                 and np.isfinite(found.interval).all()
                 and all(c.verdict == "determined" for c in made)
@@ -187,6 +190,8 @@ def parameter_estimates(
                 found.logarithmic,
                 {labels[c]: slope for c, slope in found.slopes.items()},
             )
+            if found.slopes:
+                estimates[name] = replace(estimates[name], **_doubt(coefficients))
     return estimates
 
 
