@@ -142,8 +142,10 @@ def test_what_is_unknown_or_free_is_refused():
     with pytest.raises(SettingError, match="unknown here"):
         informed(fit, [Known("inertia", 0.3, 0.01)], PARAMETERS)
     free = Fit(fit.names, fit.values, np.diag([1.0, np.inf]), (12.0, 0.0))
-    with pytest.raises(SettingError, match="without an uncertainty"):
+    with pytest.raises(SettingError, match="give 'beta1' itself without an uncertainty"):
         informed(free, [Known("motor_inertia", 0.3, 0.01)], PARAMETERS)
+    with pytest.raises(SettingError, match="give it without an uncertainty"):
+        informed(free, [Known("beta1", 3.0, 0.01)], PARAMETERS)
 
 
 def test_contradiction_with_a_sharp_log_spans_both():

@@ -164,10 +164,11 @@ def _parameter(name: str, fit: Fit, parameters: Sequence[PhysicalParameter]) -> 
     for coefficient in fitted:
         place = fit.names.index(coefficient)
         if not np.isfinite(fit.covariance[place, place]):
+            instead = "it" if name == coefficient else f"{coefficient!r} itself"
             raise SettingError(
                 "known",
-                f"{name!r} cannot be joined to a log that leaves {coefficient!r} free: give it "
-                f"without an uncertainty",
+                f"{name!r} cannot be joined to a log that leaves {coefficient!r} free: give "
+                f"{instead} without an uncertainty",
             )
     return known[name]
 
