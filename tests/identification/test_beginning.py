@@ -53,7 +53,12 @@ def climbed(monkeypatch):
     Each is a list of excesses over the ladder, or nothing where it fails.
     """
 
-    def set_up(ends: dict[tuple[str, int], list[float]], smaller: list[float], late=0.0):
+    def by_smaller(smaller):
+        if smaller is None:
+            raise ConvergenceError("prediction error", "nowhere")
+        return [fitted(s, e) for s, e in zip(LADDER, smaller, strict=False)]
+
+    def set_up(ends: dict[tuple[str, int], list[float]], smaller, late=0.0):
         tried: list[tuple[str, int]] = []
 
         def climb(structure, data, way, rungs, iterations):
@@ -71,11 +76,7 @@ def climbed(monkeypatch):
         ways = [{"start": name} for name in "abcdef"]
         monkeypatch.setattr(beginning, "climb", climb)
         monkeypatch.setattr(beginning, "starts", lambda *_: ways)
-        monkeypatch.setattr(
-            beginning,
-            "_by_smaller_models",
-            lambda *_: [fitted(s, e) for s, e in zip(LADDER, smaller, strict=False)],
-        )
+        monkeypatch.setattr(beginning, "_by_smaller_models", lambda *_: by_smaller(smaller))
         found = beginning.first_climb(
             cast(Any, None), cast(Any, DATA), cast(Any, LADDER), THRESHOLDS
         )
@@ -141,6 +142,13 @@ def test_a_delay_beyond_the_data_is_no_start(climbed):
     ends = {("a", 0): [1.0, 1.0, 1.0], ("b", 0): [2.0, 2.0, 2.0], ("c", 0): [2.0, 2.0, 2.0]}
     assert climbed(ends, [9.0], late=0.02)[0] == [2.0, 2.0, 2.0]
     assert climbed(ends, [9.0], late=0.009)[0] == [1.0, 1.0, 1.0]
+
+
+def test_a_poor_start_is_better_than_none(climbed):
+    """Assert that what one start found is kept where no smaller model leads anywhere."""
+    assert climbed({("c", 0): [3.0, 4.0]}, None)[0] == [3.0, 4.0]
+    with pytest.raises(ConvergenceError):
+        climbed({}, None)
 
 
 def test_smaller_models_are_the_last_resort(climbed):

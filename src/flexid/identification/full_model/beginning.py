@@ -69,7 +69,13 @@ def first_climb(
         return best
     if confirmed and len(best) == len(ladder):
         return best
-    return _better(_by_smaller_models(structure, data, ladder, ways[0]), best)
+    try:
+        smaller = _by_smaller_models(structure, data, ladder, ways[0])
+    except ConvergenceError:
+        if not best:
+            raise
+        return best
+    return _better(smaller, best)
 
 
 def _tries(

@@ -141,8 +141,10 @@ def climb_remembering(
     ]
     promises = [promised_by_memory(before, structure, way) for way in ways]
     for promise, _, way in sorted(zip(promises, range(len(ways)), ways, strict=True), reverse=True):
+        if promise < thresholds.memory_promise:
+            break
         first = _remembering(before, structure, way, thresholds)
-        if promise >= thresholds.memory_promise and first is not None:
+        if first is not None:
             found = [first, *onward(first, climbed.ladder)]
             ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
             return _with_best_hold(found, ladder, holds, climbed.free_length, thresholds)
@@ -153,8 +155,6 @@ def _remembering(
     before: Fitted, structure: Structure, way: Mapping[str, float], thresholds: Thresholds
 ) -> Fitted | None:
     """A few steps with memory, if these take away most of what a fit without leaves."""
-    if promised_by_memory(before, structure, way) < thresholds.memory_promise:
-        return None
     segments = [before.problem.segments]
     try:
         (found,) = climb(

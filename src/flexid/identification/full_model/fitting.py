@@ -6,6 +6,7 @@ before it ended, with its states.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -244,7 +245,7 @@ def fit_like(structure: Structure, fitted: Fitted, tolerance: float = FINE) -> F
     Of a leaner structure the rest follows what is gone, if there is no way without.
     """
     segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
-    for start in (fitted.by_name, *_following(structure, fitted)):
+    for start in chain((fitted.by_name,), _following(structure, fitted)):
         try:
             return refit(structure, fitted.data, start, segments, tolerance, states)
         except ConvergenceError:
@@ -256,11 +257,12 @@ def _following(structure: Structure, fitted: Fitted) -> Iterator[dict[str, float
     """Values of a fit of which some become zero, as the rest follows along its quadratic form."""
     sought = {*structure.unknowns(fitted.data.groups).names, *structure.timing.sought}
     gone = np.array([name not in sought for name in fitted.names])
-    if not gone.any():
+    if not gone.any() or gone.all():
         return
     information = fitted.information
     part = information[np.ix_(~gone, ~gone)]
-    inverse, _ = scaled_inverse(part, np.sqrt(np.diag(part)))
+    scale = np.sqrt(np.diag(part))
+    inverse, _ = scaled_inverse(part, np.where(scale > 0.0, scale, 1.0))
     moved = inverse @ (information[np.ix_(~gone, gone)] @ fitted.values[gone])
     left = [name for name, lost in zip(fitted.names, gone, strict=True) if not lost]
     values = (fitted.values[~gone] + moved).tolist()
