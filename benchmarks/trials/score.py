@@ -236,10 +236,10 @@ def _held(some: Sequence[Claim]) -> Share:
 
 
 def _deviation(of_logs: Sequence[Share]) -> float:
-    """Standard error of a share, from one log to another; NaN of fewer than two logs."""
-    if len(of_logs) < 2:
-        return float("nan")
+    """Standard error of a share, from log to log; NaN of fewer than two, or of nothing."""
     whole = sum(share.whole for share in of_logs)
+    if len(of_logs) < 2 or whole == 0:
+        return float("nan")
     mean = sum(share.part for share in of_logs) / whole
     squares = sum((share.part - mean * share.whole) ** 2 for share in of_logs)
     return float((squares * len(of_logs) / (len(of_logs) - 1)) ** 0.5 / whole)

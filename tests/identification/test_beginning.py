@@ -1,4 +1,4 @@
-"""Which of several starts a fit goes on from: on made-up climbs, and on a log that needs it."""
+"""Which of several starts a fit goes on from: on made-up climbs."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace

@@ -104,6 +104,14 @@ def test_amplitude_and_phase_are_one_term(phase):
     assert found(edge - 0.02) == set()
 
 
+def test_half_an_eccentric_gear_that_is_kept_keeps_the_other():
+    """Assert that what stays by wish takes its other half along."""
+    names = ("theta2", "alpha1", "beta1", "alpha_ecc_sine", "alpha_ecc_cosine")
+    values = np.array([100.0, 300.0, 3.0, 0.0, 0.0])
+    fit = _Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0]))
+    assert left(fit, ("alpha_ecc_sine",)) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
+
+
 def test_few_degrees_of_freedom_ask_for_more():
     """Assert that with five degrees of freedom Student's t decides, not the normal distribution."""
     edge = float(t.isf(0.01, 5.0))

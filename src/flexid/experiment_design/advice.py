@@ -16,9 +16,9 @@ from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.samples import Samples
 from flexid.experiment_design.rehearsal import Rehearsal
-from flexid.identification.judgement.estimates import POSITIVE
 from flexid.identification.judgement.verdict import verdict
 from flexid.identification.result.identification import Identification
+from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 _FREQUENCIES = 12  # tried, evenly spaced on a logarithmic scale

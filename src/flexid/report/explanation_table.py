@@ -90,7 +90,7 @@ def _link_row(row: LinkRow) -> Iterator[Part]:
         + (
             "it knows each of these better, and is reported"
             if row.taken
-            else "it knows not all of these better, so both rows are reported"
+            else "it knows not each of these better, or contradicts both rows, which stay"
         )
     )
     yield Text()

@@ -261,7 +261,7 @@ def _following(structure: Structure, fitted: Fitted) -> Iterator[dict[str, float
         return
     information = fitted.information
     part = information[np.ix_(~gone, ~gone)]
-    scale = np.sqrt(np.diag(part))
+    scale = np.sqrt(np.maximum(np.diag(part), 0.0))
     inverse, _ = scaled_inverse(part, np.where(scale > 0.0, scale, 1.0))
     moved = inverse @ (information[np.ix_(~gone, gone)] @ fitted.values[gone])
     left = [name for name, lost in zip(fitted.names, gone, strict=True) if not lost]

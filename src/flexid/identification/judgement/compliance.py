@@ -59,7 +59,8 @@ def of_link_alone(
     found = _compliance(recordings, driven, {})
     if found.visible and stiffness.verdict == "undetermined":
         reason = (
-            f"the deflection moves by {found.deflection:.2g} rad, but as well for another stiffness"
+            f"the deflection moves by {found.deflection:.2g} rad, which another stiffness would "
+            f"explain as well"
         )
         return replace(found, visible=False, reason=reason)
     return found

@@ -131,7 +131,7 @@ def _doubt(estimates: Mapping[str, CoefficientEstimate]) -> dict[str, Any]:
     A motor's inertia is the whole drive's where the fit has no spring, however sharp it is.
     """
     for name in sorted(POSITIVE & estimates.keys()):
-        if estimates[name].value <= 0.0:
+        if estimates[name].value <= 0.0 and np.isfinite(estimates[name].std):
             reason = f"{name} came out negative, which no spring or inertia can be"
             return {"verdict": "undetermined", "reason": reason}
     return {}

@@ -216,6 +216,7 @@ def eliminate(
     frictions = np.array([b in DISSIPATIVE for b in base])
     delays = np.array([b in full.structure.timing.sought for b in base])
     groups = _groups(names, joint)
+    may_go = [all(may_go[j] for j in group) for group in groups]
     quadratic = _Quadratic.of(full)
     left = np.ones(len(names), dtype=np.bool_)
     tests: dict[str, TermEvidence] = {}

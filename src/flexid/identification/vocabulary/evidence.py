@@ -173,7 +173,7 @@ class TermEvidence:
     value, std : float
         Beside all that was not taken away before it.
     probability : float
-        Of a value as large, were it zero.
+        Of a value as large, were it zero; of both together, where two make one term.
     """
 
     name: str

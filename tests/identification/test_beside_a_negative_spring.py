@@ -1,0 +1,42 @@
+"""What is believed where a stiffness came out negative."""
+
+import numpy as np
+import pytest
+
+from flexid.identification.judgement.estimates import coefficient_estimates, parameter_estimates
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.models.flexible_joint import PAPER_TERMS
+
+JOINT = flexible()
+UNKNOWNS = JOINT.unknowns(JOINT.optional - {c for t in PAPER_TERMS for c in JOINT.terms[t]}, {})
+VALUES = {"theta1": 5.0, "theta2": 100.0, "alpha1": 300.0, "alpha2": 0.7, "beta1": 3.0}
+
+
+def verdicts(theta2: float, std: float = 0.01) -> dict[str, str]:
+    """Verdicts on all coefficients and parameters, all but theta2 known to 1 %."""
+    values = np.array([*({**VALUES, "theta2": theta2}).values()])
+    deviations = 0.005 * np.abs(values)
+    deviations[1] = std * abs(theta2)
+    estimate = Estimate(tuple(VALUES), values, np.diag(deviations**2), (50.0,) * len(VALUES))
+    found = coefficient_estimates(estimate, JOINT, UNKNOWNS, {}, {}, "N m")
+    parameters = parameter_estimates(JOINT, estimate, UNKNOWNS, found, "N m")
+    return {name: e.verdict for name, e in (*found.items(), *parameters.items())}
+
+
+def test_beside_a_spring_all_is_determined():
+    """Assert that these verdicts are those of the intervals."""
+    assert set(verdicts(100.0).values()) == {"determined"}
+
+
+@pytest.mark.parametrize("theta2", [-100.0, -1e-3])
+def test_beside_a_negative_stiffness_nothing_is(theta2):
+    """Assert that no coefficient and no parameter is determined, however narrow its interval."""
+    assert set(verdicts(theta2).values()) == {"undetermined"}
+
+
+def test_a_stiffness_that_is_not_known_says_nothing_of_the_rest():
+    """Assert that one which the log leaves free may have any sign."""
+    found = verdicts(-100.0, np.inf)
+    assert found["theta2"] == "undetermined"
+    assert found["alpha1"] == found["beta1"] == found["motor_inertia"] == "determined"
