@@ -90,7 +90,7 @@ def _link_row(row: LinkRow) -> Iterator[Part]:
         + (
             "it knows each of these better, and is reported"
             if row.taken
-            else "it knows not each of these better, or contradicts both rows, which stay"
+            else "it knows not each better, or contradicts both, so both rows are reported"
         )
     )
     yield Text()
