@@ -82,7 +82,7 @@ def block_covariance(
         scores = weights[:, None] * (vectors - matrices @ values[part])
         total = normal.sum(axis=0)
         scale = np.sqrt(np.diag(total))
-        inverse, free = scaled_inverse(total, np.where(scale > 0.0, scale, 1.0))
+        inverse, free = scaled_inverse(total, scale)
         segments = np.zeros(count, dtype=np.int64)
         try:
             found = cluster_influences(Clusters(normal, scores, segments, inverse))

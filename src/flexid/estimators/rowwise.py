@@ -193,7 +193,7 @@ def _fit_row(
     """Least squares of one row: its fit and values."""
     gram = regressors @ regressors.T
     scale = np.sqrt(np.diag(gram))
-    inverse, free = scaled_inverse(gram, np.where(scale > 0.0, scale, 1.0))
+    inverse, free = scaled_inverse(gram, scale)
     values = inverse @ (regressors @ left_hand_side)
     # One refinement brings the normal equations to the accuracy of an orthogonal factorisation.
     values += inverse @ (regressors @ (left_hand_side - values @ regressors))

@@ -19,7 +19,8 @@ def scaled_inverse(matrix: FloatArray, scale: FloatArray) -> tuple[FloatArray, N
     matrix : array, shape (k, k)
         Of the normal equations.
     scale : array, shape (k,)
-        Positive size of each coefficient's column, by which the matrix is made dimensionless.
+        Size of each coefficient's column, by which the matrix is made dimensionless; zero of a
+        column that is none, which is free.
 
     Returns
     -------
@@ -28,6 +29,7 @@ def scaled_inverse(matrix: FloatArray, scale: FloatArray) -> tuple[FloatArray, N
     free : array of bool, shape (k,)
         Coefficients that have a part in an open direction.
     """
+    scale = np.where(scale > 0.0, scale, 1.0)
     eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     kept = eigenvalues > NULL
     inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)

@@ -320,7 +320,7 @@ def _solved(
     fixed[sought] = 0.0
     gram = total[sought[:, None], sought]
     scale = np.sqrt(np.diag(gram))
-    inverse, free = scaled_inverse(gram, np.where(scale > 0.0, scale, 1.0))
+    inverse, free = scaled_inverse(gram, scale)
     from_fixed = np.append(-fixed, 1.0)
     right = (total @ from_fixed)[sought]
     # Along directions that the data leave open the answer is the one of least norm.

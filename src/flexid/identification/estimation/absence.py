@@ -41,7 +41,7 @@ def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float
     right = information @ full.values + full.minimum.reduced.scores.sum(axis=1)
     part = information[np.ix_(kept, kept)]
     diagonal = np.sqrt(np.maximum(np.diag(part), 0.0))
-    inverse, _ = scaled_inverse(part, np.where(diagonal > 0.0, diagonal, 1.0))
+    inverse, _ = scaled_inverse(part, diagonal)
     for i, name in enumerate(names):
         scale = scales.get(name, scales.get(name.partition("[")[0], 0.0))
         if i in kept or scale <= 0.0:

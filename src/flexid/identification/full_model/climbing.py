@@ -7,6 +7,7 @@ with another delay; the longest segments decide, and where these do not, the hol
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -139,8 +140,8 @@ def climb_remembering(
         {**before.by_name, **dict.fromkeys(joint.grips.values(), share * joint.first_grip)}
         for share in _GRIPS
     ]
-    promises = [promised_by_memory(before, structure, way) for way in ways]
-    for promise, _, way in sorted(zip(promises, range(len(ways)), ways, strict=True), reverse=True):
+    promising = [(promised_by_memory(before, structure, way), way) for way in ways]
+    for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
         if promise < thresholds.memory_promise:
             break
         first = _remembering(before, structure, way, thresholds)

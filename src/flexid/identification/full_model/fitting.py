@@ -262,7 +262,7 @@ def _following(structure: Structure, fitted: Fitted) -> Iterator[dict[str, float
     information = fitted.information
     part = information[np.ix_(~gone, ~gone)]
     scale = np.sqrt(np.maximum(np.diag(part), 0.0))
-    inverse, _ = scaled_inverse(part, np.where(scale > 0.0, scale, 1.0))
+    inverse, _ = scaled_inverse(part, scale)
     moved = inverse @ (information[np.ix_(~gone, gone)] @ fitted.values[gone])
     left = [name for name, lost in zip(fitted.names, gone, strict=True) if not lost]
     values = (fitted.values[~gone] + moved).tolist()

@@ -63,7 +63,7 @@ def _solved_for_input(fit: LeastSquaresFit) -> dict[str, float]:
     regressors = np.vstack((row.left_hand_side, -others))
     gram = regressors @ regressors.T
     scale = np.sqrt(np.diag(gram))
-    inverse, _ = scaled_inverse(gram, np.where(scale > 0.0, scale, 1.0))
+    inverse, _ = scaled_inverse(gram, scale)
     inertia, *rest = (inverse @ (regressors @ row.regressors[place])).tolist()
     names = (name for name in row.coefficients if name != _INPUT)
     if inertia == 0.0:

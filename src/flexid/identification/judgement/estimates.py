@@ -87,7 +87,8 @@ def coefficient_estimates(
             name, unit, value, 0.0, (value, value), "determined", reason
         )
     estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
-    estimates |= {n: replace(e, **_doubt(estimates)) for n, e in estimates.items() if e.slopes}
+    doubt = _doubt(estimates)
+    estimates |= {name: replace(e, **doubt) for name, e in estimates.items() if e.slopes}
     order = list(joint.units)
     return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
 
@@ -152,6 +153,7 @@ def parameter_estimates(
     known exactly has that value, and no width.
     """
     estimates = {}
+    doubt = _doubt(coefficients)
     for recording in _one_recording_of_each_group(unknowns):
         labels = _labels(unknowns, recording, coefficients)
         values = {c: coefficients[label].value for c, label in labels.items()}
@@ -191,7 +193,7 @@ def parameter_estimates(
                 {labels[c]: slope for c, slope in found.slopes.items()},
             )
             if found.slopes:
-                estimates[name] = replace(estimates[name], **_doubt(coefficients))
+                estimates[name] = replace(estimates[name], **doubt)
     return estimates
 
 

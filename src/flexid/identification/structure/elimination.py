@@ -306,7 +306,7 @@ class _Quadratic:
         places = np.flatnonzero(left)
         part = self.information[np.ix_(places, places)]
         scale = np.sqrt(np.diag(part))
-        inverse, free = scaled_inverse(part, np.where(scale > 0.0, scale, 1.0))
+        inverse, free = scaled_inverse(part, scale)
         values[places] = inverse @ self.right[places]
         spread = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * self.factors[places]
         free = free | (spread <= 0.0)
