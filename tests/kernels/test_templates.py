@@ -134,7 +134,10 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         lambda: simulate_ensemble([loop()], 0.02, stiff=False),
         LOOP | {"sin_cos", "lanes", "lane_measures", "dopri5"},
     ),
-    "segments": (equations, {"bound", "runge_kutta", "dry_motion", "prediction_error"}),
+    "segments": (
+        equations,
+        {"bound", "sin_cos", "runge_kutta", "dry_motion", "prediction_error"},
+    ),
     "least squares": (
         lambda: filtered_least_squares([samples()], JOINT, 20.0),
         {"state_variable_filter"},

@@ -418,7 +418,7 @@ def segmented_motion(
 
         return sensitivity_functions(system, "Segmented prediction error")
 
-    templates = ["bound", "runge_kutta", "dry_motion", "prediction_error"]
+    templates = ["bound", "sin_cos", "runge_kutta", "dry_motion", "prediction_error"]
     kernel = load_kernel("prediction_error", [system.digest], build, templates)
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(len(segments.measured))
