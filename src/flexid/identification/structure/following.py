@@ -30,17 +30,16 @@ def following_states(model: SegmentedMotion, values: FloatArray, windows: Segmen
     """
     problem = replace(model, segments=windows)
     states = problem.start_states
-    equations = problem.equations(Point(values, states))
-    n = states.shape[1]
+    equations = problem.equations(Point(values, states), "states")
     for _ in range(_MOST_STEPS):
         firsts = problem.first_blocks[:-1]
-        normal = np.add.reduceat(equations.normal, firsts, axis=0)[:, :n, :n]
-        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)[:, :n]
+        normal = np.add.reduceat(equations.normal, firsts, axis=0)
+        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
         scale = np.sqrt(np.einsum("sii->si", normal))
         scale = np.where(scale > 0.0, scale, 1.0)
         inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), rcond=1e-9)
         step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
-        trial = problem.equations(Point(values, states + step))
+        trial = problem.equations(Point(values, states + step), "states")
         if not trial.cost < equations.cost:
             break
         done = trial.cost > (1.0 - _CONVERGED) * equations.cost
