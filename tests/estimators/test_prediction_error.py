@@ -75,6 +75,23 @@ def test_derivatives_along_a_segment():
     assert np.abs(difference / np.outer(size, size)).max() < 2e-6
 
 
+def test_less_is_part_of_everything():
+    """Assert that equations for less are that part of those for everything that is sought."""
+    segments = divide([joint_samples()], 1.0)
+    late = {"input_delay": 3e-4, "link_delay": 2e-4}
+    problem = segmented_motion(JOINT, segments, Timing("linear", late, (*late,)))
+    point = Point(np.append(VALUES, [*late.values()]), clean_motion()[1][segments.starts])
+    full = problem.equations(point)
+    assert full.normal.shape[1] == 4 + len(VALUES) + 2
+    for by, n in (("states", 4), ("nothing", 0)):
+        part = problem.equations(point, by)
+        assert part.cost == pytest.approx(full.cost, rel=1e-9)
+        assert part.residuals == pytest.approx(full.residuals, rel=1e-9, abs=1e-12)
+        assert part.normal == pytest.approx(full.normal[:, :n, :n], rel=1e-9)
+        scale = np.abs(full.gradient).max()
+        assert part.gradient == pytest.approx(full.gradient[:, :n], abs=1e-9 * scale)
+
+
 def test_gradient_is_that_of_the_sum_of_squares():
     """Assert that the right-hand side is minus half the slope of the sum of squares."""
     segments = divide([joint_samples(1)], 3.0)

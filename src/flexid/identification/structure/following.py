@@ -9,7 +9,7 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments
 
 _MOST_STEPS = 10
-_CONVERGED = 1e-6  # relative fall of the sum of squares by a step that ends the search
+_CONVERGED = 1e-6  # relative fall of the sum of squares that the last step promises
 
 
 def following_states(model: SegmentedMotion, values: FloatArray, windows: Segments) -> FloatArray:
@@ -39,11 +39,10 @@ def following_states(model: SegmentedMotion, values: FloatArray, windows: Segmen
         scale = np.where(scale > 0.0, scale, 1.0)
         inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), rcond=1e-9)
         step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
+        if np.sum(step * gradient) <= _CONVERGED * equations.cost:
+            return states + step
         trial = problem.equations(Point(values, states + step), "states")
         if not trial.cost < equations.cost:
             break
-        done = trial.cost > (1.0 - _CONVERGED) * equations.cost
         states, equations = states + step, trial
-        if done:
-            break
     return states
