@@ -21,7 +21,7 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators import threads
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, Timing, segmented_motion
+from flexid.estimators.segmented_motion import By, Point, Timing, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
@@ -83,7 +83,8 @@ def test_less_is_part_of_everything():
     point = Point(np.append(VALUES, [*late.values()]), clean_motion()[1][segments.starts])
     full = problem.equations(point)
     assert full.normal.shape[1] == 4 + len(VALUES) + 2
-    for by, n in (("states", 4), ("nothing", 0)):
+    sizes: dict[By, int] = {"states": 4, "nothing": 0}
+    for by, n in sizes.items():
         part = problem.equations(point, by)
         assert part.cost == pytest.approx(full.cost, rel=1e-9)
         assert part.residuals == pytest.approx(full.residuals, rel=1e-9, abs=1e-12)
