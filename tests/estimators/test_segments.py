@@ -58,6 +58,12 @@ def test_halves_start_where_the_whole_did():
     assert halves.start_times[1] == pytest.approx(5.0 + 0.01 * halves.starts[1])
 
 
+@pytest.mark.parametrize(("samples", "expected"), [(80, True), (79, False)])
+def test_halves_have_the_fewest_samples_at_least(samples, expected):
+    """Assert that what is shorter than twice the fewest samples, be it one segment, is not cut."""
+    assert divide([record(samples)], 0.4).can_be_halved == expected
+
+
 def test_first_states_are_near_the_truth():
     """Assert that initial states come from positions alone, to a few per cent of the motion."""
     samples = replace(joint_samples(0), velocities=None)

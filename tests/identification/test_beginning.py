@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
 import flexid.identification.full_model.beginning as beginning
@@ -12,22 +11,24 @@ from flexid.errors import ConvergenceError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SAMPLES = 320
-SHORTEST = 8  # segments of 40 samples, which can be halved once
+SHORTEST = 8  # segments
+FINEST = 16  # segments: those can be halved once
 
 
 @dataclass(frozen=True)
 class _Segments:
     count: int
+    finest: int = FINEST
 
     def __len__(self) -> int:
         return self.count
 
     @property
-    def lengths(self) -> np.ndarray:
-        return np.full(self.count, SAMPLES // self.count)
+    def can_be_halved(self) -> bool:
+        return self.count < self.finest
 
     def halved(self) -> "_Segments":
-        return _Segments(2 * self.count)
+        return _Segments(2 * self.count, self.finest)
 
 
 LADDER = [_Segments(SHORTEST), _Segments(4), _Segments(2)]
@@ -58,7 +59,7 @@ def climbed(monkeypatch):
             raise ConvergenceError("prediction error", "nowhere")
         return [fitted(s, e) for s, e in zip(LADDER, smaller, strict=False)]
 
-    def set_up(ends: dict[tuple[str, int], list[float]], smaller, late=0.0):
+    def set_up(ends: dict[tuple[str, int], list[float]], smaller, late=0.0, finest=FINEST):
         tried: list[tuple[str, int]] = []
 
         def climb(structure, data, way, rungs, iterations):
@@ -77,8 +78,9 @@ def climbed(monkeypatch):
         monkeypatch.setattr(beginning, "climb", climb)
         monkeypatch.setattr(beginning, "starts", lambda *_: ways)
         monkeypatch.setattr(beginning, "_by_smaller_models", lambda *_: by_smaller(smaller))
+        ladder = [_Segments(SHORTEST, finest), *LADDER[1:]]
         found = beginning.first_climb(
-            cast(Any, None), cast(Any, DATA), cast(Any, LADDER), THRESHOLDS
+            cast(Any, None), cast(Any, DATA), cast(Any, ladder), THRESHOLDS
         )
         return [f.excess for f in found], tried
 
@@ -102,6 +104,13 @@ def test_shorter_segments_help_where_no_start_does(climbed):
     assert tried[6:] == [("d", 0), ("e", 0), ("f", 0), ("d", 1), ("e", 1), ("f", 1)]
 
 
+@pytest.mark.parametrize(("finest", "halvings"), [(8, 0), (16, 1), (32, 2), (64, 2)])
+def test_the_shortest_segments_are_halved_twice_at_most(climbed, finest, halvings):
+    """Assert that a search that fails goes down to a quarter of their length, if it can."""
+    _, tried = climbed({}, [5.0], finest=finest)
+    assert {count for _, count in tried} == {0, halvings}
+
+
 def test_two_that_agree_end_the_search(climbed):
     """Assert that what no model explains is sought until another start confirms it."""
     found, tried = climbed({("a", 0): [3.0, 4.0, 5.0], ("c", 0): [3.0, 4.0, 5.04]}, [9.0])
@@ -115,6 +124,14 @@ def test_two_that_get_as_far_agree_as_well(climbed):
     assert found == [1.0, 1.0]
     assert tried == [("a", 0), ("b", 0)]
     assert climbed({("a", 0): [2.0, 3.0], ("b", 0): [2.0, 3.0]}, [2.0, 2.5])[0] == [2.0, 2.5]
+
+
+def test_two_that_explain_as_much_need_not_agree(climbed):
+    """Assert that within the sensors' noise it does not matter which minimum a start ended in."""
+    ends = {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.05], ("c", 0): [1.0, 1.0, 1.0]}
+    found, tried = climbed(ends, [9.0])
+    assert found == [1.0, 1.0]
+    assert tried == [("a", 0), ("b", 0)]
 
 
 def test_the_least_residuals_win(climbed):

@@ -8,7 +8,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.arrow import Reduced
 from flexid.estimators.segmented_motion import Equations, Point, SegmentedMotion
-from flexid.estimators.segments import FEWEST_SAMPLES
 
 FLAT = 2e-3
 """Part of the sum of squares that a step promises, below which none has to be found."""
@@ -30,7 +29,10 @@ _FINEST = 1e-9  # noise over the largest output that is distinguished from none:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the iteration ended: converged, or `minimise` raises.
+    """Where the iteration ended.
+
+    `minimise` raises where it has not converged, unless it does not insist on that, or what is left
+    is good enough.
 
     Parameters
     ----------
@@ -43,7 +45,8 @@ class Minimum:
     iterations : int
         Steps taken.
     last_step : float
-        Length of the step that was not taken any more, in standard deviations.
+        Length in standard deviations of the step that would have come next; where all steps were
+        taken and did not end, of the last of them.
     """
 
     point: Point
@@ -75,7 +78,7 @@ def _approach(problem: SegmentedMotion, point: Point, tolerance: float, halvings
     try:
         return minimise(problem, point, tolerance)
     except ConvergenceError:
-        if halvings == 0 or problem.segments.lengths.min() < 2 * FEWEST_SAMPLES:
+        if halvings == 0 or not problem.segments.can_be_halved:
             raise
     halves = replace(problem, segments=problem.segments.halved())
     start = Point(point.values, halves.start_states)

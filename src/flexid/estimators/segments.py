@@ -56,6 +56,11 @@ class Segments:
     def __len__(self) -> int:
         return len(self.starts)
 
+    @property
+    def can_be_halved(self) -> bool:
+        """Whether each is long enough to be cut in two."""
+        return bool(self.lengths.min() >= 2 * FEWEST_SAMPLES)
+
     def halved(self) -> "Segments":
         """Every segment cut in two; the even ones then start where the whole ones did."""
         first = self.lengths // 2

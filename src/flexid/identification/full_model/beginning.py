@@ -13,7 +13,7 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import INPUT
-from flexid.estimators.segments import FEWEST_SAMPLES, Segments
+from flexid.estimators.segments import Segments
 from flexid.identification.full_model.fitting import climb
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import starts
@@ -88,7 +88,7 @@ def _tries(
     finer: list[Segments] = []
     for _ in range(_HALVINGS):
         shortest = (*finer, *ladder)[0]
-        if shortest.lengths.min() >= 2 * FEWEST_SAMPLES:
+        if shortest.can_be_halved:
             finer = [shortest.halved(), *finer]
     begins = [[], finer] if finer else [[]]
     first, others = ways[:_FIRST_STARTS], ways[_FIRST_STARTS:]
