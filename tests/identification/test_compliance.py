@@ -10,11 +10,15 @@ from made_joint import COEFFICIENTS, made
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Structure, data_of
-from flexid.identification.judgement.compliance import compare_with_rigid, one_encoder
+from flexid.identification.judgement.compliance import (
+    compare_with_rigid,
+    of_link_alone,
+    one_encoder,
+)
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.validation import validate
-from flexid.identification.vocabulary.evidence import Validation
+from flexid.identification.vocabulary.evidence import CoefficientEstimate, Validation, Verdict
 from flexid.models.flexible_joint import PAPER_TERMS
 
 JOINT = flexible()
@@ -92,6 +96,19 @@ def test_deflection_moves_by_its_root_mean_square():
     log = recordings(100.0, 1e-5)
     expected = np.std(log.recorded[0].deflection[START:])
     assert compared(log, 90.0).deflection == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "seen"), [("determined", True), ("weak", True), ("undetermined", False)]
+)
+def test_spring_that_the_log_leaves_open_explains_nothing(verdict: Verdict, seen):
+    """Assert that without a torque a deflection is no compliance if any stiffness would do."""
+    stiffness = CoefficientEstimate("theta2", "1/s^2", 100.0, 1.0, (0.0, 1e3), verdict)
+    driven = Validation({"deflection": 90.0}, ())
+    compliance = of_link_alone(recordings(100.0, 1e-5), driven, stiffness)
+    assert compliance.visible == seen
+    assert ("another stiffness" in compliance.reason) != seen
+    assert compliance.rigid_fit_percent == {}
 
 
 def test_one_encoder_shows_none():

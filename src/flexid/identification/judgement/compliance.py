@@ -11,7 +11,7 @@ from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.full_model.starting import starts
 from flexid.identification.preparation.joint import rigid
 from flexid.identification.preparation.recordings import SplitRecordings
-from flexid.identification.structure.validation import free_run_percent
+from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Compliance, Validation
 from flexid.models.rigid_joint import rigid_terms
 from flexid.recording.velocities import position_noise
@@ -98,7 +98,8 @@ def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, 
             found = climb(rival, training, start, ladder, insist=False)
         except (ConvergenceError, SettingError):
             continue
-        fits.append(free_run_percent(found[-1], whole, recordings.starts))
+        free_run = validate(found[-1], whole, recordings.starts, horizons=())
+        fits.append(free_run.fit_percent)
     tested = [fit for fit in fits if not np.isnan(fit["motor_position"])]
     if not tested:
         return dict.fromkeys(joint.channels, np.nan)

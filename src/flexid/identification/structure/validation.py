@@ -26,7 +26,12 @@ _SMALLEST, _LARGEST = 1e-9, 1e4  # per cent of the motion, errors that are compa
 _REST = 0.05  # root mean square of held-out motion over that of fitted motion, below which it rests
 
 
-def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
+def validate(
+    fitted: Fitted,
+    data: Data,
+    starts: Sequence[int],
+    horizons: Sequence[float] = HORIZONS,
+) -> Validation:
     """Predict the held-out end of each recording.
 
     Parameters
@@ -37,6 +42,8 @@ def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
         The recordings with their ends.
     starts : sequence of int
         Where the held-out end of each begins.
+    horizons : sequence of float, optional
+        Seconds after which predictions begin anew, beside the free run.
 
     Returns
     -------
@@ -44,20 +51,8 @@ def validate(fitted: Fitted, data: Data, starts: Sequence[int]) -> Validation:
         With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
         hardly moves in the held-out stretches, where a fit would test nothing.
     """
-    return validate_with(fitted.structure.joint, fitted.problem, fitted.values, data, starts)
-
-
-def free_run_percent(fitted: Fitted, data: Data, starts: Sequence[int]) -> dict[str, float]:
-    """Fit of the free run over the held-out ends in per cent, per channel, and nothing else.
-
-    Parameters
-    ----------
-    fitted, data, starts
-        As of `validate`.
-    """
-    joint, origins = fitted.structure.joint, [[start] for start in starts]
-    runs = _predictions(joint, fitted.problem, fitted.values, data, origins, np.inf)
-    return _percent(joint, runs, _spreads(joint, data, starts))
+    joint, problem = fitted.structure.joint, fitted.problem
+    return validate_with(joint, problem, fitted.values, data, starts, horizons)
 
 
 def validate_with(
@@ -66,6 +61,7 @@ def validate_with(
     values: FloatArray,
     data: Data,
     starts: Sequence[int],
+    horizons: Sequence[float] = HORIZONS,
 ) -> Validation:
     """Predict the held-out end of each recording with given values, wherever they come from.
 
@@ -77,10 +73,8 @@ def validate_with(
         The model's motion; over which segments does not matter.
     values : array, shape (k,)
         Of what `problem` seeks.
-    data : Data
-        The recordings with their ends.
-    starts : sequence of int
-        Where the held-out end of each begins.
+    data, starts, horizons
+        As of `validate`.
 
     Returns
     -------
@@ -89,16 +83,16 @@ def validate_with(
     """
     spreads = _spreads(joint, data, starts)
     runs = _predictions(joint, problem, values, data, [[start] for start in starts], np.inf)
-    horizons = {}
-    for horizon in HORIZONS:
+    fits = {}
+    for horizon in horizons:
         origins = [
             _origins(len(recording), start, recording.sample_time, horizon)
             for recording, start in zip(data.samples, starts, strict=True)
         ]
         if all(origins):
             predicted = _predictions(joint, problem, values, data, origins, horizon)
-            horizons[horizon] = _percent(joint, predicted, spreads)
-    return Validation(_percent(joint, runs, spreads), tuple(runs), horizons)
+            fits[horizon] = _percent(joint, predicted, spreads)
+    return Validation(_percent(joint, runs, spreads), tuple(runs), fits)
 
 
 def misprediction(validation: Validation) -> float:
@@ -137,7 +131,7 @@ def residuals_over_noise(
     """
     segments = divide(data.samples, duration)
     states = following_states(problem, values, segments)
-    equations = replace(problem, segments=segments).equations(Point(values, states), "nothing")
+    equations = replace(problem, segments=segments).equations(Point(values, states))
     squares = np.mean(equations.residuals[segments.within] ** 2, axis=0)
     ratios = np.sqrt(squares) / data.noise if np.isfinite(equations.cost) else np.inf * squares
     names = ["motor" if row.name == "rigid" else row.name for row in problem.unknowns.system.rows]
@@ -171,7 +165,7 @@ def _predictions(
     states = following_states(model, values, before)
     windows = _windows(whole, firsts, total, recordings)
     problem = replace(model, segments=windows)
-    equations = problem.equations(Point(values, states), "nothing")
+    equations = problem.equations(Point(values, states))
     measured = problem.timely(values)
     runs = []
     for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):
