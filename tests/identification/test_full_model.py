@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -140,6 +142,54 @@ def test_a_start_that_leads_nowhere_is_said(late):
     """Assert that a start from which even short segments run away is an error."""
     with pytest.raises(ConvergenceError):
         climb(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
+
+
+@pytest.mark.parametrize(
+    ("ends", "kept"),
+    [
+        ("+++", 3),
+        ("++-", 2),
+        ("+--", 1),
+        ("-+", 2),
+        ("--", 1),
+        ("+-+-", 3),
+        ("++x+", 2),
+        ("+-x+", 1),
+        ("x", None),
+    ],
+)
+def test_a_climb_ends_where_a_fit_has(monkeypatch, ends, kept):
+    """Assert that a last length whose steps did not end is dropped, however the climb is asked for.
+
+    For each length: + where the steps end, - where they do not, x where it cannot be fitted.
+    """
+    counts = [2 ** (len(ends) - i) for i in range(len(ends))]
+
+    def fitted_over(_structure, _data, segments, _start, states, *_, **__):
+        end = ends[counts.index(len(segments))]
+        if end == "x":
+            raise ConvergenceError("prediction error", "nowhere")
+        assert states is None or len(states) == len(segments)
+        point = SimpleNamespace(initial_states=np.zeros((len(segments), 4)))
+        return SimpleNamespace(
+            problem=SimpleNamespace(segments=segments),
+            minimum=SimpleNamespace(point=point),
+            structure=None,
+            data=None,
+            by_name={},
+            converged=end == "+",
+        )
+
+    monkeypatch.setattr(fitting, "_fit_segments", fitted_over)
+    ladder, nothing = cast(Any, [range(count) for count in counts]), cast(Any, None)
+    if kept is None:
+        with pytest.raises(ConvergenceError):
+            climb(nothing, nothing, {}, ladder)
+        return
+    found = climb(nothing, nothing, {}, ladder)
+    assert [len(each.problem.segments) for each in found] == counts[:kept]
+    rest = fitting.onward(found[0], ladder)
+    assert [len(each.problem.segments) for each in rest] == counts[1:kept]
 
 
 def test_fit_to_other_data():

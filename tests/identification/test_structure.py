@@ -6,12 +6,12 @@ from typing import cast
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, norm, t
+from scipy.stats import chi2, f, norm, t
 
 from flexid.estimators.segmented_motion import INPUT, Timing
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.preparation.joint import flexible
-from flexid.identification.structure.elimination import eliminate
+from flexid.identification.structure.elimination import best_length, eliminate
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 JOINT = flexible()
@@ -32,7 +32,7 @@ class _Quadratic:
     names: tuple[str, ...]
     values: np.ndarray
     information: np.ndarray
-    freedom: float = MANY
+    freedom: float | tuple[float, ...] = MANY
     spread: np.ndarray | float = 1.0  # true standard deviations over those of white noise
     sought: tuple[str, ...] = ()
     margin: float = 10.0  # s
@@ -54,7 +54,10 @@ class _Quadratic:
     @property
     def fit(self) -> _Fit:
         deviations = self.unit_deviations * self.spread
-        return _Fit(np.diag(deviations**2), (self.freedom,) * len(self.names))
+        freedom = self.freedom
+        if not isinstance(freedom, tuple):
+            freedom = (freedom,) * len(self.names)
+        return _Fit(np.diag(deviations**2), freedom)
 
 
 def left(quadratic: _Quadratic, kept: tuple[str, ...] = (), thresholds=LIMITS) -> set[str]:
@@ -99,6 +102,22 @@ def test_amplitude_and_phase_are_one_term(phase):
         values = np.array([100.0, 300.0, 3.0, 0.0, 0.0])
         values[3:] = 0.1 * deviations * np.cos(phase), 0.1 * deviations * np.sin(phase)
         return left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0])))
+
+    assert found(edge + 0.02) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
+    assert found(edge - 0.02) == set()
+
+
+@pytest.mark.parametrize("pair", [(5.0, MANY), (MANY, 5.0)])
+def test_a_term_is_as_sure_as_the_less_sure_of_its_coefficients(pair):
+    """Assert that the fewer degrees of freedom of amplitude and phase decide, by Fisher's F."""
+    names = ("theta2", "alpha1", "beta1", "alpha_ecc_sine", "alpha_ecc_cosine")
+    edge = float(np.sqrt(2.0 * f.isf(0.001, 2, 5.0)))
+    assert edge > float(np.sqrt(chi2.isf(0.001, 2))) + 0.5
+
+    def found(deviations: float) -> set[str]:
+        values = np.array([100.0, 300.0, 3.0, 0.1 * deviations, 0.0])
+        information = np.diag([1e4, 1e4, 1e4, 100.0, 100.0])
+        return left(_Quadratic(names, values, information, freedom=(MANY, MANY, MANY, *pair)))
 
     assert found(edge + 0.02) == {"alpha_ecc_sine", "alpha_ecc_cosine"}
     assert found(edge - 0.02) == set()
@@ -253,6 +272,37 @@ def test_offset_of_one_log_keeps_the_term():
     assert left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0]))) == {
         "theta_offset"
     }
+
+
+@pytest.mark.parametrize(("beyond", "expected"), [(0.02, {"theta_offset"}), (-0.02, set())])
+def test_offsets_of_two_logs_are_two_numbers(beyond, expected):
+    """Assert that one log's offset is judged by itself: the other log's makes it no chance."""
+    names = ("theta2", "alpha1", "beta1", "theta_offset[1]", "theta_offset[2]")
+    values = np.array([100.0, 300.0, 3.0, 0.0, 0.1 * (normal(0.02) + beyond)])
+    assert left(_Quadratic(names, values, np.diag([1e4, 1e4, 1e4, 100.0, 100.0]))) == expected
+
+
+def test_the_narrowest_fit_that_converged_is_best():
+    """Assert that a fit that has not ended counts where there is no other, be it as narrow as may.
+
+    Of two that are as narrow, but for 5 per cent, that over longer segments is taken.
+    """
+
+    def fit(width: float, converged: bool = True) -> Fitted:
+        covariance = _Fit(np.array([[width**2]]), (MANY,))
+        names, values = ("theta2",), np.ones(1)
+        return cast(
+            Fitted,
+            SimpleNamespace(converged=converged, fit=covariance, names=names, values=values),
+        )
+
+    wide, narrow, not_ended = fit(0.2), fit(0.1), fit(0.01, converged=False)
+    assert best_length([wide, narrow, not_ended]) is narrow
+    assert best_length([not_ended, wide]) is wide
+    assert best_length([not_ended]) is not_ended
+    longer, too_wide = fit(0.104), fit(0.106)
+    assert best_length([narrow, longer]) is longer
+    assert best_length([narrow, too_wide]) is narrow
 
 
 @pytest.mark.parametrize(

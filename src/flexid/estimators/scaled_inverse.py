@@ -1,5 +1,7 @@
 """Inverse of normal equations on what the data determine, in the coefficients' own units."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,3 +36,39 @@ def scaled_inverse(matrix: FloatArray, scale: FloatArray) -> tuple[FloatArray, N
     kept = eigenvalues > NULL
     inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
     return inverse, np.any(np.abs(vectors[:, ~kept]) > _PART, axis=1)
+
+
+class Least(NamedTuple):
+    """Where a quadratic form is least.
+
+    Parameters
+    ----------
+    values : array, shape (k,)
+        Of what is sought.
+    inverse : array, shape (k, k)
+        Of its part of the form's matrix, as of `scaled_inverse`.
+    free : array of bool, shape (k,)
+        What has a part in an open direction, along which a value stays what it was.
+    """
+
+    values: FloatArray
+    inverse: FloatArray
+    free: NDArray[np.bool_]
+
+
+def least_with(left: NDArray[np.bool_], matrix: FloatArray, values: FloatArray) -> Least:
+    """Where a quadratic form is least if some of its values are zero, as the rest follows.
+
+    Parameters
+    ----------
+    left : array of bool, shape (n,)
+        Which values are not zero; k of them.
+    matrix : array, shape (n, n)
+        Of the form.
+    values : array, shape (n,)
+        Where the form is least with all.
+    """
+    part = matrix[np.ix_(left, left)]
+    inverse, free = scaled_inverse(part, np.sqrt(np.maximum(np.diag(part), 0.0)))
+    moved = inverse @ (matrix[np.ix_(left, ~left)] @ values[~left])
+    return Least(values[left] + moved, inverse, free)

@@ -15,9 +15,9 @@ from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
 from flexid.estimators.integration_error import MOST, refinement
 from flexid.estimators.samples import FloatArray
-from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.scaled_inverse import least_with
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import FEWEST_SAMPLES, Segments, divide
+from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.model import FINE, ROUGH, Data, Fitted, Structure
 
@@ -37,7 +37,7 @@ def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) ->
     while True:
         last = found[-1]
         mean = float(np.mean(last.lengths * last.sample_times))
-        if mean < 1.5 * shortest or last.lengths.min() < 2 * FEWEST_SAMPLES:
+        if mean < 1.5 * shortest or not last.can_be_halved:
             return found[::-1]
         found.append(last.halved())
 
@@ -80,33 +80,32 @@ def climb(
     ConvergenceError
         If not even the shortest segments can be fitted.
     """
-    found: list[Fitted] = []
-    values = dict(start)
-    for segments in ladder:
-        if found:
-            before = found[-1].minimum.point.initial_states
-            states = before[:: len(before) // len(segments)]
+    how = {"insist": insist, "iterations": iterations, "enough": _ENOUGH}
+    first = _fit_segments(structure, data, ladder[0], start, states, ROUGH, **how)
+    return [first, *onward(first, ladder[1:])]
+
+
+def onward(first: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
+    """Climb from a fit to those segments of a ladder that are longer than its own.
+
+    Returns
+    -------
+    list of Fitted
+        Up to the length at which the fit no longer converges.
+    """
+    found = [first]
+    for segments in (longer for longer in ladder if len(longer) < len(first.problem.segments)):
+        last = found[-1]
+        before = last.minimum.point.initial_states
+        states = before[:: len(before) // len(segments)]
+        rest = (segments, last.by_name, states, ROUGH)
         try:
-            fitted = _fit_segments(
-                structure,
-                data,
-                segments,
-                values,
-                states,
-                ROUGH,
-                insist=insist or bool(found),
-                iterations=ITERATIONS if found else iterations,
-                enough=_ENOUGH,
-            )
+            found.append(_fit_segments(first.structure, first.data, *rest, enough=_ENOUGH))
         except ConvergenceError:
-            if not found:
-                raise
             break
-        found.append(fitted)
-        values = {**values, **fitted.by_name}
     while len(found) > 1 and not found[-1].converged:  # which has led no further
         found.pop()
-    return found
+    return found[1:]
 
 
 def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
@@ -179,21 +178,6 @@ def expanded(structure: Structure, fitted: Fitted) -> Fitted:
     return Fitted(structure, fitted.data, problem, minimum, fitted.duration)
 
 
-def onward(last: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
-    """Climb from a fit to those segments of the ladder that are longer than its own."""
-    found = []
-    for segments in ladder:
-        if len(segments) >= len(last.problem.segments):
-            continue
-        states = last.minimum.point.initial_states[::2]
-        try:
-            (last,) = climb(last.structure, last.data, last.by_name, [segments], states=states)
-        except ConvergenceError:
-            break
-        found.append(last)
-    return found
-
-
 def _beyond(fitted: Fitted) -> list[Fitted]:
     """The same over segments of twice and four times the length, as far as these can be had."""
     ladder = [fitted.problem.segments]
@@ -259,14 +243,9 @@ def _following(structure: Structure, fitted: Fitted) -> Iterator[dict[str, float
     gone = np.array([name not in sought for name in fitted.names])
     if not gone.any() or gone.all():
         return
-    information = fitted.information
-    part = information[np.ix_(~gone, ~gone)]
-    scale = np.sqrt(np.maximum(np.diag(part), 0.0))
-    inverse, _ = scaled_inverse(part, scale)
-    moved = inverse @ (information[np.ix_(~gone, gone)] @ fitted.values[gone])
+    least = least_with(~gone, fitted.information, fitted.values)
     left = [name for name, lost in zip(fitted.names, gone, strict=True) if not lost]
-    values = (fitted.values[~gone] + moved).tolist()
-    yield {**fitted.by_name, **dict(zip(left, values, strict=True))}
+    yield {**fitted.by_name, **dict(zip(left, least.values.tolist(), strict=True))}
 
 
 def motion_at(

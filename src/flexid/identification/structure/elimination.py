@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
-from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.scaled_inverse import least_with, scaled_inverse
 from flexid.estimators.segmented_motion import INPUT
 from flexid.identification.full_model.climbing import Climb
 from flexid.identification.full_model.fitting import fit_like, onward
@@ -92,7 +92,7 @@ def choose_structure(
     found, ladder = list(climbed.found), climbed.ladder
     if climbed.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
-    best = _best(found) if climbed.free_length else found[-1]
+    best = best_length(found) if climbed.free_length else found[-1]
     progress("taking away what the log does not show")
     wider = _wider(best, with_shapes)
     structure, evidence = eliminate(wider, kept, thresholds)
@@ -102,7 +102,7 @@ def choose_structure(
         if leaner is None:
             break
         found = [leaner, *onward(leaner, ladder)]
-        longer = _best(found) if climbed.free_length else found[-1]
+        longer = best_length(found) if climbed.free_length else found[-1]
         if longer is leaner:
             best = leaner
             break
@@ -174,7 +174,7 @@ def relative_deviation(fitted: Fitted) -> float:
     return float(np.exp(np.mean(np.log(usable)))) if usable else np.inf
 
 
-def _best(found: Sequence[Fitted]) -> Fitted:
+def best_length(found: Sequence[Fitted]) -> Fitted:
     """The fit with the narrowest intervals; of two that are alike, that over longer segments."""
     found = [fitted for fitted in found if fitted.converged] or found
     best, narrowest = found[0], np.inf
@@ -267,13 +267,12 @@ class _Quadratic:
     """The sum of squares about its minimum, with deviations that hold for correlated residuals."""
 
     information: FloatArray
-    right: FloatArray
+    values: FloatArray
     factors: FloatArray
     freedom: FloatArray
 
     @classmethod
     def of(cls, full: Fitted) -> "_Quadratic":
-        information = full.information
         robust = np.sqrt(np.diag(full.fit.covariance))
         with np.errstate(invalid="ignore", divide="ignore"):
             factors = robust / full.unit_deviations
@@ -281,8 +280,8 @@ class _Quadratic:
         middle = float(np.median(factors[usable])) if usable.any() else 1.0
         freedom = np.array(full.fit.degrees_of_freedom)
         return cls(
-            information,
-            information @ full.values,
+            full.information,
+            full.values,
             # Few blocks may agree by chance; the sensors' noise is there in any case.
             np.maximum(np.where(usable, factors, middle), 1.0),
             np.where(usable & (freedom > 0.0), freedom, 5.0),
@@ -304,10 +303,7 @@ class _Quadratic:
         """Values and covariance where only some are left; zero and infinite for the others."""
         values, covariance = np.zeros(len(left)), np.diag(np.full(len(left), np.inf))
         places = np.flatnonzero(left)
-        part = self.information[np.ix_(places, places)]
-        scale = np.sqrt(np.diag(part))
-        inverse, free = scaled_inverse(part, scale)
-        values[places] = inverse @ self.right[places]
+        values[left], inverse, free = least_with(left, self.information, self.values)
         spread = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * self.factors[places]
         free = free | (spread <= 0.0)
         found = inverse * np.outer(self.factors[places], self.factors[places])
