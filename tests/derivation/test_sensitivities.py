@@ -22,7 +22,11 @@ TWO_MEMORIES = ParametricSystem(
     ),
     memories=(Memory("h", "x - y", "grip"), Memory("g", "y", "hold")),
 )
-SYSTEMS = {**ALL, "jumps": JUMPS, "two memories": TWO_MEMORIES}
+COSTLY = ParametricSystem(
+    "costly",
+    (Row("mass", "q", "v", {"stop": "tanh(q)", "gain": "u"}, known="-exp(v)"),),
+)
+SYSTEMS = {**ALL, "jumps": JUMPS, "two memories": TWO_MEMORIES, "costly": COSTLY}
 
 
 @pytest.fixture
@@ -113,6 +117,28 @@ def test_a_coefficient_without_a_column_leaves_the_others_alone(plain):
     first = 1 + len(x)
     assert np.any(part[:, 0])  # nothing is read there
     assert np.array_equal(part[:, first:-1], full[:, first + 1 :])
+
+
+@pytest.mark.parametrize("stop", [0.0, 2.0])
+def test_costly_functions_are_called_where_they_are_needed(plain, stop):
+    """Assert that of terms that are off nothing is computed, unless it is sought."""
+    functions = plain(sensitivity_functions(COSTLY, "Test"))
+    calls = []
+    functions["tanh"] = lambda z: calls.append("tanh") or np.tanh(z)
+    x, u, modes, p, c = drawn(COSTLY, 12)
+    p[0] = stop
+    rates = np.empty_like(x)
+    functions["state_rates"](x, u, modes, p, c, rates)
+    assert calls.count("tanh") == (stop != 0.0)
+    assert rates[1] == pytest.approx(stop * np.tanh(x[0]) + p[1] * u[0] - np.exp(x[1]))
+    for column, needed in ((0, stop != 0.0), (3, True)):
+        calls.clear()
+        at = np.array([column, 4])
+        a, r = slopes_of(functions, COSTLY, x, u, 0.0 * u, modes, p, c, at, 0)
+        assert calls.count("tanh") == needed
+        assert a[0, 0] == pytest.approx(stop / np.cosh(x[0]) ** 2)
+        if column:
+            assert r[0, column] == pytest.approx(np.tanh(x[0]))
 
 
 def step_of(functions, system, x, u, modes, p, c, h):

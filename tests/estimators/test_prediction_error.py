@@ -21,7 +21,7 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators import threads
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, Timing, segmented_motion
+from flexid.estimators.segmented_motion import By, Point, Timing, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
@@ -73,6 +73,24 @@ def test_derivatives_along_a_segment():
     size = np.linalg.norm(columns, axis=0)
     difference = equations.normal[7] - columns.T @ columns
     assert np.abs(difference / np.outer(size, size)).max() < 2e-6
+
+
+def test_less_is_part_of_everything():
+    """Assert that equations for less are that part of those for everything that is sought."""
+    segments = divide([joint_samples()], 1.0)
+    late = {"input_delay": 3e-4, "link_delay": 2e-4}
+    problem = segmented_motion(JOINT, segments, Timing("linear", late, (*late,)))
+    point = Point(np.append(VALUES, [*late.values()]), clean_motion()[1][segments.starts])
+    full = problem.equations(point)
+    assert full.normal.shape[1] == 4 + len(VALUES) + 2
+    sizes: dict[By, int] = {"states": 4, "nothing": 0}
+    for by, n in sizes.items():
+        part = problem.equations(point, by)
+        assert part.cost == pytest.approx(full.cost, rel=1e-9)
+        assert part.residuals == pytest.approx(full.residuals, rel=1e-9, abs=1e-12)
+        assert part.normal == pytest.approx(full.normal[:, :n, :n], rel=1e-9)
+        scale = np.abs(full.gradient).max()
+        assert part.gradient == pytest.approx(full.gradient[:, :n], abs=1e-9 * scale)
 
 
 def test_gradient_is_that_of_the_sum_of_squares():

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ from flexid.estimators.recursive_least_squares import (
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, Timing, segmented_motion
+from flexid.estimators.segmented_motion import By, Point, Timing, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.kernels import store
@@ -103,7 +103,8 @@ def equations() -> None:
     values = {**TRUE, "beta1": 3.0, "alpha_coulomb": 5.0}
     sought = [values[name] for name in problem.unknowns.names] + [1e-4]
     start = np.zeros((len(problem.segments), 4))
-    problem.equations(Point(np.array(sought), start))
+    for by in get_args(By):
+        problem.equations(Point(np.array(sought), start), by)
 
 
 ROWS = {"status", "block_scores", "least_squares_gain", "online"}
@@ -134,7 +135,10 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         lambda: simulate_ensemble([loop()], 0.02, stiff=False),
         LOOP | {"sin_cos", "lanes", "lane_measures", "dopri5"},
     ),
-    "segments": (equations, {"bound", "runge_kutta", "dry_motion", "prediction_error"}),
+    "segments": (
+        equations,
+        {"bound", "sin_cos", "runge_kutta", "dry_motion", "prediction_error"},
+    ),
     "least squares": (
         lambda: filtered_least_squares([samples()], JOINT, 20.0),
         {"state_variable_filter"},

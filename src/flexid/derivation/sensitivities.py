@@ -16,6 +16,8 @@ computed once for all columns, and the columns are worked on side by side by one
 The sign of a row's own velocity is the row's *mode*, which the kernel sets: a dry friction is
 smooth while the joint slides to one side.
 
+What is costly, as tanh or exp, and stands in terms that are off, is not computed.
+
 A memory follows the direction of its path. While the path q does not turn it is a function of it,
 
     h = d + (h0 - d) exp(-s |q - q0|),    d the direction,
@@ -24,13 +26,14 @@ whatever the velocity. So a step of the integrator takes it from the path, and n
 short makes the equations stiff.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
 import sympy as sp
 
 from flexid.derivation.model_functions import module_header
-from flexid.derivation.source import assignments, function, unpack
+from flexid.derivation.source import assignments, function, print_scalar, unpack
 from flexid.derivation.symbolic import SymbolicMemory, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
@@ -38,6 +41,7 @@ KNOWN = -1
 """Stands in ``DRY`` for a known part with dry friction, which has no coefficient."""
 
 _TOGETHER = 8  # columns that one instruction may take
+_CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions that are no calls
 
 
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
@@ -128,13 +132,57 @@ def _variables(symbolic: SymbolicSystem) -> tuple[str, ...]:
 
 def _rates(symbolic: SymbolicSystem) -> str:
     targets = [f"_dx[{place}]" for place in range(len(symbolic.states))]
+    costly, rates = _where_needed(symbolic, symbolic.right_hand_side, "_p[{0}] != 0.0")
     return function(
         "state_rates(_x, _u, _m, _p, _c, _dx)",
         "_dx = x' for modes _m, coefficients _p and constants _c.  # Huang (2003), eq. (1)",
         *_variables(symbolic),
-        assignments(targets, symbolic.right_hand_side),
+        costly,
+        assignments(targets, rates),
         decorator="inlined",
     )
+
+
+def _where_needed(
+    symbolic: SymbolicSystem, expressions: Sequence[sp.Expr], needed: str
+) -> tuple[str, list[sp.Expr]]:
+    """Lines that compute each costly function if it is needed, and expressions with its name.
+
+    `needed` is the condition for one coefficient, with its place for ``{0}``; the function is that
+    of all that multiply it, or its derivatives.
+    """
+    found = {f for e in expressions for f in e.atoms(sp.Function) if not isinstance(f, _CHEAP)}
+    names = {
+        f: sp.Symbol(f"_f{i}", real=True)
+        for i, f in enumerate(sorted(found, key=sp.default_sort_key))
+    }
+    lines = []
+    for call, name in names.items():
+        users = _users(symbolic, call)
+        value = print_scalar(call)
+        if users is not None:
+            value += f" if {' or '.join(needed.format(i) for i in users)} else 0.0"
+        lines.append(f"    {name} = {value}")
+    return "\n".join(lines), [cast(sp.Expr, e.xreplace(names)) for e in expressions]
+
+
+def _users(symbolic: SymbolicSystem, call: sp.Basic) -> list[int] | None:
+    """Places of the coefficients whose terms a call stands in; None if it stands elsewhere too."""
+    users = set()
+    for rate, jacobian in _equations(symbolic):
+        for expression in (rate, *jacobian.values()):
+            if not expression.has(call):
+                continue
+            own = {
+                i
+                for i, coefficient in enumerate(symbolic.coefficients)
+                if sp.diff(expression, coefficient).has(call)
+            }
+            off = {symbolic.coefficients[i]: sp.S.Zero for i in own}
+            if expression.xreplace(off).has(call):
+                return None
+            users |= own
+    return sorted(users)
 
 
 def _path(symbolic: SymbolicSystem, memory: SymbolicMemory) -> dict[int, float]:
@@ -230,10 +278,13 @@ def _slopes(symbolic: SymbolicSystem) -> str:
             expressions += gains.values()
             products = [f"_g{j}_{i} * _du[{i}]" for i in gains]
             delayed.append(f"        _r[{j} * WIDTH + _delay] = {' + '.join(products)}")
+    needed = "_p[{0}] != 0.0 or _at[{0}] > 0"
+    costly, expressions = _where_needed(symbolic, expressions, needed)
     return function(
         "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
         "Derivatives of the rates of velocities and memories: _a by the states, _r by the rest.",
         *_variables(symbolic),
+        costly,
         assignments(targets, expressions),
         "    if _delay:",
         "\n".join(delayed) or "        pass",

@@ -96,9 +96,11 @@ def unpack(array: str, symbols: Sequence[sp.Symbol], indent: str = "    ") -> st
 DECORATORS = """
 # References to arrays are counted, by atomic instructions, wherever an array is taken out of a
 # tuple. At every stage of a step this costs more than the mathematics, and what allocates nothing
-# does not need it.
-uncounted = njit(cache=True, error_model="numpy", _nrt=False)
-inlined = njit(cache=True, error_model="numpy", forceinline=True, _nrt=False)
+# does not need it. A product and the sum that it goes into are rounded once.
+uncounted = njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
+inlined = njit(
+    cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True, _nrt=False
+)
 """
 """How functions are compiled that run at every stage of a step: they allocate nothing."""
 

@@ -33,6 +33,7 @@ from flexid.estimators.recursive_least_squares import (
 )
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import (
+    By,
     Equations,
     Point,
     SegmentedMotion,
@@ -56,14 +57,15 @@ class _MotionWithPrior(SegmentedMotion):
     prior_values: FloatArray
     prior_information: FloatArray
 
-    def equations(self, point: Point) -> Equations:
+    def equations(self, point: Point, by: By = "everything") -> Equations:
         """Normal equations with those of the prior."""
-        found = super().equations(point)
+        found = super().equations(point, by)
         n_states = point.initial_states.shape[1]
         off = point.values - self.prior_values
         pull = self.prior_information @ off
-        found.normal[0, n_states:, n_states:] += self.prior_information
-        found.gradient[0, n_states:] -= pull
+        if by == "everything":
+            found.normal[0, n_states:, n_states:] += self.prior_information
+            found.gradient[0, n_states:] -= pull
         return replace(found, cost=found.cost + float(off @ pull))
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,9 @@ _SEEN_SAMPLES = (
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _NOT_SOUGHT = -1
 _ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
+
+By = Literal["everything", "states", "nothing"]
+"""What a motion is differentiated by: all that is sought, initial states alone, or nothing."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,8 @@ class Equations:
     cost : float
         Weighted sum of squares; infinite if the motion diverged.
     normal : array, shape (n_blocks, n, n)
-        Normal matrix of each block, its segment's initial state first, then what is sought.
+        Normal matrix of each block, its segment's initial state first, then what is sought, as far
+        as the motion is differentiated by it.
     gradient : array, shape (n_blocks, n)
         Right-hand sides.
     residuals : array, shape (n_samples, n_outputs)
@@ -302,18 +306,32 @@ class SegmentedMotion:
             dtype=np.int64,
         )
 
-    def equations(self, point: Point) -> Equations:
-        """Run the model from a point and put up the normal equations."""
+    def equations(self, point: Point, by: By = "everything") -> Equations:
+        """Run the model from a point and put up the normal equations.
+
+        Parameters
+        ----------
+        point : Point
+            Where.
+        by : {"everything", "states", "nothing"}, optional
+            What they are for. Where residuals are all that is wanted, a run takes a third of the
+            time or less.
+        """
         segments, kernel = self.segments, self._kernel
         wanted = self._wanted()
         coefficients = self._coefficients(point.values)
         delays = self.delays(point.values)
         outputs, late = self._timely(delays)
-        delay_sought = INPUT in self.timing.sought
+        drives = self._drives(delays[INPUT])
+        dry = self._dry(coefficients, wanted)
+        delays_sought = self.timing.sought
+        if by != "everything":
+            wanted, delays_sought = wanted[:0], ()
+        delay_sought = INPUT in delays_sought
         late_columns = np.full(len(late), _NOT_SOUGHT, dtype=np.int64)
-        size = kernel.N_STATES + len(wanted) + delay_sought
+        size = 0 if by == "nothing" else kernel.N_STATES + len(wanted) + delay_sought
         for a, name in enumerate(self._output_delays):
-            if name in self.timing.sought:
+            if name in delays_sought:
                 late_columns[a] = size
                 size += 1
         count = int(self.first_blocks[-1])
@@ -321,8 +339,6 @@ class SegmentedMotion:
         gradient = np.zeros((count, size))
         residuals = np.zeros_like(segments.outputs)
         costs = np.zeros(len(segments))
-        drives = self._drives(delays[INPUT])
-        dry = self._dry(coefficients, wanted)
 
         divided = (
             segments.starts,
@@ -345,14 +361,16 @@ class SegmentedMotion:
         if not np.all(np.abs(normal) < _LARGEST):
             cost = np.inf
             normal[:], gradient[:] = 0.0, 0.0  # no number that overflowed says anything
-        normal, gradient = self._gathered(normal, gradient, point.values, wanted)
+        if by == "everything":
+            normal, gradient = self._gathered(normal, gradient, point.values, wanted)
         # A memory is between -1 and 1 wherever a segment starts, so that it is known by about 1.
         firsts = self.first_blocks[:-1]
         for place in range(2 * kernel.N_ROWS, kernel.N_STATES):
             memory = point.initial_states[:, place]
             cost += float(memory @ memory)
-            normal[firsts, place, place] += 1.0
-            gradient[firsts, place] -= memory
+            if by != "nothing":
+                normal[firsts, place, place] += 1.0
+                gradient[firsts, place] -= memory
         return Equations(cost, normal, gradient, residuals, ~np.isfinite(costs))
 
     def _gathered(
@@ -418,7 +436,7 @@ def segmented_motion(
 
         return sensitivity_functions(system, "Segmented prediction error")
 
-    templates = ["bound", "runge_kutta", "dry_motion", "prediction_error"]
+    templates = ["bound", "sin_cos", "runge_kutta", "dry_motion", "prediction_error"]
     kernel = load_kernel("prediction_error", [system.digest], build, templates)
     constants = np.array(list(system.constants.values()), dtype=np.float64)
     weights = np.ones(len(segments.measured))

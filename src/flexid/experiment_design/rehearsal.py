@@ -138,7 +138,7 @@ class Rehearsal:
         """Positions under an input from the start of the record on."""
         whole = divide([replace(self.record, inputs=inputs)], self.data.duration)
         problem, point = self.model.motion(whole, self.noise, self.data)
-        equations = problem.equations(replace(point, initial_states=self._states[:1]))
+        equations = problem.equations(replace(point, initial_states=self._states[:1]), "nothing")
         if not np.isfinite(equations.cost):
             raise SimulationError("the model's motion diverges: see its coefficients", 0.0)
         return problem.timely(point.values) - equations.residuals

@@ -9,7 +9,7 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments
 
 _MOST_STEPS = 10
-_CONVERGED = 1e-6  # relative fall of the sum of squares by a step that ends the search
+_CONVERGED = 1e-6  # relative fall of the sum of squares that the last step promises
 
 
 def following_states(model: SegmentedMotion, values: FloatArray, windows: Segments) -> FloatArray:
@@ -30,21 +30,19 @@ def following_states(model: SegmentedMotion, values: FloatArray, windows: Segmen
     """
     problem = replace(model, segments=windows)
     states = problem.start_states
-    equations = problem.equations(Point(values, states))
-    n = states.shape[1]
+    equations = problem.equations(Point(values, states), "states")
     for _ in range(_MOST_STEPS):
         firsts = problem.first_blocks[:-1]
-        normal = np.add.reduceat(equations.normal, firsts, axis=0)[:, :n, :n]
-        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)[:, :n]
+        normal = np.add.reduceat(equations.normal, firsts, axis=0)
+        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
         scale = np.sqrt(np.einsum("sii->si", normal))
         scale = np.where(scale > 0.0, scale, 1.0)
         inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), rcond=1e-9)
         step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
-        trial = problem.equations(Point(values, states + step))
+        if np.sum(step * gradient) <= _CONVERGED * equations.cost:
+            return states + step
+        trial = problem.equations(Point(values, states + step), "states")
         if not trial.cost < equations.cost:
             break
-        done = trial.cost > (1.0 - _CONVERGED) * equations.cost
         states, equations = states + step, trial
-        if done:
-            break
     return states

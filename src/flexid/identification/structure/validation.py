@@ -131,7 +131,7 @@ def residuals_over_noise(
     """
     segments = divide(data.samples, duration)
     states = following_states(problem, values, segments)
-    equations = replace(problem, segments=segments).equations(Point(values, states))
+    equations = replace(problem, segments=segments).equations(Point(values, states), "nothing")
     squares = np.mean(equations.residuals[segments.within] ** 2, axis=0)
     ratios = np.sqrt(squares) / data.noise if np.isfinite(equations.cost) else np.inf * squares
     names = ["motor" if row.name == "rigid" else row.name for row in problem.unknowns.system.rows]
@@ -165,7 +165,7 @@ def _predictions(
     states = following_states(model, values, before)
     windows = _windows(whole, firsts, total, recordings)
     problem = replace(model, segments=windows)
-    equations = problem.equations(Point(values, states))
+    equations = problem.equations(Point(values, states), "nothing")
     measured = problem.timely(values)
     runs = []
     for s, (first, skipped, length) in enumerate(zip(firsts, warm, total, strict=True)):

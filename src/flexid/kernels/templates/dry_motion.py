@@ -309,7 +309,8 @@ def cross_interval(x, derivatives, h, substeps, motion, work, alone):
         if row >= 0:
             span = span_to_change(x, row, place, reach, h, motion, alone)
             runge_kutta(x, place, span, h, motion, work)
-        carry(derivatives, x, place, span, h, motion, work)
+        if derivatives.n > 1:
+            carry(derivatives, x, place, span, h, motion, work)
         for i in range(N_STATES):
             x[i] = end[i]
         if row >= 0:

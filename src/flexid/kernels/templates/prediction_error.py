@@ -123,7 +123,8 @@ def run_segment(s, segments, sensors, model, substeps, room, results):
         if any_late:
             motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du)
             rates_at(x, 0.0, motion, rate)
-            slopes_at(x, 0.0, 0, motion, derivatives)
+            if derivatives.n > 1:
+                slopes_at(x, 0.0, 0, motion, derivatives)
         for a in range(measured.shape[0]):
             state = measured[a]
             row[:] = 0.0
@@ -163,12 +164,15 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
     sought    places of the coefficients, and whether the input's delay is sought after them
     results   filled, all zero before: normal equations, shape (n_blocks, n, n), their right-hand
               sides, shape (n_blocks, n), residuals, shape of the outputs, and the weighted sum of
-              squares of each segment: infinite, and then the last one, if its motion diverged
+              squares of each segment: infinite, and then the last one, if its motion diverged.
+              If n is 0, the motion runs without derivatives
     """
     _, measured, _, late, late_columns, weights = sensors
     wanted, delay_sought = sought
     normal, _, _, costs = results
-    carried = N_STATES + wanted.shape[0] + (1 if delay_sought else 0)
+    carried = 0
+    if normal.shape[1] > 0:
+        carried = N_STATES + wanted.shape[0] + (1 if delay_sought else 0)
     at = np.zeros(N_COEFFICIENTS, np.int64)
     for j in range(wanted.shape[0]):
         at[wanted[j]] = 1 + N_STATES + j
