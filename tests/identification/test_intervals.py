@@ -14,7 +14,8 @@ from flexid.identification.vocabulary.intervals import (
     logarithmic_interval,
     propagated,
 )
-from flexid.models.physical import PhysicalParameter, physical_parameters
+from flexid.models.parameter_kinds import PhysicalParameter
+from flexid.models.physical import physical_parameters
 
 NAMES = ("theta1", "theta2", "alpha1", "alpha2", "beta1")
 VALUES = np.array([5.0, 100.0, 1000 / 3, 1 / 3, 10 / 3])

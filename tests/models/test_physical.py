@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS, TIES, flexible_joint
+from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.models.physical import (
-    PhysicalParameter,
     lumped_coefficients,
     physical_parameters,
     rigid_parameters,

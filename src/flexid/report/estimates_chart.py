@@ -7,8 +7,8 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.models.physical import (
-    PhysicalParameter,
     link_parameters,
     physical_parameters,
     rigid_parameters,

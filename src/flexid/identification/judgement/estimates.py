@@ -13,7 +13,7 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.physical import Product
+from flexid.models.parameter_kinds import Product
 
 
 def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, float]) -> float:

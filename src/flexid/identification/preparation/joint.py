@@ -28,9 +28,9 @@ from flexid.models.flexible_joint import (
     TIES,
     flexible_joint,
 )
+from flexid.models.parameter_kinds import PhysicalParameter
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import (
-    PhysicalParameter,
     link_parameters,
     physical_parameters,
     rigid_parameters,

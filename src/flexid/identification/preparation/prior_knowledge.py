@@ -24,7 +24,7 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.identification.vocabulary.estimate import Estimate, Fit
 from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
-from flexid.models.physical import PhysicalParameter
+from flexid.models.parameter_kinds import PhysicalParameter
 
 _STEPS = 100
 _CONVERGED = 1e-10  # relative change of the values by a step

@@ -14,7 +14,7 @@ from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.preparation.prior_knowledge import Known
 from flexid.identification.preparation.settings import Settings
-from flexid.models.physical import Amplitude, PhysicalParameter, Product
+from flexid.models.parameter_kinds import Amplitude, PhysicalParameter, Product
 
 Bounds = dict[str, tuple[float, float]]
 

@@ -18,7 +18,7 @@ from scipy.special import stdtrit
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.vocabulary.estimate import Fit
-from flexid.models.physical import PhysicalParameter
+from flexid.models.parameter_kinds import PhysicalParameter
 
 Interval = tuple[float, float]
 
