@@ -1,0 +1,74 @@
+"""Which grip of a hysteresis is tried, and when: on made-up fits."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+import flexid.identification.full_model.climbing as climbing
+from flexid.estimators.segmented_motion import Timing
+from flexid.identification.full_model.climbing import Climb, climb_remembering
+from flexid.identification.full_model.model import Structure
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
+
+JOINT = flexible()
+(GRIP,) = JOINT.grips.values()
+WITHOUT = Structure(JOINT, frozenset(JOINT.optional), Timing("cubic"))
+JUST, TOO_LITTLE = THRESHOLDS.memory_promise + 0.001, THRESHOLDS.memory_promise - 0.001
+
+
+@pytest.fixture
+def tried(monkeypatch):
+    """Return a function that says which grips are tried, over that which suits the motion.
+
+    What the first step with each promises is given, and with which of them a few steps hold it.
+    """
+
+    def share(way: dict[str, float]) -> float:
+        return way[GRIP] / JOINT.first_grip
+
+    def grips(promises: dict[float, float], holding: float | None = None):
+        begun = []
+
+        def remembering(before, structure, way, _):
+            assert structure.absent == before.structure.absent - JOINT.remembered
+            begun.append(share(way))
+            return before if share(way) == holding else None
+
+        monkeypatch.setattr(climbing, "promised_by_memory", lambda *at: promises[share(at[-1])])
+        monkeypatch.setattr(climbing, "_remembering", remembering)
+        monkeypatch.setattr(climbing, "onward", lambda *_: [])
+        monkeypatch.setattr(climbing, "_with_best_hold", lambda found, *_: found)
+        segments = range(4)
+        fitted: Any = SimpleNamespace(
+            excess=9.0,
+            structure=WITHOUT,
+            duration=1.0,
+            by_name={},
+            problem=SimpleNamespace(segments=segments),
+        )
+        climbed = Climb((fitted,), cast(Any, (segments,)), True, "")
+        found = climb_remembering(climbed, ("cubic",), lambda _: None)
+        assert (found is not None) == (holding in begun)
+        return begun
+
+    return grips
+
+
+def test_the_grip_that_promises_more_is_tried_first(tried):
+    """Assert that one that suits the motion and a quarter of it are tried, the better one first."""
+    assert tried({1.0: 0.8, 0.25: 0.5}) == [1.0, 0.25]
+    assert tried({1.0: 0.5, 0.25: 0.8}) == [0.25, 1.0]
+
+
+def test_what_holds_its_promise_ends_the_search(tried):
+    """Assert that the other one is tried where the first is not followed up, and there alone."""
+    assert tried({1.0: 0.8, 0.25: 0.5}, holding=1.0) == [1.0]
+    assert tried({1.0: 0.8, 0.25: 0.5}, holding=0.25) == [1.0, 0.25]
+
+
+def test_what_promises_little_is_not_tried(tried):
+    """Assert that below the threshold no step is taken."""
+    assert tried({1.0: JUST, 0.25: TOO_LITTLE}) == [1.0]
+    assert tried({1.0: TOO_LITTLE, 0.25: TOO_LITTLE}) == []
