@@ -48,6 +48,16 @@ def test_solution_of_the_whole():
     assert reduced.decrement == pytest.approx(fall, rel=1e-9)
 
 
+def test_what_each_state_explains_alone():
+    """Assert that its part is the fall of its segment's sum, fitted without the coefficients."""
+    derivatives, residuals = random_problem()
+    reduced = solve_arrow(*equations(derivatives, residuals), N_STATES)
+    for d, r, fall in zip(derivatives, residuals, reduced.by_states, strict=True):
+        own = d[:, :N_STATES]
+        left = r - own @ np.linalg.lstsq(own, r, rcond=None)[0]
+        assert fall == pytest.approx(r @ r - left @ left, rel=1e-9)
+
+
 def test_inverse_is_that_of_the_whole():
     """Assert that the coefficients' block of the whole inverse is the reduced inverse."""
     derivatives, residuals = random_problem()

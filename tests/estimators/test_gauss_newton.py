@@ -76,6 +76,16 @@ def test_what_nothing_gets_over_is_given_up():
     assert steps_of(_Rough(0.5, 0.02), insist=False) == ITERATIONS
 
 
+def test_a_flat_bottom_that_nothing_gets_over_is_the_end():
+    """Assert that steps that bring nothing are no failure where they promise next to nothing.
+
+    Each step promises to be three standard deviations long: a rough bottom, but a bottom.
+    """
+    problem = _Rough(0.5 * FLAT, 1e-4)
+    problem.degrees_of_freedom = round(9.0 / (0.5 * FLAT))
+    assert steps_of(problem, 1e-2) == 4
+
+
 @pytest.mark.parametrize("kept", [1e-4, 0.24])
 def test_what_is_good_enough_need_not_end(kept):
     """Assert that stuck steps and too many of them are no failure within the variance asked for.
@@ -91,5 +101,13 @@ def test_what_is_good_enough_need_not_end(kept):
 
 def test_steps_are_counted():
     """Assert that no more are taken than are allowed."""
+    problem = _Rough(0.5, 0.9)
     with pytest.raises(ConvergenceError, match="within 3"):
-        steps_of(_Rough(0.5, 0.9), iterations=3)
+        steps_of(problem, iterations=3)
+    assert len(problem.counted) == 1 + 3
+
+
+def test_a_fit_on_its_way_is_not_stopped():
+    """Assert that steps that halve the sum of squares may be as many as it takes."""
+    problem = _Rough(0.6, 0.9, degrees_of_freedom=10**9)
+    assert steps_of(problem, tolerance=1e-3, iterations=3) > 10

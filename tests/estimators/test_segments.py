@@ -74,6 +74,37 @@ def test_first_states_are_near_the_truth():
     assert np.abs(error[:, 1::2]).max() < 0.1
 
 
+@pytest.mark.parametrize(("frequency", "error"), [(0.5, 0.15), (40.0, 0.2)])
+def test_first_velocities_follow_a_vibration(frequency, error):
+    """Assert that a fast motion is followed within few samples, and a slow one within many.
+
+    A cubic through 30 ms knows nothing of 40 Hz; through six samples it knows a slow velocity to
+    0.3 of this one's amplitude.
+    """
+    time = 2e-3 * np.arange(2000)
+    size = 1e-3 / frequency
+    noise = size * 1e-3 * np.random.default_rng(5).standard_normal(len(time))
+    positions = size * np.sin(2.0 * np.pi * frequency * time) + noise
+    samples = Samples(np.column_stack((positions, positions)), None, np.zeros((2000, 1)), 2e-3)
+    segments = divide([samples], 0.1)
+    omega = 2.0 * np.pi * frequency
+    velocities = omega * size * np.cos(omega * segments.start_times)
+    found = first_states(segments)[:, 1]
+    assert np.sqrt(np.mean((found - velocities) ** 2)) < error * omega * size
+
+
+def test_some_segments_are_of_every_recording():
+    """Assert that a choice is spread evenly, and leaves no recording out."""
+    segments = divide([record(1000), record(60), record(1000)], 0.3)
+    some = segments.some(20)
+    assert 18 <= len(some) <= 26
+    assert {*some.recordings.tolist()} == {0, 1, 2}
+    assert np.isin(some.starts, segments.starts).all()
+    spacing = np.diff(some.starts[some.recordings == 0])
+    assert spacing.max() - spacing.min() <= 2
+    assert len(segments.some(10_000)) == len(segments)
+
+
 @pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
 def test_a_duration_that_is_none(duration):
     """Assert that a segment duration that is not a positive number is refused."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 import flexid.identification.full_model.beginning as beginning
@@ -12,7 +13,7 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 SAMPLES = 320
 SHORTEST = 8  # segments
-FINEST = 16  # segments: those can be halved once
+FINEST = 16  # segments, whose halves would have less than ten samples
 
 
 @dataclass(frozen=True)
@@ -24,8 +25,8 @@ class _Segments:
         return self.count
 
     @property
-    def can_be_halved(self) -> bool:
-        return self.count < self.finest
+    def lengths(self) -> np.ndarray:
+        return np.full(self.count, 20 if self.count < self.finest else 19)
 
     def halved(self) -> "_Segments":
         return _Segments(2 * self.count, self.finest)

@@ -56,6 +56,16 @@ def test_right_model_is_not_widened(seed):
     assert deviations == pytest.approx(least, rel=1e-9)
 
 
+def test_a_step_that_was_not_taken_widens():
+    """Assert that where the steps do not end, the last of them is in the intervals."""
+    found, error = fitted(1)
+    step = 3.0 * found.unit_deviations * np.array([1.0, 0.0, -1.0, 0.0, 0.0])
+    reduced = replace(found.minimum.reduced, values_step=step)
+    rough = replace(found, minimum=replace(found.minimum, reduced=reduced))
+    more = widened(rough, error).covariance - widened(found, error).covariance
+    assert more == pytest.approx(np.outer(step, step), rel=1e-3, abs=1e-6 * np.abs(more).max())
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_backlash_widens(seed):
     """Assert that a gap of 6 mrad, which no term describes, is seen, and that its bias is covered.

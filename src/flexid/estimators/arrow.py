@@ -40,6 +40,8 @@ class Reduced:
         Solution for the initial states.
     decrement : float
         Fall of the sum of squares that the equations predict for this step, if undamped.
+    by_states : array, shape (n_segments,)
+        The same of each segment's part, if the coefficients stay as they are.
     """
 
     information: FloatArray
@@ -49,6 +51,7 @@ class Reduced:
     values_step: FloatArray
     states_step: FloatArray
     decrement: float
+    by_states: FloatArray
 
 
 def solve_arrow(
@@ -87,6 +90,7 @@ def solve_arrow(
     inverse, free = scaled_inverse(information, scale)
     total = scores.sum(axis=1)
     values_step = inverse @ total
+    by_states = np.einsum("si,si->s", states_alone, gradient[:, :n_states])
     return Reduced(
         information,
         scores,
@@ -94,7 +98,8 @@ def solve_arrow(
         free,
         values_step,
         states_alone - weights @ values_step,
-        float(total @ values_step + np.sum(states_alone * gradient[:, :n_states])),
+        float(total @ values_step + by_states.sum()),
+        by_states,
     )
 
 

@@ -19,6 +19,7 @@ _HALVINGS = 4  # of segments too long to be fitted from the start at once
 _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING = 1e-6  # less than this is none
+_FAST = 0.5  # part of the sum of squares that a step takes away which is far from its end
 _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
 _POOR_STEPS = 2  # in turn, after which a bottom is too rough for better ones
 _NO_GAIN = 0.01  # the same of a step before something that none gets over
@@ -108,7 +109,7 @@ def minimise(
     insist : bool, optional
         Whether it has to end there; if not, the least that was found is the answer.
     iterations : int, optional
-        Steps that may be taken.
+        Steps that may be taken; one that halves the sum of squares counts as none.
     enough : float, optional
         Variance of the weighted residuals at which it is good enough that the steps do not end: the
         bottom may be too rough, with a friction that the motion hardly shows, or too long.
@@ -125,8 +126,8 @@ def minimise(
             "the model's motion diverges from the starting values: start from a least-squares fit, "
             "or shorten the segments",
         )
-    damping, last_step, poor, stuck = 0.0, np.inf, 0, 0
-    for taken in range(iterations):
+    damping, last_step, taken, slow, poor, stuck = 0.0, np.inf, 0, 0, 0, 0
+    while slow < iterations:
         reduced = problem.solve(equations)
         variance = equations.cost / problem.degrees_of_freedom
         last_step = np.sqrt(max(reduced.decrement, 0.0) / variance) if variance > 0.0 else 0.0
@@ -136,7 +137,7 @@ def minimise(
         if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
             return Minimum(point, equations, reduced, taken, float(last_step))
         if stuck >= _STUCK_STEPS:
-            if not insist or variance <= enough:
+            if not insist or flat or variance <= enough:
                 return Minimum(point, equations, reduced, taken, float(last_step))
             raise ConvergenceError(
                 "prediction error",
@@ -152,10 +153,12 @@ def minimise(
                 raise
             return Minimum(point, equations, reduced, taken, float(last_step))
         gain = before - equations.cost
+        taken += 1
+        slow += gain < _FAST * before
         poor = poor + 1 if gain < _POOR_GAIN * reduced.decrement else 0
         stuck = stuck + 1 if gain < _NO_GAIN * reduced.decrement else 0
     reduced = problem.solve(equations)
-    found = Minimum(point, equations, reduced, iterations, float(last_step))
+    found = Minimum(point, equations, reduced, taken, float(last_step))
     rough = reduced.decrement <= FLAT * equations.cost  # to and fro over a rough bottom
     if not insist or rough or found.variance(problem) <= enough:
         return found

@@ -91,15 +91,20 @@ class Equations:
         Right-hand sides.
     residuals : array, shape (n_samples, n_outputs)
         Measured less computed outputs.
-    diverged : array of bool, shape (n_segments,)
-        Segments whose motion did.
+    costs : array, shape (n_segments,)
+        The part of each segment; infinite where its motion diverged.
     """
 
     cost: float
     normal: FloatArray
     gradient: FloatArray
     residuals: FloatArray
-    diverged: NDArray[np.bool_]
+    costs: FloatArray
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """Segments whose motion did, shape (n_segments,)."""
+        return ~np.isfinite(self.costs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,10 +373,11 @@ class SegmentedMotion:
         for place in range(2 * kernel.N_ROWS, kernel.N_STATES):
             memory = point.initial_states[:, place]
             cost += float(memory @ memory)
+            costs += memory**2
             if by != "nothing":
                 normal[firsts, place, place] += 1.0
                 gradient[firsts, place] -= memory
-        return Equations(cost, normal, gradient, residuals, ~np.isfinite(costs))
+        return Equations(cost, normal, gradient, residuals, costs)
 
     def _gathered(
         self,

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,16 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.samples import Samples
+from flexid.recording.velocities import position_noise
 
 FEWEST_SAMPLES = 20
 """Samples that a segment has at least: enough for an initial state and something beyond it."""
 
 _START_DURATION = 0.03  # s at the start of a segment that a cubic follows well on a drive
 _START_SAMPLES = 8  # but at least these: a cubic has four coefficients
+_FEWEST_START_SAMPLES = 6  # where it vibrates
+_START_RATIO = 1.4  # between the numbers of samples that are tried
+_START_EXCESS = 2.0  # root mean square of what a cubic leaves, over the noise: 3 % do by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +92,21 @@ class Segments:
             sample_times=self.sample_times[::2],
             start_times=self.start_times[::2],
             recordings=self.recordings[::2],
+        )
+
+    def some(self, count: int) -> "Segments":
+        """About so many of the segments, spread evenly, and the first of each recording."""
+        firsts = np.flatnonzero(np.diff(self.recordings, prepend=-1))
+        step = -(-len(self) // count)
+        parts = np.split(np.arange(len(self)), firsts[1:])
+        places = np.concatenate([part[::step] for part in parts])
+        return replace(
+            self,
+            starts=self.starts[places],
+            lengths=self.lengths[places],
+            sample_times=self.sample_times[places],
+            start_times=self.start_times[places],
+            recordings=self.recordings[places],
         )
 
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
@@ -193,26 +213,50 @@ def divide(
 def first_states(segments: Segments) -> FloatArray:
     """Initial state of every segment from cubics through its first positions.
 
+    Each cubic goes through as many of them as it follows within their noise: a stiff drive may turn
+    round within some samples where it vibrates, and rests elsewhere.
+
     Returns
     -------
     array, shape (n_segments, n_states)
         Coordinate and velocity of each row in turn.
     """
     positions = segments.outputs[:, segments.measured % 2 == 0]
+    noise = [position_noise(column) for column in positions.T]
     states = np.empty((len(segments), 2 * positions.shape[1]))
     for s, part in enumerate(segments.of(positions)):
         sample_time = segments.sample_times[s]
-        n = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
-        value, slope = _cubic_start(n) @ part[:n]
-        states[s, ::2], states[s, 1::2] = value, slope / sample_time
+        longest = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
+        for a, allowed in enumerate(noise):
+            value, slope = _start(part[:longest, a], _START_EXCESS * allowed)
+            states[s, 2 * a], states[s, 2 * a + 1] = value, slope / sample_time
     return states
 
 
+def _start(positions: FloatArray, allowed: float) -> tuple[float, float]:
+    """First value, and slope per sample, by the longest cubic that leaves no more than allowed."""
+    n = len(positions)
+    while True:
+        fit = _cubic(n)
+        coefficients = fit.inverse @ positions[:n]
+        left = positions[:n] - fit.powers @ coefficients
+        shorter = max(_FEWEST_START_SAMPLES, int(n / _START_RATIO))
+        if shorter >= n or left @ left <= allowed**2 * (n - 4):
+            return float(coefficients[0]), float(coefficients[1])
+        n = shorter
+
+
+class _Cubic(NamedTuple):
+    """Powers of the place of n samples, shape (n, 4), and their inverse, shape (4, n)."""
+
+    powers: FloatArray
+    inverse: FloatArray
+
+
 @cache
-def _cubic_start(n: int) -> FloatArray:
-    """Value and slope per sample, at the first of n samples, of the cubic through them: (2, n)."""
-    cubic = np.polynomial.polynomial.polyfit(np.arange(n), np.eye(n), 3)
-    return np.asarray(cubic[:2], dtype=np.float64)
+def _cubic(n: int) -> _Cubic:
+    powers = np.vander(np.arange(n, dtype=np.float64), 4, increasing=True)
+    return _Cubic(powers, np.linalg.pinv(powers))
 
 
 def _outputs(recording: Samples, use_velocities: bool) -> FloatArray:

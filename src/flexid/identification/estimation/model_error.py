@@ -82,7 +82,9 @@ def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.
     scale = np.where(np.isfinite(least), np.maximum(least, 1.0), 1.0)
     estimate = estimate.scaled(scale)
     beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
-    return estimate.widened(error.share**2 * beyond * fitted.minimum.reduced.inverse)
+    reduced = fitted.minimum.reduced
+    untaken = np.outer(reduced.values_step, reduced.values_step)  # over a rough bottom
+    return estimate.widened(error.share**2 * beyond * reduced.inverse + untaken)
 
 
 def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:

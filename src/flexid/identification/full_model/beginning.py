@@ -23,6 +23,7 @@ FIRST_ITERATIONS = 8
 """Steps that a fit from afar may take: what takes more is sought from elsewhere."""
 
 _HALVINGS = 2  # of the shortest segments, if these are too long to begin with
+_FEWEST = 10  # samples of a half: a vibration of a third of the sampling rate is followed through
 _FIRST_STARTS = 3  # that are tried over both before the others
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
@@ -88,7 +89,7 @@ def _tries(
     finer: list[Segments] = []
     for _ in range(_HALVINGS):
         shortest = (*finer, *ladder)[0]
-        if shortest.can_be_halved:
+        if shortest.lengths.min() >= 2 * _FEWEST:
             finer = [shortest.halved(), *finer]
     begins = [[], finer] if finer else [[]]
     first, others = ways[:_FIRST_STARTS], ways[_FIRST_STARTS:]

@@ -1,10 +1,10 @@
 """Where the fit of a log begins: least squares of it, in several ways, and the best of these.
 
-Least squares takes each row as its acceleration's explanation. On a stiff drive with dry friction
-that misleads: while a side sticks, friction balances whatever acts, and nothing of it is an
-acceleration, so that all coefficients come out too small by one factor. The same row, solved for
-its input, does not mind: no inertia is learnt where nothing accelerates. Which of them is better
-shows in the residuals over the shortest segments.
+Least squares takes each row as its acceleration's explanation. On a drive with dry friction that
+misleads: while a side sticks, friction balances whatever acts, and nothing of it is an
+acceleration, so that all coefficients come out too small by one factor. While it keeps moving in
+one direction its friction is a constant, and the row is exact. Which samples and which filter are
+better shows in the residuals over the shortest segments.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,11 +19,14 @@ from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure
 from flexid.models.flexible_joint import DISSIPATIVE
 
-_RATES = (20.0, 60.0, 7.0)  # 1/s, of the filters
-_INPUT = "beta1"
-_SPRINGS = ("theta2", "alpha1", _INPUT)
+_RATES = (20.0, 60.0, 7.0, 200.0)  # 1/s, of the filters
+_SPRINGS = ("theta2", "alpha1", "beta1")
+_FRICTIONS = ("theta_coulomb", "alpha_coulomb")
+_DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
+_FEWEST = 10  # samples for each coefficient
 _CURVATURES = ("alpha_cubic", "theta_cubic")
 _DAMPINGS = ("alpha_damping", "theta_damping")
+_COMPARED = 50  # segments over which starts are compared
 
 
 def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[str, float]]:
@@ -39,37 +42,56 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
         Short ones, over which the residuals of each start are compared.
     """
     found: list[tuple[float, int, dict[str, float]]] = []
+    some = segments.some(_COMPARED)
     for rate in _RATES:
         start, fit = least_squares_start(structure, data, rate)
         ways = [start]
-        if any(_INPUT in row.coefficients for row in fit.rows):
-            values = {**_values(fit), **_solved_for_input(fit)}
-            ways.append({**structure.timing.delays, **_passive(values)})
+        if moving := _while_moving(fit):
+            ways.append({**structure.timing.delays, **_passive({**_values(fit), **moving})})
         for way in ways:
-            problem, point = motion_at(structure, data, segments, way, None)
-            found.append((problem.equations(point).cost, len(found), way))
+            found.append((_misfit(structure, data, some, way), len(found), way))
     return [way for *_, way in sorted(found, key=lambda each: each[:2])]
+
+
+def _misfit(
+    structure: Structure, data: Data, segments: Segments, way: Mapping[str, float]
+) -> float:
+    """Mean logarithm of what a start leaves in the segments, once each begins where that suits it.
+
+    A start may be nearly right and still go astray where a side sticks or is jolted: a sum would
+    heed nothing else.
+    """
+    problem, point = motion_at(structure, data, segments, way, None)
+    equations = problem.equations(point, "states")
+    if not np.isfinite(equations.cost):
+        return np.inf
+    left = equations.costs - problem.solve(equations).by_states
+    return float(np.mean(np.log(np.maximum(left / segments.lengths, 1.0))))
 
 
 def _values(fit: LeastSquaresFit) -> dict[str, float]:
     return dict(zip(fit.names, fit.values.tolist(), strict=True))
 
 
-def _solved_for_input(fit: LeastSquaresFit) -> dict[str, float]:
-    """Least squares of the row with an input, with the input as what is to be explained."""
-    (row,) = (row for row in fit.rows if _INPUT in row.coefficients)
-    place = row.coefficients.index(_INPUT)
-    others = np.delete(row.regressors, place, axis=0)
-    regressors = np.vstack((row.left_hand_side, -others))
-    gram = regressors @ regressors.T
-    scale = np.sqrt(np.diag(gram))
-    inverse, _ = scaled_inverse(gram, scale)
-    inertia, *rest = (inverse @ (regressors @ row.regressors[place])).tolist()
-    names = (name for name in row.coefficients if name != _INPUT)
-    if inertia == 0.0:
-        return {}
-    values = {name: value / inertia for name, value in zip(names, rest, strict=True)}
-    return {_INPUT: 1.0 / inertia, **values}
+def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
+    """Least squares of each row over the samples at which its friction is known but for its size.
+
+    There the filtered direction of its motion is one or minus one, so that it has not turned round
+    or stuck for as long as the filter remembers. A row of which these are few is left out.
+    """
+    found: dict[str, float] = {}
+    for row in fit.rows:
+        frictions = [place for place, name in enumerate(row.coefficients) if name in _FRICTIONS]
+        directed = np.abs(row.regressors[frictions]).min(axis=0, initial=1.0)
+        moving = directed >= _DIRECTED
+        if np.count_nonzero(moving) < _FEWEST * len(row.coefficients):
+            continue
+        regressors = row.regressors[:, moving]
+        gram = regressors @ regressors.T
+        inverse, _ = scaled_inverse(gram, np.sqrt(np.diag(gram)))
+        values = inverse @ (regressors @ row.left_hand_side[moving])
+        found |= dict(zip(row.coefficients, values.tolist(), strict=True))
+    return found
 
 
 def least_squares_start(
@@ -107,8 +129,13 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
             found[name] = max(value, 0.0)
         elif base in _SPRINGS:
             found[name] = abs(value)
+        elif base in _CURVATURES:
+            found[name] = max(value, 0.0)
         else:
-            found[name] = 0.0 if base in _CURVATURES else value
+            found[name] = value
+    if {*_CURVATURES, "theta2", "alpha1"} <= found.keys() and found["theta2"] > 0.0:
+        # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
+        found["alpha_cubic"] = found["theta_cubic"] * found["alpha1"] / found["theta2"]
     return found
 
 
