@@ -28,7 +28,7 @@ from flexid.recording.read import read_log
 
 AMPLITUDES, RATES = (0.05, 0.1, 0.3, 1.0, 1.5), (1.0, 2.0, 5.0, 8.0)  # rad, rad/s
 NOISES, MOTORS = (1e-4, 1e-6), (0.3, 0.005)  # rad, kg m2
-EDGES = (-1.0, 0.0035, 0.007, 0.014, np.inf)
+EDGES = (-1.0, 0.001, 0.002, 0.004, 0.008, np.inf)
 CORE = {"gravity_torque": 5.0, "link_inertia": 0.5, "joint_stiffness": 100.0}
 WRONG = 0.01  # off by more than that, and outside its interval
 

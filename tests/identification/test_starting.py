@@ -122,7 +122,7 @@ def test_both_ways_agree_where_nothing_sticks():
 
 
 def test_one_jolt_makes_no_start_worse(monkeypatch):
-    """Assert that of two starts that with less in most segments is first, not that with less in all.
+    """Assert that the start that leaves less in most segments is first, not that with less in all.
 
     The sum of squares of the right coefficients is that of one segment with a jolt that no model
     knows; wrong ones are as wrong everywhere.

@@ -256,7 +256,7 @@ class _Cubic(NamedTuple):
 @cache
 def _cubic(n: int) -> _Cubic:
     powers = np.vander(np.arange(n, dtype=np.float64), 4, increasing=True)
-    return _Cubic(powers, np.linalg.pinv(powers))
+    return _Cubic(powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64))
 
 
 def _outputs(recording: Samples, use_velocities: bool) -> FloatArray:
