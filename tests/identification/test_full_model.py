@@ -144,30 +144,16 @@ def test_a_start_that_leads_nowhere_is_said(late):
         climb(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
 
 
-@pytest.mark.parametrize(
-    ("ends", "kept"),
-    [
-        ("+++", 3),
-        ("++-", 2),
-        ("+--", 1),
-        ("-+", 2),
-        ("--", 1),
-        ("+-+-", 3),
-        ("++x+", 2),
-        ("+-x+", 1),
-        ("x", None),
-    ],
-)
-def test_a_climb_ends_where_a_fit_has(monkeypatch, ends, kept):
-    """Assert that a last length whose steps did not end is dropped, however the climb is asked for.
+@pytest.mark.parametrize(("ends", "kept"), [("++++", 4), ("++x+", 2), ("+xx", 1), ("x+", None)])
+def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
+    """Assert that all lengths before are kept, however the climb is asked for.
 
-    For each length: + where the steps end, - where they do not, x where it cannot be fitted.
+    For each length: + where it can be fitted, x where it cannot.
     """
     counts = [2 ** (len(ends) - i) for i in range(len(ends))]
 
     def fitted_over(_structure, _data, segments, _start, states, *_, **__):
-        end = ends[counts.index(len(segments))]
-        if end == "x":
+        if ends[counts.index(len(segments))] == "x":
             raise ConvergenceError("prediction error", "nowhere")
         assert states is None or len(states) == len(segments)
         point = SimpleNamespace(initial_states=np.zeros((len(segments), 4)))
@@ -177,7 +163,6 @@ def test_a_climb_ends_where_a_fit_has(monkeypatch, ends, kept):
             structure=None,
             data=None,
             by_name={},
-            converged=end == "+",
         )
 
     monkeypatch.setattr(fitting, "_fit_segments", fitted_over)

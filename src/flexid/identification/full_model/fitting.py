@@ -73,7 +73,8 @@ def climb(
     Returns
     -------
     list of Fitted
-        Up to the length at which the fit no longer converges.
+        Up to the length at which the fit fails. One whose steps do not end is kept where its
+        residuals are nearly those of the noise, and leads on.
 
     Raises
     ------
@@ -91,21 +92,20 @@ def onward(first: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
     Returns
     -------
     list of Fitted
-        Up to the length at which the fit no longer converges.
+        Up to the length at which the fit fails. One whose steps do not end is kept where its
+        residuals are nearly those of the noise, and leads on.
     """
-    found = [first]
+    last, found = first, []
     for segments in (longer for longer in ladder if len(longer) < len(first.problem.segments)):
-        last = found[-1]
         before = last.minimum.point.initial_states
         states = before[:: len(before) // len(segments)]
         rest = (segments, last.by_name, states, ROUGH)
         try:
-            found.append(_fit_segments(first.structure, first.data, *rest, enough=_ENOUGH))
+            last = _fit_segments(first.structure, first.data, *rest, enough=_ENOUGH)
         except ConvergenceError:
             break
-    while len(found) > 1 and not found[-1].converged:  # which has led no further
-        found.pop()
-    return found[1:]
+        found.append(last)
+    return found
 
 
 def with_steps_refined(found: Sequence[Fitted]) -> tuple[Fitted, ...]:
