@@ -72,3 +72,31 @@ def test_what_promises_little_is_not_tried(tried):
     """Assert that below the threshold no step is taken."""
     assert tried({1.0: JUST, 0.25: TOO_LITTLE}) == [1.0]
     assert tried({1.0: TOO_LITTLE, 0.25: TOO_LITTLE}) == []
+
+
+def test_what_is_promising_goes_on_to_its_end(monkeypatch):
+    """Assert that first steps that take away enough are followed by as many as it takes."""
+    asked = []
+
+    def climb(structure, data, start, segments, states=None, *, insist, iterations=None):
+        asked.append((iterations, start, states))
+        excess = 1.5 if iterations else 1.0
+        return [
+            SimpleNamespace(
+                excess=excess,
+                by_name={"excess": excess},
+                minimum=SimpleNamespace(point=SimpleNamespace(initial_states="there")),
+            )
+        ]
+
+    monkeypatch.setattr(climbing, "climb", climb)
+    before: Any = SimpleNamespace(
+        excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
+    )
+    found = climbing._remembering(before, WITHOUT, {"start": 0.0}, THRESHOLDS)
+    assert found is not None
+    assert found.excess == 1.0
+    assert asked == [
+        (climbing.FIRST_ITERATIONS, {"start": 0.0}, None),
+        (None, {"excess": 1.5}, "there"),
+    ]

@@ -155,7 +155,7 @@ def climb_remembering(
 def _remembering(
     before: Fitted, structure: Structure, way: Mapping[str, float], thresholds: Thresholds
 ) -> Fitted | None:
-    """A few steps with memory, if these take away most of what a fit without leaves."""
+    """A fit with memory, if its first steps take away most of what one without leaves."""
     segments = [before.problem.segments]
     try:
         (found,) = climb(
@@ -163,8 +163,11 @@ def _remembering(
         )
     except ConvergenceError:
         return None
-    taken = before.excess - found.excess
-    return found if taken >= thresholds.memory_share * (before.excess - 1.0) else None
+    if before.excess - found.excess < thresholds.memory_share * (before.excess - 1.0):
+        return None
+    states = found.minimum.point.initial_states
+    (arrived,) = climb(structure, before.data, found.by_name, segments, states, insist=False)
+    return arrived
 
 
 def promised_by_memory(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
