@@ -6,6 +6,7 @@ from typing import Any, cast
 import pytest
 
 import flexid.identification.full_model.climbing as climbing
+from flexid.errors import ConvergenceError
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.full_model.climbing import Climb, climb_remembering
 from flexid.identification.full_model.model import Structure
@@ -100,3 +101,19 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
         (climbing.FIRST_ITERATIONS, {"start": 0.0}, None),
         (None, {"excess": 1.5}, "there"),
     ]
+
+
+def test_what_diverges_on_its_way_is_given_up(monkeypatch):
+    """Assert that first steps that promise much and lead nowhere leave the fit without memory."""
+
+    def climb(*_, insist, iterations=None):
+        if iterations is None:
+            raise ConvergenceError("prediction error", "diverges")
+        point = SimpleNamespace(initial_states="there")
+        return [SimpleNamespace(excess=1.5, by_name={}, minimum=SimpleNamespace(point=point))]
+
+    monkeypatch.setattr(climbing, "climb", climb)
+    before: Any = SimpleNamespace(
+        excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
+    )
+    assert climbing._remembering(before, WITHOUT, {}, THRESHOLDS) is None

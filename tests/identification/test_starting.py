@@ -78,6 +78,23 @@ def test_a_moving_motor_starts_better_than_a_sticking_one(stiff):
         assert first[name] == pytest.approx(value, rel=0.05)
 
 
+def test_a_given_friction_starts_no_worse(stiff):
+    """Assert that who knows the friction is led by the moving samples, too."""
+    base = replace(structure(stiff), fixed={"alpha_coulomb": 13.7})
+    first = starts(base, stiff, lengths(stiff)[0])[0]
+    assert first["alpha1"] == pytest.approx(10000.0, rel=0.05)
+    assert first["beta1"] == pytest.approx(1.0, rel=0.05)
+
+
+def test_no_start_is_tried_twice(stiff):
+    """Assert that starts differ, with friction and without."""
+    smooth = replace(structure(stiff), absent=JOINT.optional - {"theta1", "alpha2"})
+    for base in (structure(stiff), smooth):
+        ways = starts(base, stiff, lengths(stiff)[0])
+        assert all(way not in ways[:place] for place, way in enumerate(ways))
+        assert len(ways) >= 4
+
+
 def test_a_sticking_link_misleads_no_start():
     """Assert the same of the link's row, which no input drives."""
     log = data(held=True, link_coulomb=8.0, size=0.5)
@@ -95,6 +112,8 @@ def test_a_row_that_hardly_keeps_moving_is_taken_whole():
     base = replace(structure(log), absent=JOINT.optional - ON - {"theta_coulomb"})
     fit = least_squares_start(base, log, 60.0)[1]
     assert {*starting._while_moving(fit)} == {"theta1", "theta2", "theta_coulomb"}
+    smooth = replace(base, absent=base.absent | {"theta_coulomb", "alpha_coulomb"})
+    assert starting._while_moving(least_squares_start(smooth, log, 60.0)[1]) == {}
 
 
 def test_a_strong_spring_starts_as_bent_as_its_link_says():

@@ -14,13 +14,13 @@ from flexid.estimators.samples import Samples
 from flexid.recording.velocities import position_noise
 
 FEWEST_SAMPLES = 20
-"""Samples that a segment has at least: enough for an initial state and something beyond it."""
+"""Samples that a segment has at least that says something: its initial state and more."""
 
 _START_DURATION = 0.03  # s at the start of a segment that a cubic follows well on a drive
 _START_SAMPLES = 8  # but at least these: a cubic has four coefficients
 _FEWEST_START_SAMPLES = 6  # where it vibrates
 _START_RATIO = 1.4  # between the numbers of samples that are tried
-_START_EXCESS = 2.0  # root mean square of what a cubic leaves, over the noise: 3 % do by chance
+_START_EXCESS = 2.0  # root mean square of what a cubic leaves, over white noise: 1 in 300 by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Segments:
         )
 
     def some(self, count: int) -> "Segments":
-        """About so many of the segments, spread evenly, and the first of each recording."""
+        """So many of the segments at most, beside the first of each recording, spread evenly."""
         firsts = np.flatnonzero(np.diff(self.recordings, prepend=-1))
         step = -(-len(self) // count)
         parts = np.split(np.arange(len(self)), firsts[1:])
@@ -222,10 +222,13 @@ def first_states(segments: Segments) -> FloatArray:
         Coordinate and velocity of each row in turn.
     """
     positions = segments.outputs[:, segments.measured % 2 == 0]
-    noise = [position_noise(column) for column in positions.T]
+    own = [positions[part] for part, _ in segments.by_recording()]
+    noises = [[position_noise(column) for column in columns.T] for columns in own]
+    # Each recording may have encoders of its own.
+    places = np.unique(segments.recordings, return_inverse=True)[1]
     states = np.empty((len(segments), 2 * positions.shape[1]))
     for s, part in enumerate(segments.of(positions)):
-        sample_time = segments.sample_times[s]
+        sample_time, noise = segments.sample_times[s], noises[places[s]]
         longest = min(len(part), max(_START_SAMPLES, round(_START_DURATION / sample_time)))
         for a, allowed in enumerate(noise):
             value, slope = _start(part[:longest, a], _START_EXCESS * allowed)

@@ -66,6 +66,8 @@ def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.
     """The estimate of a fit with the model's error in its covariance.
 
     No variance is smaller than what the sensors' noise alone makes it: blocks may agree by chance.
+    Where friction makes the bottom rough and the steps end without arriving, the one that was not
+    taken any more is added; along open directions there is none.
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.
     estimate = estimate.scaled(scale)
     beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
     reduced = fitted.minimum.reduced
-    untaken = np.outer(reduced.values_step, reduced.values_step)  # over a rough bottom
+    untaken = np.outer(reduced.values_step, reduced.values_step)
     return estimate.widened(error.share**2 * beyond * reduced.inverse + untaken)
 
 

@@ -20,10 +20,10 @@ from flexid.identification.full_model.starting import starts
 from flexid.identification.vocabulary.thresholds import Thresholds
 
 FIRST_ITERATIONS = 8
-"""Steps that a fit from afar may take: what takes more is sought from elsewhere."""
+"""Steps that a fit from afar may take, those that halve the sum of squares not counted."""
 
 _HALVINGS = 2  # of the shortest segments, if these are too long to begin with
-_FEWEST = 10  # samples of a half: a vibration of a third of the sampling rate is followed through
+_FEWEST_HALVED = 10  # samples of what only leads to a start: twice its initial state
 _FIRST_STARTS = 3  # that are tried over both before the others
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
@@ -48,7 +48,7 @@ def first_climb(
     Returns
     -------
     list of Fitted
-        From the first of the ladder on, up to the length at which the fit no longer converges.
+        From the first of the ladder on, as far as `climb` leads.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def _tries(
     finer: list[Segments] = []
     for _ in range(_HALVINGS):
         shortest = (*finer, *ladder)[0]
-        if shortest.lengths.min() >= 2 * _FEWEST:
+        if shortest.lengths.min() >= 2 * _FEWEST_HALVED:
             finer = [shortest.halved(), *finer]
     begins = [[], finer] if finer else [[]]
     first, others = ways[:_FIRST_STARTS], ways[_FIRST_STARTS:]

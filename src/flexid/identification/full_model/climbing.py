@@ -166,8 +166,11 @@ def _remembering(
     if before.excess - found.excess < thresholds.memory_share * (before.excess - 1.0):
         return None
     states = found.minimum.point.initial_states
-    (arrived,) = climb(structure, before.data, found.by_name, segments, states, insist=False)
-    return arrived
+    try:
+        (found,) = climb(structure, before.data, found.by_name, segments, states, insist=False)
+    except ConvergenceError:  # in steps that suit where it is now it may diverge
+        return None
+    return found
 
 
 def promised_by_memory(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:

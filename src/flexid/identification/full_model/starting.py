@@ -8,6 +8,7 @@ better shows in the residuals over the shortest segments.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,9 +22,9 @@ from flexid.models.flexible_joint import DISSIPATIVE
 
 _RATES = (20.0, 60.0, 7.0, 200.0)  # 1/s, of the filters
 _SPRINGS = ("theta2", "alpha1", "beta1")
-_FRICTIONS = ("theta_coulomb", "alpha_coulomb")
+_FRICTIONS = ("theta_coulomb", "alpha_coulomb", "gamma_coulomb")
 _DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
-_FEWEST = 10  # samples for each coefficient
+_FEWEST_EACH = 10  # samples for each coefficient
 _CURVATURES = ("alpha_cubic", "theta_cubic")
 _DAMPINGS = ("alpha_damping", "theta_damping")
 _COMPARED = 50  # segments over which starts are compared
@@ -43,11 +44,14 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
     """
     found: list[tuple[float, int, dict[str, float]]] = []
     some = segments.some(_COMPARED)
+    # Which samples a friction is known at shows where it is sought, be it given or not.
+    given = {name: value for name, value in structure.fixed.items() if name not in _FRICTIONS}
+    sought = replace(structure, fixed=given)
     for rate in _RATES:
-        start, fit = least_squares_start(structure, data, rate)
+        start, fit = least_squares_start(sought, data, rate)
         ways = [start]
         if moving := _while_moving(fit):
-            ways.append({**structure.timing.delays, **_passive({**_values(fit), **moving})})
+            ways.append(_begun(sought, {**_values(fit), **moving}))
         for way in ways:
             found.append((_misfit(structure, data, some, way), len(found), way))
     return [way for *_, way in sorted(found, key=lambda each: each[:2])]
@@ -77,14 +81,14 @@ def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
     """Least squares of each row over the samples at which its friction is known but for its size.
 
     There the filtered direction of its motion is one or minus one, so that it has not turned round
-    or stuck for as long as the filter remembers. A row of which these are few is left out.
+    or stuck for as long as the filter remembers. A row of which these are few, or all, is left out.
     """
     found: dict[str, float] = {}
     for row in fit.rows:
         frictions = [place for place, name in enumerate(row.coefficients) if name in _FRICTIONS]
-        directed = np.abs(row.regressors[frictions]).min(axis=0, initial=1.0)
-        moving = directed >= _DIRECTED
-        if np.count_nonzero(moving) < _FEWEST * len(row.coefficients):
+        moving = np.all(np.abs(row.regressors[frictions]) >= _DIRECTED, axis=0)
+        few = np.count_nonzero(moving) < _FEWEST_EACH * len(row.coefficients)
+        if few or moving.all():
             continue
         regressors = row.regressors[:, moving]
         gram = regressors @ regressors.T
@@ -111,7 +115,12 @@ def least_squares_start(
     unknowns = smooth_unknowns(structure, data.groups)
     hold = "zero" if structure.timing.hold == "zero" else "linear"
     fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
-    return {**structure.timing.delays, **_passive(_values(fit))}, fit
+    return _begun(structure, _values(fit)), fit
+
+
+def _begun(structure: Structure, values: Mapping[str, float]) -> dict[str, float]:
+    """Where a fit begins, from values by least squares; what is given stands beside them."""
+    return {**structure.timing.delays, **_passive({**structure.fixed, **values})}
 
 
 def _passive(values: Mapping[str, float]) -> dict[str, float]:
@@ -133,7 +142,7 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
             found[name] = max(value, 0.0)
         else:
             found[name] = value
-    if {*_CURVATURES, "theta2", "alpha1"} <= found.keys() and found["theta2"] > 0.0:
+    if {*_CURVATURES, "theta2", "alpha1"} <= found.keys() and values["theta2"] > 0.0:
         # One spring acts on both rows, and the link's, of positions alone, knows its shape best.
         found["alpha_cubic"] = found["theta_cubic"] * found["alpha1"] / found["theta2"]
     return found
