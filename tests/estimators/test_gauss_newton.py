@@ -22,12 +22,13 @@ class _Rough:
     promised: float
     kept: float
     degrees_of_freedom: int = 10_000
+    variance: float = 1.0
     counted: list[float] = field(default_factory=list)
 
     def equations(self, point: Point) -> Any:
         steps = point.values[0]
         self.counted.append(steps)
-        cost = self.degrees_of_freedom * (1.0 - self.promised * self.kept) ** steps
+        cost = self.variance * self.degrees_of_freedom * (1.0 - self.promised * self.kept) ** steps
         return SimpleNamespace(cost=cost)
 
     def solve(self, equations: Any, _damping: float = 0.0) -> Any:
@@ -84,6 +85,9 @@ def test_a_flat_bottom_that_nothing_gets_over_is_the_end():
     problem = _Rough(0.5 * FLAT, 1e-4)
     problem.degrees_of_freedom = round(9.0 / (0.5 * FLAT))
     assert steps_of(problem, 1e-2) == 4
+    problem.variance = 1.6  # a plateau: there is more than noise to explain
+    with pytest.raises(ConvergenceError, match="4 steps in turn"):
+        steps_of(problem, 1e-2)
 
 
 @pytest.mark.parametrize("kept", [1e-4, 0.24])

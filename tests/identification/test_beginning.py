@@ -33,7 +33,7 @@ class _Segments:
 
 
 LADDER = [_Segments(SHORTEST), _Segments(4), _Segments(2)]
-DATA = SimpleNamespace(margin=0.01)
+MARGIN = 0.01  # s
 
 
 def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNamespace:
@@ -43,8 +43,7 @@ def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNames
         minimum=SimpleNamespace(equations=SimpleNamespace(cost=excess * SAMPLES)),
         excess=excess,
         structure=SimpleNamespace(timing=SimpleNamespace(sought=("late",))),
-        delays={"late": late},
-        data=DATA,
+        has_partners=late <= MARGIN,
     )
 
 
@@ -81,7 +80,7 @@ def climbed(monkeypatch):
         monkeypatch.setattr(beginning, "_by_smaller_models", lambda *_: by_smaller(smaller))
         ladder = [_Segments(SHORTEST, finest), *LADDER[1:]]
         found = beginning.first_climb(
-            cast(Any, None), cast(Any, DATA), cast(Any, ladder), THRESHOLDS
+            cast(Any, None), cast(Any, None), cast(Any, ladder), THRESHOLDS
         )
         return [f.excess for f in found], tried
 

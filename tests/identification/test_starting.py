@@ -244,6 +244,16 @@ def test_what_is_at_its_bound_stays_there_with_another_hold():
     assert hold_covariance(fitted, ("linear",)).shape == (len(fitted.names),) * 2
 
 
+def test_a_delay_that_leaves_the_data_is_no_fit():
+    """Assert that a delay that is sought ends within the margins of the data, or nowhere."""
+    late = data(held=True, link_delay=0.05)
+    base = structure(late, sought=(LINK,))
+    segments = lengths(late)[2]
+    assert late.margin < 0.05
+    with pytest.raises(ConvergenceError, match="comes out more than"):
+        refit(base, late, {**COEFFICIENTS, LINK: 0.04}, segments, FINE, None)
+
+
 @pytest.mark.parametrize("late", [0.0, 0.04])
 def test_a_given_delay_may_be_longer_than_the_margin(late):
     """Assert that a delay that was given is no reason to doubt a fit, however long."""

@@ -24,6 +24,7 @@ _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
 _POOR_STEPS = 2  # in turn, after which a bottom is too rough for better ones
 _NO_GAIN = 0.01  # the same of a step before something that none gets over
 _STUCK_STEPS = 4  # of these in turn, after which no more are taken
+_NEARLY_NOISE = 1.5  # variance of weighted residuals, beyond which what is flat is no bottom
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 _FINEST = 1e-9  # noise over the largest output that is distinguished from none: a 30 bit encoder's
 
@@ -137,7 +138,7 @@ def minimise(
         if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
             return Minimum(point, equations, reduced, taken, float(last_step))
         if stuck >= _STUCK_STEPS:
-            if not insist or flat or variance <= enough:
+            if not insist or variance <= enough or (flat and variance <= _NEARLY_NOISE):
                 return Minimum(point, equations, reduced, taken, float(last_step))
             raise ConvergenceError(
                 "prediction error",

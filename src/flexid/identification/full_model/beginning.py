@@ -100,7 +100,7 @@ def _tries(
         except ConvergenceError:
             continue
         found = found[len(before) :]
-        if found and _has_partners(found[-1]):
+        if found and found[-1].has_partners:
             yield found
 
 
@@ -122,12 +122,6 @@ def _better(one: list[Fitted], other: list[Fitted]) -> list[Fitted]:
     return one if first < second else other
 
 
-def _has_partners(fitted: Fitted) -> bool:
-    """Whether no channel is so late that its samples have no partners in the data."""
-    sought = fitted.structure.timing.sought
-    return all(abs(fitted.delays[name]) <= fitted.data.margin for name in sought)
-
-
 def _by_smaller_models(
     structure: Structure, data: Data, ladder: Sequence[Segments], way: Mapping[str, float]
 ) -> list[Fitted]:
@@ -140,7 +134,7 @@ def _by_smaller_models(
             found = climb(small, data, starts(small, data, ladder[0])[0], ladder)
         except ConvergenceError:
             continue
-        if _has_partners(found[-1]):
+        if found[-1].has_partners:
             wider = [structure, structure.without(late)] if late else [structure]
             return _widened([*wider, *([few] if small is not few else [])], found) or found
     # No drive of this kind: be the fit as bad as it may.
@@ -156,6 +150,6 @@ def _widened(structures: Sequence[Structure], found: Sequence[Fitted]) -> list[F
             wider = climb(structure, last.data, last.by_name, segments, states)
         except ConvergenceError:
             continue
-        if _has_partners(wider[-1]):
+        if wider[-1].has_partners:
             return wider
     return []

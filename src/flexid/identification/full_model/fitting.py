@@ -199,13 +199,13 @@ def refit(
     Raises
     ------
     ConvergenceError
-        If it does not converge.
+        If it does not converge, or a delay leaves the data.
     """
 
     def fit_with(unknowns: Unknowns) -> Fitted:
         # What ended at a bound is fixed there.
         fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
-        return _fit_segments(
+        found = _fit_segments(
             replace(structure, fixed={**structure.fixed, **fixed}),
             data,
             segments,
@@ -213,6 +213,13 @@ def refit(
             states,
             tolerance,
         )
+        if not found.has_partners:
+            raise ConvergenceError(
+                "prediction error",
+                f"a channel comes out more than {data.margin:g} s late, where it has no partners: "
+                f"give its delay",
+            )
+        return found
 
     if not structure.bounds:
         return fit_with(structure.unknowns(data.groups))

@@ -221,6 +221,12 @@ class Fitted:
         promised = self.minimum.reduced.decrement
         return promised <= FLAT * self.minimum.equations.cost or self.minimum.last_step <= ROUGH
 
+    @property
+    def has_partners(self) -> bool:
+        """Whether no channel is so late that its samples have no partners in the data."""
+        sought = self.structure.timing.sought
+        return all(abs(self.delays[name]) <= self.data.margin for name in sought)
+
     def coefficients(self, recording: int) -> FloatArray:
         """All coefficients of the system in a recording."""
         unknowns = self.problem.unknowns
