@@ -227,6 +227,29 @@ def test_damaged_files_are_made_anew(cache: Path, damage: str) -> None:
     assert store.load_kernel("damage", [damage], lambda: source).double(3) == 6
 
 
+PAIRS = """
+from collections import namedtuple
+from numba import njit
+
+Pair = namedtuple("Pair", "a b")
+
+@njit(cache=True)
+def total(pair):
+    return pair.a + pair.b
+"""
+
+
+def test_an_index_may_name_a_kernel_that_is_not_loaded(cache: Path) -> None:
+    """Assert that what one kernel has compiled for a type of another's does no harm without it."""
+    one, two = (store.load_kernel(name, [name], lambda: PAIRS) for name in ("pairs_a", "pairs_b"))
+    assert two.total(one.Pair(1.0, 2.0)) == 3.0
+    assert list(cache.glob(f"__pycache__/{two.__name__}.*.nbi"))
+    for kernel in (one, two):
+        del sys.modules[kernel.__name__]
+    again = store.load_kernel("pairs_b", ["pairs_b"], lambda: PAIRS)
+    assert again.total(again.Pair(1.0, 3.0)) == 4.0
+
+
 def test_a_file_that_is_being_written_is_left_alone(cache: Path) -> None:
     """Assert that what another process has just begun to write is not taken for damage."""
     kernel = store.load_kernel("begun", ["x"], lambda: KERNEL)

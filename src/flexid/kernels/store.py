@@ -214,12 +214,25 @@ def _one_writer(path: Path) -> Iterator[None]:
         lock.release()
 
 
-def _save_one_at_a_time(module: ModuleType, path: Path) -> None:
-    """Let a kernel's compiled functions be saved by one process at a time.
+def _guard_compiled(module: ModuleType, path: Path) -> None:
+    """Let a kernel's compiled functions be saved by one process at a time, and loaded by any.
 
     To save, numba reads the function's index, adds a signature and writes it back. Of two
-    processes that do so at once one signature is lost, or gets the code of the other.
+    processes that do so at once one signature is lost, or gets the code of the other. An index may
+    also name a type of another kernel, if both were at work in one process; where that kernel is
+    not loaded, all is compiled anew.
     """
+
+    def of_this_kernel(load: Callable[..., Any]) -> Callable[..., Any]:
+        def load_alone(*arguments: object) -> Any:
+            try:
+                return load(*arguments)
+            except ImportError:
+                with _one_writer(path), suppress(OSError):
+                    _discard_compiled(path)
+                return None
+
+        return load_alone
 
     def alone(save: Callable[..., None]) -> Callable[..., None]:
         def save_alone(*arguments: object) -> None:
@@ -233,6 +246,7 @@ def _save_one_at_a_time(module: ModuleType, path: Path) -> None:
         cache: Any = getattr(value, "_cache", None)
         if hasattr(cache, "save_overload"):
             cache.save_overload = alone(cache.save_overload)
+            cache.load_overload = of_this_kernel(cache.load_overload)
 
 
 @cache
@@ -308,5 +322,5 @@ def _import(name: str, path: Path) -> ModuleType:
     except BaseException:
         del sys.modules[name]
         raise
-    _save_one_at_a_time(module, path)
+    _guard_compiled(module, path)
     return module
