@@ -15,6 +15,9 @@ FLAT = 2e-3
 ITERATIONS = 20
 """Steps that may be taken: far more than the five or so that a good start needs."""
 
+NEARLY_NOISE = 1.5
+"""Variance of the weighted residuals up to which a rough bottom may be gone on from, or end on."""
+
 _HALVINGS = 4  # of segments too long to be fitted from the start at once
 _DAMPINGS = 8  # attempts at a step that makes nothing worse
 _FIRST_DAMPING = 1e-3
@@ -24,7 +27,6 @@ _POOR_GAIN = 0.25  # of the fall of the sum of squares that a step promised
 _POOR_STEPS = 2  # in turn, after which a bottom is too rough for better ones
 _NO_GAIN = 0.01  # the same of a step before something that none gets over
 _STUCK_STEPS = 4  # of these in turn, after which no more are taken
-_NEARLY_NOISE = 1.5  # variance of weighted residuals, beyond which what is flat is no bottom
 _ROUNDING = 1e-11  # relative length of a step that is lost in rounding
 _FINEST = 1e-9  # noise over the largest output that is distinguished from none: a 30 bit encoder's
 
@@ -138,7 +140,7 @@ def minimise(
         if poor >= _POOR_STEPS and flat and last_step <= max(1.0, 10.0 * tolerance):
             return Minimum(point, equations, reduced, taken, float(last_step))
         if stuck >= _STUCK_STEPS:
-            if not insist or variance <= enough or (flat and variance <= _NEARLY_NOISE):
+            if not insist or variance <= enough or (flat and variance <= NEARLY_NOISE):
                 return Minimum(point, equations, reduced, taken, float(last_step))
             raise ConvergenceError(
                 "prediction error",

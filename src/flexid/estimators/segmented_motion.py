@@ -392,7 +392,7 @@ class SegmentedMotion:
         firsts = self.first_blocks
         chained, pulled = [], []
         recordings = self.segments.recordings
-        edges = [*np.flatnonzero(np.diff(recordings, prepend=-1)).tolist(), len(recordings)]
+        edges = [*self.segments.firsts.tolist(), len(recordings)]
         for a, b in pairwise(edges):
             blocks = slice(firsts[a], firsts[b])
             slopes = self.unknowns.derivatives(values[:k], int(recordings[a]))[wanted]

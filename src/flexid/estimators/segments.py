@@ -80,26 +80,26 @@ class Segments:
             recordings=np.repeat(self.recordings, 2),
         )
 
+    @property
+    def firsts(self) -> NDArray[np.int64]:
+        """First segment of each recording, shape (n_recordings,)."""
+        return np.flatnonzero(np.diff(self.recordings, prepend=-1))
+
     def merged(self) -> "Segments | None":
         """Every two neighbours made one; None where a recording has an odd number of segments."""
-        counts = np.diff(np.append(np.flatnonzero(np.diff(self.recordings, prepend=-1)), len(self)))
-        if np.any(counts % 2):
+        if np.any(np.diff(np.append(self.firsts, len(self))) % 2):
             return None
-        return replace(
-            self,
-            starts=self.starts[::2],
-            lengths=self.lengths[::2] + self.lengths[1::2],
-            sample_times=self.sample_times[::2],
-            start_times=self.start_times[::2],
-            recordings=self.recordings[::2],
-        )
+        lengths = self.lengths[::2] + self.lengths[1::2]
+        return replace(self._at(np.arange(0, len(self), 2)), lengths=lengths)
 
     def some(self, count: int) -> "Segments":
         """So many of the segments at most, beside the first of each recording, spread evenly."""
-        firsts = np.flatnonzero(np.diff(self.recordings, prepend=-1))
         step = -(-len(self) // count)
-        parts = np.split(np.arange(len(self)), firsts[1:])
-        places = np.concatenate([part[::step] for part in parts])
+        parts = np.split(np.arange(len(self)), self.firsts[1:])
+        return self._at(np.concatenate([part[::step] for part in parts]))
+
+    def _at(self, places: NDArray[np.int64]) -> "Segments":
+        """The segments at some places."""
         return replace(
             self,
             starts=self.starts[places],
@@ -134,14 +134,12 @@ class Segments:
 
     def by_recording(self) -> list[tuple[slice, float]]:
         """Samples of every recording, and its sample time."""
-        recordings = self.recordings
-        firsts = np.flatnonzero(np.diff(recordings, prepend=-1))
         return [
             (slice(a, b), h)
             for a, b, h in zip(
                 self.recording_starts[:-1].tolist(),
                 self.recording_starts[1:].tolist(),
-                self.sample_times[firsts].tolist(),
+                self.sample_times[self.firsts].tolist(),
                 strict=True,
             )
         ]

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
-from flexid.estimators.gauss_newton import ITERATIONS, Minimum, minimise
+from flexid.estimators.gauss_newton import ITERATIONS, NEARLY_NOISE, Minimum, minimise
 from flexid.estimators.integration_error import MOST, refinement
 from flexid.estimators.samples import FloatArray
 from flexid.estimators.scaled_inverse import least_with
@@ -26,8 +26,6 @@ SHORTEST = 0.1
 
 LONGEST = 10.0
 """Length in s beyond which segments hold hardly more information."""
-
-_ENOUGH = 1.5  # mean square of residuals over that of the noise with which a climb may go on
 
 
 def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) -> list[Segments]:
@@ -81,7 +79,7 @@ def climb(
     ConvergenceError
         If not even the shortest segments can be fitted.
     """
-    how = {"insist": insist, "iterations": iterations, "enough": _ENOUGH}
+    how = {"insist": insist, "iterations": iterations, "enough": NEARLY_NOISE}
     first = _fit_segments(structure, data, ladder[0], start, states, ROUGH, **how)
     return [first, *onward(first, ladder[1:])]
 
@@ -101,7 +99,7 @@ def onward(first: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
         states = before[:: len(before) // len(segments)]
         rest = (segments, last.by_name, states, ROUGH)
         try:
-            last = _fit_segments(first.structure, first.data, *rest, enough=_ENOUGH)
+            last = _fit_segments(first.structure, first.data, *rest, enough=NEARLY_NOISE)
         except ConvergenceError:
             break
         found.append(last)

@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexid.arrays import FloatArray
 from flexid.estimators.scaled_inverse import scaled_inverse
-from flexid.estimators.segments import Segments
+from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import motion_at
@@ -44,6 +45,7 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
     """
     found: list[tuple[float, int, dict[str, float]]] = []
     some = segments.some(_COMPARED)
+    states = first_states(some)
     # Which samples a friction is known at shows where it is sought, be it given or not.
     given = {name: value for name, value in structure.fixed.items() if name not in _FRICTIONS}
     sought = replace(structure, fixed=given)
@@ -53,19 +55,23 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
         if moving := _while_moving(fit):
             ways.append(_begun(sought, {**_values(fit), **moving}))
         for way in ways:
-            found.append((_misfit(structure, data, some, way), len(found), way))
+            found.append((_misfit(structure, data, some, way, states), len(found), way))
     return [way for *_, way in sorted(found, key=lambda each: each[:2])]
 
 
 def _misfit(
-    structure: Structure, data: Data, segments: Segments, way: Mapping[str, float]
+    structure: Structure,
+    data: Data,
+    segments: Segments,
+    way: Mapping[str, float],
+    states: FloatArray,
 ) -> float:
     """Mean logarithm of what a start leaves in the segments, once each begins where that suits it.
 
     A start may be nearly right and still go astray where a side sticks or is jolted: a sum would
     heed nothing else.
     """
-    problem, point = motion_at(structure, data, segments, way, None)
+    problem, point = motion_at(structure, data, segments, way, states)
     equations = problem.equations(point, "states")
     if not np.isfinite(equations.cost):
         return np.inf
@@ -134,12 +140,10 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
         base = name.partition("[")[0]
         if base in _DAMPINGS:
             found[name] = 0.0
-        elif base in DISSIPATIVE:
+        elif base in DISSIPATIVE or base in _CURVATURES:
             found[name] = max(value, 0.0)
         elif base in _SPRINGS:
             found[name] = abs(value)
-        elif base in _CURVATURES:
-            found[name] = max(value, 0.0)
         else:
             found[name] = value
     if {*_CURVATURES, "theta2", "alpha1"} <= found.keys() and values["theta2"] > 0.0:
