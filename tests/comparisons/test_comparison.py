@@ -15,6 +15,7 @@ from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.identification.vocabulary.intervals import interval, logarithmic_interval
+from flexid.models.flexible_joint import WIDTH_OF_GAP
 from made_estimates import NOTHING, TRUE, drawn, estimate_of, wishart, with_parameter
 
 
@@ -490,6 +491,32 @@ def test_an_amplitude_goes_with_its_width():
     assert d.reason.startswith("it rests on a stribeck_velocity of 0.1 in A and of 0.21 in B")
     assert not found.coefficients["alpha_stribeck"].compared
     assert found.parameters["joint_stiffness"].compared
+
+
+def with_gap(estimate, gap, width):
+    """The same with play of a gap, found with a shape of a width."""
+    play = replace(
+        number(gap, 0.01 * gap, 30.0, name="half_backlash"), slopes={"alpha_backlash": 1}
+    )
+    shapes = {"stribeck_velocity": 0.1, "backlash_width": width}
+    return replace(
+        estimate,
+        parameters={**estimate.parameters, play.name: play},
+        choices=replace(estimate.choices, shapes=shapes),
+    )
+
+
+def test_the_width_of_a_gap_is_its_own():
+    """Assert that gaps of other sizes are compared, unless a width was chosen for the motion."""
+    rng = np.random.default_rng(9)
+    own = WIDTH_OF_GAP * 2e-4
+    a = with_gap(drawn(rng), 2e-4, own)
+    worn = with_gap(drawn(rng), 6e-4, 3.0 * own)
+    assert compare_estimates(a, worn).parameters["half_backlash"].outcome == "changed"
+    chosen = with_gap(drawn(rng), 6e-4, 6.1 * own)
+    assert compare_estimates(a, chosen).parameters["half_backlash"].outcome == "not compared"
+    none = with_gap(drawn(rng), -6e-4, 3.0 * own)
+    assert compare_estimates(a, none).parameters["half_backlash"].outcome == "not compared"
 
 
 def test_a_smoothed_friction_is_shown():

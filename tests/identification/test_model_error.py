@@ -10,8 +10,14 @@ import pytest
 from made_joint import COEFFICIENTS, made
 from scipy.stats import t
 
+import flexid.identification.estimation.model_error as modelling
 from flexid.estimators.segmented_motion import Timing
-from flexid.identification.estimation.model_error import model_error, stand_in_covariance, widened
+from flexid.identification.estimation.model_error import (
+    impossible_covariance,
+    model_error,
+    stand_in_covariance,
+    widened,
+)
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.preparation.joint import flexible
@@ -218,3 +224,40 @@ def test_usual_terms_are_no_stand_ins():
     found, error = fitted(3, half_gap=1e-3)
     assert error.share > 0.0
     assert not stand_in_covariance(found, error).any()
+
+
+@pytest.fixture(scope="module")
+def driving():
+    """A damping of the spring that came out negative, beside a friction of the link."""
+    recording = with_velocities(made(3, 10.0, joint_damping=-0.05))
+    more = {"alpha_damping", "theta_damping", "theta_viscous"}
+    structure = replace(PAPER, absent=PAPER.absent - more)
+    data = data_of(JOINT, [recording], (0,))
+    return fit_to(structure, data, COEFFICIENTS, 1.0)[0]
+
+
+def test_a_negative_friction_may_be_none(driving):
+    """Assert that it is uncertain by all of itself, and the others by what they move without it."""
+    assert driving.by_name["alpha_damping"] < 0.0
+    gone = {n for n in ("alpha_damping", "theta_viscous") if driving.by_name[n] < 0.0}
+    bare, _ = fit_to(driving.structure.without(gone), driving.data, driving.by_name, 1.0)
+    moved = [bare.by_name.get(name, 0.0) - driving.by_name[name] for name in driving.names]
+    added = np.sqrt(np.diag(impossible_covariance(driving)))
+    assert added == pytest.approx(np.abs(moved), rel=0.1, abs=1e-6)
+    assert abs(moved[driving.names.index("alpha1")]) > 1e-3
+
+
+def test_a_negative_friction_that_cannot_be_left_out_may_be_none(driving, monkeypatch):
+    """Assert that where no fit is without it, it is uncertain by all of itself all the same."""
+    monkeypatch.setattr(modelling, "fit_like", lambda *_: None)
+    added = np.sqrt(np.diag(impossible_covariance(driving)))
+    place = driving.names.index("alpha_damping")
+    assert added[place] == pytest.approx(-driving.values[place])
+    assert added[driving.names.index("alpha1")] == 0.0
+
+
+def test_frictions_that_brake_are_not_doubted():
+    """Assert that nothing is added where all of them are positive, or none is there."""
+    found, _ = fitted(1)
+    assert found.by_name["alpha2"] > 0.0
+    assert not impossible_covariance(found).any()

@@ -1,5 +1,6 @@
 """Which grip of a hysteresis is tried, and when: on made-up fits."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -32,12 +33,14 @@ def tried(monkeypatch):
     def grips(promises: dict[float, float], holding: float | None = None):
         begun = []
 
-        def remembering(before, structure, way, _):
+        def remembering(before, structure, way, *_):
             assert structure.absent == before.structure.absent - JOINT.remembered
             begun.append(share(way))
             return before if share(way) == holding else None
 
-        monkeypatch.setattr(climbing, "promised_by_memory", lambda *at: promises[share(at[-1])])
+        monkeypatch.setattr(
+            climbing, "promised_by_memory", lambda *at: promises.get(share(at[-1]), 0.0)
+        )
         monkeypatch.setattr(climbing, "_remembering", remembering)
         monkeypatch.setattr(climbing, "onward", lambda *_: [])
         monkeypatch.setattr(climbing, "_with_best_hold", lambda found, *_: found)
@@ -50,7 +53,7 @@ def tried(monkeypatch):
             problem=SimpleNamespace(segments=segments),
         )
         climbed = Climb((fitted,), cast(Any, (segments,)), True, "")
-        found = climb_remembering(climbed, ("cubic",), lambda _: None)
+        found = climb_remembering(climbed, (), ("cubic",), lambda _: None)
         assert (found is not None) == (holding in begun)
         return begun
 
@@ -58,9 +61,10 @@ def tried(monkeypatch):
 
 
 def test_the_grip_that_promises_more_is_tried_first(tried):
-    """Assert that one that suits the motion and a quarter of it are tried, the better one first."""
+    """Assert that grips from a quarter of what suits the motion to four times are tried in turn."""
     assert tried({1.0: 0.8, 0.25: 0.5}) == [1.0, 0.25]
     assert tried({1.0: 0.5, 0.25: 0.8}) == [0.25, 1.0]
+    assert tried({0.25: 0.3, 0.5: 0.4, 1.0: 0.5, 2.0: 0.6, 4.0: 0.7}) == [4.0, 2.0, 1.0, 0.5, 0.25]
 
 
 def test_what_holds_its_promise_ends_the_search(tried):
@@ -94,7 +98,7 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    found = climbing._remembering(before, WITHOUT, {"start": 0.0}, THRESHOLDS)
+    found = climbing._remembering(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
     assert found is not None
     assert found.excess == 1.0
     assert asked == [
@@ -116,4 +120,52 @@ def test_what_diverges_on_its_way_is_given_up(monkeypatch):
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    assert climbing._remembering(before, WITHOUT, {}, THRESHOLDS) is None
+    assert climbing._remembering(before, WITHOUT, {}, 1.0, THRESHOLDS) is None
+
+
+@pytest.mark.parametrize(("floor", "follows"), [(1.0, False), (1.1, True)])
+def test_noise_need_not_be_taken_away(monkeypatch, floor, follows):
+    """Assert that what short segments leave, too, is none of what memory has to explain."""
+
+    def climb(*_, insist, iterations=None):
+        point = SimpleNamespace(initial_states="there")
+        return [SimpleNamespace(excess=1.12, by_name={}, minimum=SimpleNamespace(point=point))]
+
+    monkeypatch.setattr(climbing, "climb", climb)
+    before: Any = SimpleNamespace(
+        excess=1.28, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
+    )
+    found = climbing._remembering(before, WITHOUT, {}, floor, THRESHOLDS)
+    assert (found is not None) == follows
+
+
+def over(segments: int, structure: Structure, excess: float) -> Any:
+    """A fit over segments of 2 s divided by their number."""
+    return SimpleNamespace(
+        excess=excess,
+        structure=structure,
+        duration=2.0 / segments,
+        by_name={},
+        problem=SimpleNamespace(segments=range(segments)),
+    )
+
+
+@pytest.mark.parametrize(("short", "floor"), [(1.02, 1.02), (0.97, 1.0), (1.09, 1.09)])
+def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch, short, floor):
+    """Assert that the leaner fits over long segments are asked then, with all terms beside it."""
+    asked = []
+
+    def remembering(before, structure, _, noise, *__):
+        asked.append((before, structure.absent, noise))
+        return before
+
+    monkeypatch.setattr(climbing, "promised_by_memory", lambda *_: 0.9)
+    monkeypatch.setattr(climbing, "_remembering", remembering)
+    monkeypatch.setattr(climbing, "onward", lambda *_: [])
+    monkeypatch.setattr(climbing, "_with_best_hold", lambda found, *_: found)
+    wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
+    climbed = Climb((over(16, wide, short),), cast(Any, (range(16),)), True, "")
+    leaner = [over(16, WITHOUT, 1.05), over(4, WITHOUT, 5.0), over(2, WITHOUT, 9.0)]
+    assert climb_remembering(climbed, leaner, ("cubic",), lambda _: None) is not None
+    assert asked == [(leaner[1], wide.absent - JOINT.remembered, floor)]
+    assert climb_remembering(climbed, leaner[:1], ("cubic",), lambda _: None) is None

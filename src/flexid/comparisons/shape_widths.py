@@ -1,7 +1,8 @@
 """Widths of shapes that two estimates took: constants of the model, chosen for each log.
 
 The amplitude of a shape, such as that of Stribeck friction, goes with its width: of the same drive
-another width gives another amplitude.
+another width gives another amplitude. The width of play follows from the gap itself, and other gaps
+have other widths.
 """
 
 from collections.abc import Mapping
@@ -9,7 +10,7 @@ from functools import cache
 
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES
+from flexid.models.flexible_joint import BACKLASH_WIDTH, SHAPE_TERMS, SHAPES, WIDTH_OF_GAP
 
 ALIKE = 2.0
 """Ratio of two widths beyond which what rests on them is not compared."""
@@ -42,12 +43,24 @@ def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
         first, second = (w if w is not None and w > 0.0 else None for w in widths)
         if first is None or second is None:
             continue
-        if max(first, second) > ALIKE * min(first, second):
+        if _apart(first, second) and not (_own_width(shape, a) and _own_width(shape, b)):
             found[coefficient] = (
                 f"it rests on a {shape} of {first:.3g} in A and of {second:.3g} in B, which was "
                 f"chosen for each log"
             )
     return found
+
+
+def _apart(first: float, second: float) -> bool:
+    return max(first, second) > ALIKE * min(first, second)
+
+
+def _own_width(shape: str, estimate: Identification) -> bool:
+    """Whether a width is that of the estimate's own gap, not one that was chosen."""
+    gap = estimate.parameters.get("half_backlash")
+    if shape != BACKLASH_WIDTH or gap is None or gap.value <= 0.0:
+        return False
+    return not _apart(WIDTH_OF_GAP * gap.value, estimate.choices.shapes[shape])
 
 
 def reason_of(unlike: Mapping[str, str], *values: ValueEstimate | None) -> str:

@@ -14,9 +14,8 @@ from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits, final_fits, with_doubts
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
-from flexid.identification.estimation.measured_input import widened_by
 from flexid.identification.full_model.mirrored import turned_round
-from flexid.identification.full_model.model import LINK, Fitted, Structure, data_of
+from flexid.identification.full_model.model import LINK, Structure, data_of
 from flexid.identification.full_model.starting import smooth_unknowns
 from flexid.identification.judgement.compliance import (
     compare_with_rigid,
@@ -234,7 +233,7 @@ def _removed(
     full = fits.full
     if not np.isfinite(full.minimum.last_step):
         return {}
-    estimate = widened_by(full, fits.error)
+    estimate = fits.in_full
     if job.delay_in_doubt:
         estimate = estimate.widened(confused_covariance(estimate))
     unknowns = full.problem.unknowns
@@ -271,7 +270,7 @@ def without_estimate(
 
 def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices:
     choice = fits.choice
-    delays = {name: _delay(name, settings, estimate, fits.full) for name in (INPUT, LINK)}
+    delays = {name: _delay(name, settings, estimate, fits.in_full) for name in (INPUT, LINK)}
     joint = choice.structure.joint
     smooth = settings.coulomb_velocity
     return Choices(
@@ -297,12 +296,12 @@ def _evidence(choice: Choice) -> tuple[TermEvidence, ...]:
     return tuple(replace(e, kept=e.name.partition("[")[0] in kept) for e in choice.terms)
 
 
-def _delay(name: str, settings: Settings, estimate: Estimate, full: Fitted) -> Delay:
+def _delay(name: str, settings: Settings, estimate: Estimate, in_full: Estimate) -> Delay:
     """A delay as it was found, or, of one that is none, as large as it could be."""
     asked = settings.input_delay if name == INPUT else settings.link_delay
     if not isinstance(asked, str):
         return Delay(asked, 0.0, (asked, asked), "given")
-    found = estimate if name in estimate.names else Estimate.of(full.fit)
+    found = estimate if name in estimate.names else in_full
     if name not in found.names:
         return Delay(0.0, 0.0, (0.0, 0.0), "none")
     place = found.names.index(name)

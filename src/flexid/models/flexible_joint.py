@@ -10,6 +10,7 @@ gear, u is the motor torque (or the voltage or current that causes it).
 """
 
 from collections.abc import Collection, Mapping
+from math import log
 
 from flexid.models.parametric_system import Memory, ParametricSystem
 from flexid.models.terms import (
@@ -106,6 +107,13 @@ SHAPE_TERMS: dict[str, Term] = {
 
 SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH)
 """Constants of these terms: how wide their shapes are, in rad/s and rad."""
+
+WIDTH_OF_GAP = 0.5 / log(2.0)
+"""Width of the shape of play over half the gap, where both lack the same of a sharp step.
+
+The torque that a gap of half-width g takes from a spring is k g sat(δ/g), in whose place the term
+has a tanh(δ/w): ∫ (1 - sat(δ/g)) dδ = g/2 and ∫ (1 - tanh(δ/w)) dδ = w log 2, both over δ > 0.
+"""
 
 CONSTANT_UNITS = {SMOOTHING: "rad/s", STRIBECK_VELOCITY: "rad/s", BACKLASH_WIDTH: "rad"}
 """Unit of each constant that a term may bring."""

@@ -12,7 +12,7 @@ from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.excitations import row_sizes, unexcited, without_noise
 from flexid.identification.estimation.link_row import with_link_row
 from flexid.identification.estimation.measured_input import error_of, widened_by
-from flexid.identification.estimation.model_error import stand_in_covariance
+from flexid.identification.estimation.model_error import impossible_covariance, stand_in_covariance
 from flexid.identification.full_model.climbing import hold_covariance
 from flexid.identification.full_model.fitting import expanded, fit_like, fit_to
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
@@ -62,6 +62,11 @@ class FinalFits:
     error: ModelError
     full: Fitted
     filter_rate: float
+
+    @cached_property
+    def in_full(self) -> Estimate:
+        """What the full model says of all that it seeks."""
+        return widened_by(self.full, self.error)
 
     @cached_property
     def squares(self) -> LeastSquaresFit:
@@ -166,6 +171,7 @@ def with_doubts(
     estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.climbed.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error))
+    estimate = estimate.widened(impossible_covariance(reported))
     estimate, row = with_link_row(
         estimate,
         reported,

@@ -11,7 +11,7 @@ the variance of a motion under white noise grows with the cube of the time since
 that of an error which turns round with the motion more slowly, that of a slow one faster.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from flexid.identification.full_model.model import ROUGH, Fitted
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.models.flexible_joint import DISSIPATIVE
 
 _WHITE = 3.0  # power of time with which the variance of a motion under white noise grows
 _CURVATURES = ("alpha_cubic", "theta_cubic")
@@ -103,17 +104,39 @@ def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
     error : ModelError
         What it leaves.
     """
-    none = np.zeros((len(fitted.names), len(fitted.names)))
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
     if error.share == 0.0 or not stand_ins:
-        return none
-    bare = fit_like(fitted.structure.without(stand_ins), fitted, ROUGH)
-    if bare is None:
-        return none
-    found = {**fitted.by_name, **bare.by_name}
-    moved = np.array([found[name] for name in fitted.names]) - fitted.values
+        return np.zeros((len(fitted.names), len(fitted.names)))
+    own = np.array([name in stand_ins for name in fitted.names])
+    moved = np.where(own, 0.0, _moved_without(fitted, stand_ins))
     return error.share**2 * np.outer(moved, moved)
+
+
+def impossible_covariance(fitted: Fitted) -> FloatArray:
+    """Covariance, shape (k, k), from frictions that came out negative.
+
+    A friction that drives is none: it has the part of something that the model lacks, whatever the
+    residuals say. It may be zero as well, and the others what they are then.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        What is reported; k values.
+    """
+    negative = {n for n, v in zip(fitted.names, fitted.values, strict=True) if v < 0.0}
+    negative &= DISSIPATIVE
+    if not negative:
+        return np.zeros((len(fitted.names), len(fitted.names)))
+    moved = _moved_without(fitted, negative)
+    return np.outer(moved, moved)
+
+
+def _moved_without(fitted: Fitted, terms: Collection[str]) -> FloatArray:
+    """By how much values move, shape (k,), where some are zero; these alone if that has no fit."""
+    bare = fit_like(fitted.structure.without(terms), fitted, ROUGH)
+    found = {**fitted.by_name, **dict.fromkeys(terms, 0.0), **(bare.by_name if bare else {})}
+    return np.array([found[name] for name in fitted.names]) - fitted.values
 
 
 def _beyond(fitted: Fitted, floor: float, shortest: Fitted) -> float:

@@ -31,7 +31,13 @@ from flexid.recording.recording import Hold
 
 _SHORT = 0.5  # s of segments up to which any hold will do
 _TURNING = 0.5  # s of segments in which most springs turn round: these show a hysteresis best
-_GRIPS = (1.0, 0.25)  # of the grip that suits the motion, to begin with: it shows in one step
+_GRIPS = (
+    4.0,
+    2.0,
+    1.0,
+    0.5,
+    0.25,
+)  # of the grip that suits the motion, to begin with: it shows in one step
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
 _TIED = "the log does not distinguish the holds; of these, the one that needs the least delay"
 
@@ -109,6 +115,7 @@ def climb_full(
 
 def climb_remembering(
     climbed: Climb,
+    leaner: Sequence[Fitted],
     holds: Sequence[Hold],
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
@@ -119,6 +126,9 @@ def climb_remembering(
     ----------
     climbed : Climb
         Of the full model without.
+    leaner : sequence of Fitted
+        What was left of that model, over segments of growing length: where the full one does not
+        follow over longer ones these show a hysteresis.
     holds, progress, thresholds
         As of `climb_full`.
 
@@ -127,13 +137,15 @@ def climb_remembering(
     Climb or None
         None where the model without explains the log, or one with memory hardly does so better.
     """
-    left = [fitted for fitted in climbed.found if fitted.excess > thresholds.sensor_excess]
-    if not left or not left[0].structure.joint.remembered:
+    full = climbed.found[-1].structure
+    found = (*climbed.found, *leaner)
+    left = [fitted for fitted in found if fitted.excess > thresholds.sensor_excess]
+    if not left or not full.joint.remembered:
         return None
     # Over the shortest segments a grip is any spring's; over the longest ones no start is good.
     before = next((fitted for fitted in left if fitted.duration >= _TURNING), left[-1])
-    joint, absent = before.structure.joint, before.structure.absent
-    structure = replace(before.structure, absent=absent - joint.remembered)
+    joint = full.joint
+    structure = replace(full, absent=full.absent - joint.remembered)
     progress("hysteresis of the spring")
     segments = before.problem.segments
     ways = [
@@ -141,10 +153,12 @@ def climb_remembering(
         for share in _GRIPS
     ]
     promising = [(promised_by_memory(before, structure, way), way) for way in ways]
+    # An encoder's steps are no white noise, and leave a little more even over short segments.
+    floor = min(max(climbed.found[0].excess, 1.0), thresholds.sensor_excess)
     for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
         if promise < thresholds.memory_promise:
             break
-        first = _remembering(before, structure, way, thresholds)
+        first = _remembering(before, structure, way, floor, thresholds)
         if first is not None:
             found = [first, *onward(first, climbed.ladder)]
             ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
@@ -153,9 +167,16 @@ def climb_remembering(
 
 
 def _remembering(
-    before: Fitted, structure: Structure, way: Mapping[str, float], thresholds: Thresholds
+    before: Fitted,
+    structure: Structure,
+    way: Mapping[str, float],
+    floor: float,
+    thresholds: Thresholds,
 ) -> Fitted | None:
-    """A fit with memory, if its first steps take away most of what one without leaves."""
+    """A fit with memory, if its first steps take away most of what one without leaves beyond noise.
+
+    The floor is the excess that is noise.
+    """
     segments = [before.problem.segments]
     try:
         (found,) = climb(
@@ -163,7 +184,7 @@ def _remembering(
         )
     except ConvergenceError:
         return None
-    if before.excess - found.excess < thresholds.memory_share * (before.excess - 1.0):
+    if before.excess - found.excess < thresholds.memory_share * (before.excess - floor):
         return None
     states = found.minimum.point.initial_states
     try:

@@ -12,6 +12,7 @@ from flexid.identification.vocabulary.evidence import (
     ModelError,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import DISSIPATIVE
 
 _SLIGHT = 1.005  # which would be printed as 1
 
@@ -27,6 +28,16 @@ def sign_warnings(coefficients: Mapping[str, CoefficientEstimate]) -> Iterator[s
     for name, advice in _SIGN_ADVICE.items():
         if name in coefficients and coefficients[name].interval[1] < 0:
             yield f"{name} came out negative, which no spring or inertia can be: {advice}"
+    driving = [
+        name
+        for name, found in coefficients.items()
+        if name in DISSIPATIVE and found.value < 0.0 and found.verdict != "determined"
+    ]
+    if driving:
+        yield (
+            f"{', '.join(driving)} came out negative, which no friction can be: it stands for "
+            f"something that no term here describes; the intervals allow for that"
+        )
 
 
 def deflection_warnings(*, turned_round: bool) -> Iterator[str]:

@@ -20,6 +20,7 @@ from flexid.identification.full_model.climbing import Climb
 from flexid.identification.full_model.fitting import fit_like, onward
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
+from flexid.identification.structure.gap import as_wide_as_its_gap
 from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
@@ -43,8 +44,8 @@ class Choice:
         It, fitted to the data that it was chosen on.
     terms : tuple of TermEvidence
         What was kept and what was not.
-    lengths : tuple of SegmentEvidence
-        The segments that were tried.
+    found : tuple of Fitted
+        What was left, over segments of growing length.
     climbed : Climb
         How the full model was fitted.
     rivals : tuple of Fitted
@@ -57,7 +58,7 @@ class Choice:
     structure: Structure
     fitted: Fitted
     terms: tuple[TermEvidence, ...]
-    lengths: tuple[SegmentEvidence, ...]
+    found: tuple[Fitted, ...]
     climbed: Climb
     rivals: tuple[Fitted, ...] = ()
 
@@ -65,6 +66,13 @@ class Choice:
     def duration(self) -> float:
         """Length of the segments in s."""
         return self.fitted.duration
+
+    @property
+    def lengths(self) -> tuple[SegmentEvidence, ...]:
+        """The segments that were tried."""
+        return tuple(
+            SegmentEvidence(f.duration, f.excess, relative_deviation(f)) for f in self.found
+        )
 
 
 def choose_structure(
@@ -119,15 +127,18 @@ def choose_structure(
         if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
             break
         structure, fitted = leaner, fit_like(leaner, fitted)
-    tests = tuple(SegmentEvidence(f.duration, f.excess, relative_deviation(f)) for f in found)
     if fitted is None:
         structure, fitted = best.structure, best
+    fitted = as_wide_as_its_gap(fitted)
+    structure = fitted.structure
+    full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
+    more = replace(more, joint=structure.joint)
     generous = None if more.absent >= structure.absent else fit_like(more, fitted)
     rivals = [f for f in (generous, _without_negative_friction(fitted, kept)) if f is not None]
     if fitted.excess > thresholds.sensor_excess and climbed.free_length:
         rivals += [other for other in found if other.duration != fitted.duration]
-    return Choice(wider.structure, structure, fitted, evidence, tests, climbed, tuple(rivals))
+    return Choice(full, structure, fitted, evidence, tuple(found), climbed, tuple(rivals))
 
 
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:

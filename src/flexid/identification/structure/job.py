@@ -193,7 +193,7 @@ def _predicting(
         rival, other = _preferred(rival, whole, recordings, thresholds)
         if misprediction(validation) >= misprediction(other):
             choice, validation = rival, other
-    remembering = climb_remembering(climb, job.holds, progress, thresholds)
+    remembering = climb_remembering(climb, choice.found, job.holds, progress, thresholds)
     if remembering is None:
         return choice, validation
     rival = choose_structure(remembering, job.kept, True, progress, thresholds)

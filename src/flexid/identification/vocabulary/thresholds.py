@@ -78,8 +78,8 @@ class Thresholds:
     memory_share: float = _threshold(
         0.7,
         "1",
-        "the same of a few steps, for it to be followed up: all but 0.02 where there is some, up "
-        "to half of it where a spring bends",
+        "the same of a few steps, of what exceeds the residuals of short segments, for it to be "
+        "followed up: all but 0.02 where there is some, up to half of it where a spring bends",
     )
     white_growth: float = _threshold(
         0.4,
