@@ -113,8 +113,8 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
     ),
     (
         "Intervals",
-        "Nominal 95 % intervals that hold the truth; of all, with the standard error from log to "
-        "log. Removed: parameters of terms that were taken "
+        "Nominal 95 % intervals that hold the truth; of all, delays among them, with the standard "
+        "error from log to log. Removed: parameters of terms that were taken "
         "out of the model. Width: of the determined core parameters, over the width with terms, "
         "hold and delays given; median.",
         (

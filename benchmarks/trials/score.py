@@ -67,7 +67,7 @@ class Claim:
 def claims(record: Record) -> Iterator[Claim]:
     """Everything that one log's result claims; nothing where there is no result.
 
-    The angle of gravity has no truth where there is no gravity, and is left out there.
+    A delay that was not sought is no claim. The angle of gravity has no truth where there is no gravity, and is left out there.
     """
     truth = record["truth"]
     kinds = (("kept", "estimates"), ("removed", "removed"), ("delay", "delays"))
@@ -76,6 +76,8 @@ def claims(record: Record) -> Iterator[Claim]:
             if name == "gravity_angle" and "gravity_torque" not in truth:
                 continue
             verdict = status[0] if status else ""
+            if kind == "delay" and verdict in ("given", "unknown"):
+                continue
             yield Claim(kind, name, value, low, high, verdict, truth.get(name, 0.0))
 
 
@@ -119,8 +121,8 @@ class FamilyScore:
     wrong_core, wrong : int
         Logs with a core parameter, or any parameter, that is confidently wrong.
     coverage : mapping of str to Share
-        Intervals that hold the truth: ``all`` (parameters kept and removed), ``determined``,
-        ``core`` (of the determined), ``removed`` and ``delay``.
+        Intervals that hold the truth: ``all`` (parameters kept and removed, and delays),
+        ``determined``, ``core`` (of the determined), ``removed`` and ``delay``.
     coverage_deviation : float
         Standard error of the share ``all``, from log to log, since the intervals of one log miss
         together.
@@ -169,7 +171,7 @@ def score(records: Sequence[Record]) -> FamilyScore:
     determined = [claim for claim in kept if claim.status == "determined"]
     core = [claim for claim in determined if claim.name in CORE and claim.truth]
     removed = [claim for claim in every if claim.kind == "removed"]
-    delays = [c for c in every if c.kind == "delay" and c.status not in ("given", "unknown")]
+    delays = [claim for claim in every if claim.kind == "delay"]
     missed, extra = _term_mistakes(found)
     given, least, widths = _beside_given(found, of_logs)
     return FamilyScore(
@@ -184,15 +186,13 @@ def score(records: Sequence[Record]) -> FamilyScore:
         ),
         wrong=sum(any(claim.confidently_wrong for claim in of_log) for of_log in of_logs),
         coverage={
-            "all": _held(kept + removed),
+            "all": _held(every),
             "determined": _held(determined),
             "core": _held(core),
             "removed": _held(removed),
             "delay": _held(delays),
         },
-        coverage_deviation=_deviation(
-            [_held([c for c in of_log if c.kind != "delay"]) for of_log in of_logs]
-        ),
+        coverage_deviation=_deviation([_held(of_log) for of_log in of_logs]),
         core_determined=Share(len(core), sum(len(core_names(record)) for record in records)),
         error=spread([claim.error for claim in core]),
         given_error=spread(given),

@@ -31,9 +31,9 @@ def record(**changes):
 
 
 def test_each_interval_is_counted_where_it_belongs():
-    """Assert that kept, removed and delayed are counted apart, removed ones against their truth."""
+    """Assert that kept, removed and delays are counted apart, removed ones against their truth."""
     found = score([record()])
-    assert found.coverage["all"] == Share(3, 4)
+    assert found.coverage["all"] == Share(4, 5)
     assert found.coverage["determined"] == Share(1, 1)
     assert found.coverage["core"] == Share(1, 1)
     assert found.coverage["removed"] == Share(1, 2)
@@ -42,14 +42,20 @@ def test_each_interval_is_counted_where_it_belongs():
     assert found.coverage["removed"].percent == 50.0
 
 
+def test_a_delay_that_was_given_is_no_claim():
+    """Assert that only delays that were sought count."""
+    given = {"input_delay": [0.0, 0.0, 0.0, "given"], "link_delay": [1e-4, 5e-5, 2e-4, "found"]}
+    assert score([record(delays=given)]).coverage["delay"] == Share(0, 1)
+
+
 def test_intervals_of_one_log_miss_together():
     """Assert that the standard error counts logs, not intervals.
 
-    Of two logs with three of four and all of four intervals, the share is 7/8, and each log is half
-    an interval off it: sqrt(2 (1/2)^2 2/1)/8.
+    Of two logs with four of five and all of five intervals, the share is 9/10, and each log is half
+    an interval off it: sqrt(2 (1/2)^2 2/1)/10.
     """
     right = record(removed={"joint_damping": [0.1, -0.1, 0.2], "x": [0.1, -0.1, 0.2]})
-    assert score([record(), right]).coverage_deviation == pytest.approx(1.0 / 8.0)
+    assert score([record(), right]).coverage_deviation == pytest.approx(1.0 / 10.0)
     assert score([right, right]).coverage_deviation == 0.0
     assert isnan(score([right]).coverage_deviation)
 
