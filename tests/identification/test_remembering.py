@@ -52,7 +52,7 @@ def tried(monkeypatch):
             by_name={},
             problem=SimpleNamespace(segments=segments),
         )
-        climbed = Climb((fitted,), cast(Any, (segments,)), True, "")
+        climbed = Climb((fitted,), cast(Any, (segments,)), True, ("cubic",), "")
         found = climb_remembering(climbed, (), ("cubic",), lambda _: None)
         assert (found is not None) == (holding in begun)
         return begun
@@ -164,7 +164,7 @@ def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch,
     monkeypatch.setattr(climbing, "onward", lambda *_: [])
     monkeypatch.setattr(climbing, "_with_best_hold", lambda found, *_: found)
     wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
-    climbed = Climb((over(16, wide, short),), cast(Any, (range(16),)), True, "")
+    climbed = Climb((over(16, wide, short),), cast(Any, (range(16),)), True, ("cubic",), "")
     leaner = [over(16, WITHOUT, 1.05), over(4, WITHOUT, 5.0), over(2, WITHOUT, 9.0)]
     assert climb_remembering(climbed, leaner, ("cubic",), lambda _: None) is not None
     assert asked == [(leaner[1], wide.absent - JOINT.remembered, floor)]

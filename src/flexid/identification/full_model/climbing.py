@@ -54,6 +54,8 @@ class Climb:
         All lengths.
     free_length : bool
         Whether the length of the segments is to be chosen.
+    holds : tuple of Hold
+        Behaviours of the input that there were to choose from.
     hold_reason : str
         Why the input was taken to behave as it does.
     tied : tuple of Hold
@@ -63,6 +65,7 @@ class Climb:
     found: tuple[Fitted, ...]
     ladder: tuple[Segments, ...]
     free_length: bool
+    holds: tuple[Hold, ...]
     hold_reason: str
     tied: tuple[Hold, ...] = ()
 
@@ -103,7 +106,7 @@ def climb_full(
     short = short or ladder[:1]
     found = first_climb(_with_hold(base, holds[0]), data, short, thresholds)
     if found[-1].excess > thresholds.sensor_excess:
-        best, *_ = _best_hold(found[-1], holds, thresholds)
+        best, *_ = best_hold(found[-1], holds, thresholds)
         found = _climbed_like(best, found, short)
     progress("the full model over longer segments")
     if len(found[-1].problem.segments) == len(short[-1]):
@@ -221,12 +224,14 @@ def _with_best_hold(
     thresholds: Thresholds,
 ) -> Climb:
     if len(holds) == 1:
-        return Climb(with_steps_refined(found), tuple(ladder), free_length, "as given")
-    best, reason, tied = _best_hold(found[-1], holds, thresholds)
+        refined = with_steps_refined(found)
+        return Climb(refined, tuple(ladder), free_length, tuple(holds), "as given")
+    best, reason, tied = best_hold(found[-1], holds, thresholds)
     # A model that explains the log is best over its longest segments; the others do not matter.
     explained = best.excess <= thresholds.sensor_excess
     found = [best] if explained and best is not found[-1] else _climbed_like(best, found, ladder)
-    return Climb(with_steps_refined(found), tuple(ladder), free_length, reason, tied)
+    refined = with_steps_refined(found)
+    return Climb(refined, tuple(ladder), free_length, tuple(holds), reason, tied)
 
 
 def _with_hold(structure: Structure, hold: Hold) -> Structure:
@@ -275,10 +280,29 @@ def _climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments])
     return climbed if len(climbed[-1].problem.segments) == least else [*climbed, best]
 
 
-def _best_hold(
+def best_hold(
     last: Fitted, holds: Sequence[Hold], thresholds: Thresholds
 ) -> tuple[Fitted, str, tuple[Hold, ...]]:
-    """The fit whose hold explains the log best; of those that are alike, that of least delay."""
+    """The fit whose hold explains the log best; of those that are alike, that of least delay.
+
+    Parameters
+    ----------
+    last : Fitted
+        With one of the holds.
+    holds : sequence of Hold
+        All of them.
+    thresholds : Thresholds
+        How much better is better.
+
+    Returns
+    -------
+    fitted : Fitted
+        The same structure with the best hold.
+    reason : str
+        Why it is.
+    tied : tuple of Hold
+        Others that the log cannot tell from it.
+    """
     others = [fitted for hold in holds if (fitted := held_otherwise(last, hold)) is not None]
     found = [last, *others]
     misfits = _misfits(found)

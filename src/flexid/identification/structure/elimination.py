@@ -16,7 +16,7 @@ from scipy.special import fdtrc
 from flexid.arrays import FloatArray
 from flexid.estimators.scaled_inverse import least_with, scaled_inverse
 from flexid.estimators.segmented_motion import INPUT
-from flexid.identification.full_model.climbing import Climb
+from flexid.identification.full_model.climbing import Climb, best_hold
 from flexid.identification.full_model.fitting import fit_like, onward
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
@@ -98,11 +98,15 @@ def choose_structure(
         What counts as chance.
     """
     found, ladder = list(climbed.found), climbed.ladder
-    if climbed.tied:  # the delay that is left stands for another hold
-        kept = {*kept, INPUT}
     best = best_length(found) if climbed.free_length else found[-1]
     progress("taking away what the log does not show")
     wider = _wider(best, with_shapes)
+    if wider is not best and best.excess > thresholds.sensor_excess and len(climbed.holds) > 1:
+        # It was chosen among fits of which none explained the log.
+        wider, reason, tied = best_hold(wider, climbed.holds, thresholds)
+        climbed = replace(climbed, hold_reason=reason, tied=tied)
+    if climbed.tied:  # the delay that is left stands for another hold
+        kept = {*kept, INPUT}
     structure, evidence = eliminate(wider, kept, thresholds)
     for _ in range(_ROUNDS):
         # What is left may be fitted over longer segments, and these show more.
@@ -137,7 +141,8 @@ def choose_structure(
     generous = None if more.absent >= structure.absent else fit_like(more, fitted)
     rivals = [f for f in (generous, _without_negative_friction(fitted, kept)) if f is not None]
     if fitted.excess > thresholds.sensor_excess and climbed.free_length:
-        rivals += [other for other in found if other.duration != fitted.duration]
+        others = [other for other in found if other.duration != fitted.duration]
+        rivals += [as_wide_as_its_gap(other) for other in others]
     return Choice(full, structure, fitted, evidence, tuple(found), climbed, tuple(rivals))
 
 
