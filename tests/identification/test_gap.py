@@ -5,13 +5,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, made
+from made_joint import COEFFICIENTS, log, made
 from scipy.integrate import quad
 
 from flexid.estimators.segmented_motion import Timing
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
+from flexid.identification.preparation.settings import Settings
 from flexid.identification.structure.gap import as_wide_as_its_gap, half_gap
 from flexid.models.flexible_joint import BACKLASH_WIDTH, PAPER_TERMS, WIDTH_OF_GAP
 from flexid.recording.velocities import with_velocities
@@ -75,3 +77,26 @@ def test_a_width_that_fits_worse_is_not_taken():
     assert half_gap(bent) > 0.0
     assert abs(WIDTH_OF_GAP * half_gap(bent) / width(bent) - 1.0) > 0.5
     assert as_wide_as_its_gap(bent) is bent
+
+
+def test_two_logs_of_one_gap():
+    """Assert that two logs give one gap, and that how the torque runs is asked again with it.
+
+    Without the gap no hold explains them, and a torque on straight lines fits best by chance.
+    """
+    logs = [
+        log(made(seed, duration, half_gap=HALF_GAP)) for seed, duration in ((1, 10.0), (2, 8.0))
+    ]
+    found = identify(logs)
+    assert found.choices.terms == (*PAPER_TERMS, "backlash")
+    assert found.choices.hold == "cubic"
+    assert found.parameters["half_backlash"].value == pytest.approx(HALF_GAP, rel=3e-3)
+    assert max(found.residual_excess.values()) < 1.05
+
+
+def test_the_link_alone_has_a_gap():
+    """Assert that a gap is found without the motor's row, over segments of any length."""
+    found = identify([log(made(1, 10.0, half_gap=2e-3))], Settings(model="link"))
+    gap = found.parameters["half_backlash"]
+    assert gap.value == pytest.approx(2e-3, rel=0.01)
+    assert found.choices.shapes["backlash_width"] == pytest.approx(WIDTH_OF_GAP * 2e-3, rel=0.1)

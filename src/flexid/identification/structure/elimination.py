@@ -100,11 +100,7 @@ def choose_structure(
     found, ladder = list(climbed.found), climbed.ladder
     best = best_length(found) if climbed.free_length else found[-1]
     progress("taking away what the log does not show")
-    wider = _wider(best, with_shapes)
-    if wider is not best and best.excess > thresholds.sensor_excess and len(climbed.holds) > 1:
-        # It was chosen among fits of which none explained the log.
-        wider, reason, tied = best_hold(wider, climbed.holds, thresholds)
-        climbed = replace(climbed, hold_reason=reason, tied=tied)
+    wider, climbed = _wider(best, climbed, thresholds) if with_shapes else (best, climbed)
     if climbed.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
     structure, evidence = eliminate(wider, kept, thresholds)
@@ -137,13 +133,27 @@ def choose_structure(
     structure = fitted.structure
     full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
-    more = replace(more, joint=structure.joint)
-    generous = None if more.absent >= structure.absent else fit_like(more, fitted)
-    rivals = [f for f in (generous, _without_negative_friction(fitted, kept)) if f is not None]
-    if fitted.excess > thresholds.sensor_excess and climbed.free_length:
+    others = found if climbed.free_length else ()
+    rivals = _rivals(fitted, replace(more, joint=structure.joint), others, kept, thresholds)
+    return Choice(full, structure, fitted, evidence, tuple(found), climbed, rivals)
+
+
+def _rivals(
+    fitted: Fitted,
+    generous: Structure,
+    found: Sequence[Fitted],
+    kept: Collection[str],
+    thresholds: Thresholds,
+) -> tuple[Fitted, ...]:
+    """Fits that held-out data may prefer; see `Choice`."""
+    with_more = None
+    if not generous.absent >= fitted.structure.absent:
+        with_more = fit_like(generous, fitted)
+    rivals = [f for f in (with_more, _without_negative_friction(fitted, kept)) if f is not None]
+    if fitted.excess > thresholds.sensor_excess:
         others = [other for other in found if other.duration != fitted.duration]
         rivals += [as_wide_as_its_gap(other) for other in others]
-    return Choice(full, structure, fitted, evidence, tuple(found), climbed, tuple(rivals))
+    return tuple(rivals)
 
 
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
@@ -168,14 +178,22 @@ def _latest(
     return tuple({e.name: e for e in (*before, *after)}.values())
 
 
-def _wider(best: Fitted, with_shapes: bool) -> Fitted:
-    """A fit with terms beyond the usual ones; the fit itself where they lead astray."""
-    if not with_shapes or not best.structure.joint.shapes:
-        return best
-    joint = best.structure.joint
+def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted, Climb]:
+    """A fit with terms beyond the usual ones, and how it climbed; as it was if they lead astray.
+
+    Where the usual terms leave more than noise, the hold was chosen among fits of which none
+    explained the log. It is asked again.
+    """
+    structure, joint = best.structure, best.structure.joint
     shapes = joint.shapes - joint.remembered
-    extended = replace(best.structure, absent=best.structure.absent - shapes)
-    return fit_like(extended, best, ROUGH) or best
+    extended = replace(structure, absent=structure.absent - shapes)
+    wider = fit_like(extended, best, ROUGH) if shapes else None
+    if wider is None:
+        return best, climbed
+    if best.excess <= thresholds.sensor_excess or len(climbed.holds) == 1:
+        return wider, climbed
+    wider, reason, tied = best_hold(wider, climbed.holds, thresholds)
+    return wider, replace(climbed, hold_reason=reason, tied=tied)
 
 
 def relative_deviation(fitted: Fitted) -> float:
