@@ -67,7 +67,8 @@ class Claim:
 def claims(record: Record) -> Iterator[Claim]:
     """Everything that one log's result claims; nothing where there is no result.
 
-    A delay that was not sought is no claim. The angle of gravity has no truth where there is no gravity, and is left out there.
+    A delay that was not sought is no claim. The angle of gravity has no truth where there is no
+    gravity, and is left out there.
     """
     truth = record["truth"]
     kinds = (("kept", "estimates"), ("removed", "removed"), ("delay", "delays"))

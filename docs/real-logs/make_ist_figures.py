@@ -12,7 +12,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.fitting import climb, lengths
 from flexid.identification.full_model.model import Data, Structure, data_of
 from flexid.identification.full_model.starting import least_squares_start, starts

@@ -8,16 +8,11 @@ from noisy_joint import SAMPLE_TIME, VALUES, clean_motion, torque
 from scipy.interpolate import make_interp_spline
 from scipy.stats import t
 
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.estimators.gauss_newton import approach
 from flexid.estimators.prediction_error import PredictionErrorFit, described
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import (
-    INPUT,
-    Point,
-    SegmentedMotion,
-    Timing,
-    segmented_motion,
-)
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide, first_states
 from flexid.models.flexible_joint import flexible_joint
 

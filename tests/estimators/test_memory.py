@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.gauss_newton import minimise
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import Memory, ParametricSystem, Row

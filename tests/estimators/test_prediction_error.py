@@ -19,9 +19,10 @@ from segment_bound import cramer_rao_bound, segment_derivatives
 
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators import threads
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import By, Point, Timing, segmented_motion
+from flexid.estimators.segmented_motion import By, Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint

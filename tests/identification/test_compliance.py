@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, made
 
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.judgement.compliance import (

@@ -9,8 +9,8 @@ from made_joint import COEFFICIENTS, log, made
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
 import flexid.identification.identify as identifying
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.integration_error import MOST, refinement
-from flexid.estimators.segmented_motion import Timing
 from flexid.identification.estimation.final_fits import FinalFits, final_fits
 from flexid.identification.full_model import climbing
 from flexid.identification.full_model.fitting import (

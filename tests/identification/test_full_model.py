@@ -12,7 +12,7 @@ from scipy.stats import t
 
 import flexid.identification.full_model.fitting as fitting
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fitting import (
     LONGEST,
     SHORTEST,

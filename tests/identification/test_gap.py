@@ -8,7 +8,7 @@ import pytest
 from made_joint import COEFFICIENTS, log, made
 from scipy.integrate import quad
 
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify

@@ -9,7 +9,7 @@ from made_joint import log, made
 from scipy.interpolate import CubicSpline
 
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.channel_timing import INPUT
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.settings import Settings

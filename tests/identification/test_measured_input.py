@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_joint import made
 
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.measured_input import input_noise
 from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fitting import fit_to

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from made_joint import made
 
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.mirrored import mirrored, turned_round
 from flexid.identification.full_model.model import Structure
 from flexid.identification.identify import identify

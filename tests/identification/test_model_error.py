@@ -11,7 +11,7 @@ from made_joint import COEFFICIENTS, made
 from scipy.stats import t
 
 import flexid.identification.estimation.model_error as modelling
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.model_error import (
     impossible_covariance,
     model_error,

@@ -8,7 +8,7 @@ import pytest
 
 import flexid.identification.full_model.climbing as climbing
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.climbing import Climb, climb_remembering
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import flexible

@@ -7,7 +7,7 @@ import pytest
 from made_joint import COEFFICIENTS, made
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model import starting
 from flexid.identification.full_model.climbing import (
     climb_full,

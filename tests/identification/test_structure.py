@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f, norm, t
 
-from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.structure.elimination import best_length, eliminate

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from made_joint import COEFFICIENTS, NOISE, SAMPLE_TIME, made
 
-from flexid.estimators.segmented_motion import Timing, segmented_motion
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.segmented_motion import segmented_motion
 from flexid.estimators.segments import divide
 from flexid.identification.full_model.model import Data, Structure, data_of
 from flexid.identification.preparation.joint import flexible

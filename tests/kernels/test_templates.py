@@ -23,6 +23,7 @@ from flexid.derivation.model_functions import model_functions
 from flexid.derivation.regressor_classes import filter_functions
 from flexid.derivation.sampled_loop import sampled_loop_source
 from flexid.derivation.sensitivities import sensitivity_functions
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.extended_kalman import extended_kalman_filter
 from flexid.estimators.memory_regressor import memory_regressor
 from flexid.estimators.parametric_observer import parametric_observer
@@ -31,7 +32,7 @@ from flexid.estimators.recursive_least_squares import (
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import By, Point, Timing, segmented_motion
+from flexid.estimators.segmented_motion import By, Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.kernels import store

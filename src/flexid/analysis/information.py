@@ -13,12 +13,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.segmented_motion import (
-    Point,
-    SegmentedMotion,
-    Timing,
-    segmented_motion,
-)
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold

@@ -25,6 +25,7 @@ from flexid.estimators.beside_least_squares import (
     state_layout,
 )
 from flexid.estimators.block_covariance import Blocks, block_covariance
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.gauss_newton import Minimum, approach, output_weights
 from flexid.estimators.recursive_least_squares import (
     LEAST_INFORMATION,
@@ -37,7 +38,6 @@ from flexid.estimators.segmented_motion import (
     Equations,
     Point,
     SegmentedMotion,
-    Timing,
     segmented_motion,
 )
 from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states

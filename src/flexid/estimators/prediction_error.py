@@ -13,13 +13,14 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights
 from flexid.estimators.integration_error import refinement
 from flexid.estimators.rowwise import RowwiseFit
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns, unknowns_of

@@ -4,8 +4,8 @@ What is sought is common to all segments (coefficients, and delays of the channe
 one (its initial state). Dry friction is set-valued: see the kernel.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
@@ -17,17 +17,13 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.estimators.arrow import Reduced, solve_arrow
 from flexid.estimators.block_sandwich import block_duration
+from flexid.estimators.channel_timing import INPUT, ChannelTiming, Timing
 from flexid.estimators.cluster_covariance import Clusters
-from flexid.estimators.held_input import held_input
 from flexid.estimators.segments import Segments, first_states
 from flexid.estimators.threads import in_threads
 from flexid.estimators.unknowns import Unknowns
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.recording.recording import Hold
-
-INPUT = "input_delay"
-"""Name of the inputs' delay; that of a row's position is the row's name and ``_delay``."""
 
 _SUBSTEPS_PER_RADIAN = 10.0  # the phase error of Runge-Kutta 4 is then below 1e-6 of the phase
 _MOST_SUBSTEPS = 100.0  # per sample; a model still faster is fitted badly, and then refused
@@ -37,35 +33,9 @@ _SEEN_SAMPLES = (
 )
 _HARDLY = 100.0  # times that, up to which a velocity is hardly seen
 _NOT_SOUGHT = -1
-_ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
 
 By = Literal["everything", "states", "nothing"]
 """What a motion is differentiated by: all that is sought, initial states alone, or nothing."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """How the channels lie in time.
-
-    Parameters
-    ----------
-    hold : {"zero", "linear", "cubic"}
-        Behaviour of the inputs between samples.
-    delays : mapping of str to float, optional
-        In s, by name: `INPUT`, and ``link_delay`` for the position of the row ``link``. By so much
-        the inputs act, and the position was measured, later than recorded; what is missing is 0.
-    sought : tuple of str, optional
-        Those that are sought; `delays` holds where to start.
-    relative_to : mapping of str to str, optional
-        A row whose position was measured as a difference, which alone is late: the deflection. It
-        is named with the other row, or with an input that is a position and that the next input
-        is the velocity of.
-    """
-
-    hold: Hold
-    delays: Mapping[str, float] = field(default_factory=dict)
-    sought: tuple[str, ...] = ()
-    relative_to: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,17 +108,12 @@ class SegmentedMotion:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """What is sought: coefficients, then delays."""
-        order = (INPUT, *self._output_delays)
+        order = (INPUT, *self._channels.output_delays)
         return (*self.unknowns.names, *(name for name in order if name in self.timing.sought))
 
     @cached_property
-    def _output_delays(self) -> tuple[str, ...]:
-        """Name of each output's delay; measured velocities are never late."""
-        rows = self.unknowns.system.rows
-        return tuple(
-            f"{rows[state // 2].name}_delay" if state % 2 == 0 else ""
-            for state in self.segments.measured.tolist()
-        )
+    def _channels(self) -> ChannelTiming:
+        return ChannelTiming(self.segments, self.unknowns.system, self.timing)
 
     @cached_property
     def first_blocks(self) -> NDArray[np.int64]:
@@ -201,7 +166,7 @@ class SegmentedMotion:
         """Every delay in s at some values of what is sought."""
         k = len(self.unknowns.names)
         found = zip(self.names[k:], np.asarray(values)[k:].tolist(), strict=True)
-        none = dict.fromkeys((INPUT, *self._output_delays), 0.0)
+        none = dict.fromkeys((INPUT, *self._channels.output_delays), 0.0)
         return {**none, **self.timing.delays, **dict(found)}
 
     def _coefficients(self, values: FloatArray) -> FloatArray:
@@ -249,67 +214,9 @@ class SegmentedMotion:
         used = np.append(used, True)
         return np.array([used[list(places)].any() for places in self._kernel.DRY], dtype=np.bool_)
 
-    def _drives(self, delay: float) -> FloatArray:
-        """Inputs between samples, shape (n_samples, n_inputs, 4)."""
-        segments = self.segments
-        drives = np.empty((*segments.inputs.shape, 4))
-        for part, sample_time in segments.by_recording():
-            drives[part] = held_input(segments.inputs[part], sample_time, self.timing.hold, delay)
-        return drives
-
     def timely(self, values: FloatArray) -> FloatArray:
         """Outputs, shape (n_samples, n_outputs), moved by whole samples to when they were true."""
-        return self._timely(self.delays(values))[0]
-
-    def _timely(self, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-        """Outputs moved by whole samples to when they were true, and what is left of each delay."""
-        segments = self.segments
-        late = np.array([delays[name] if name else 0.0 for name in self._output_delays])
-        if not late.any():
-            return segments.outputs, late
-        outputs = segments.outputs.copy()
-        shortest = float(segments.sample_times.min())
-        for a, delay in enumerate(late.tolist()):
-            whole = round(delay / shortest)
-            reference = self._reference_of(a)
-            for part, _ in segments.by_recording():
-                column = segments.outputs[part, a]
-                if reference is not None:
-                    column = column - reference[part]
-                places = np.clip(np.arange(len(column)) + whole, 0, len(column) - 1)
-                column = column[places]
-                if reference is not None:
-                    column = column + reference[part]
-                outputs[part, a] = column
-            late[a] -= whole * shortest
-        return outputs, late
-
-    def _reference_of(self, output: int) -> FloatArray | None:
-        """What an output was measured relative to, shape (n_samples,), as far as delays go."""
-        place = int(self._reference[output])
-        if place == _ABSOLUTE:
-            return None
-        if place < _ABSOLUTE:
-            return self.segments.inputs[:, _FIRST_INPUT - place]
-        return self.segments.outputs[:, place // 2]  # outputs are positions in the rows' order
-
-    @cached_property
-    def _reference(self) -> NDArray[np.int64]:
-        """Place of what each output was measured relative to, as the kernel has it."""
-        system = self.unknowns.system
-        rows = [row.name for row in system.rows]
-        places = {name: 2 * place for place, name in enumerate(rows)}
-        places |= {name: _FIRST_INPUT - place for place, name in enumerate(system.inputs)}
-        relative_to = self.timing.relative_to
-        return np.array(
-            [
-                places[relative_to[rows[state // 2]]]
-                if rows[state // 2] in relative_to and state % 2 == 0
-                else _ABSOLUTE
-                for state in self.segments.measured.tolist()
-            ],
-            dtype=np.int64,
-        )
+        return self._channels.timely(self.delays(values))[0]
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
         """Run the model from a point and put up the normal equations.
@@ -326,8 +233,9 @@ class SegmentedMotion:
         wanted = self._wanted()
         coefficients = self._coefficients(point.values)
         delays = self.delays(point.values)
-        outputs, late = self._timely(delays)
-        drives = self._drives(delays[INPUT])
+        channels = self._channels
+        outputs, late = channels.timely(delays)
+        drives = channels.drives(delays[INPUT])
         dry = self._dry(coefficients, wanted)
         delays_sought = self.timing.sought
         if by != "everything":
@@ -335,7 +243,7 @@ class SegmentedMotion:
         delay_sought = INPUT in delays_sought
         late_columns = np.full(len(late), _NOT_SOUGHT, dtype=np.int64)
         size = 0 if by == "nothing" else kernel.N_STATES + len(wanted) + delay_sought
-        for a, name in enumerate(self._output_delays):
+        for a, name in enumerate(channels.output_delays):
             if name in delays_sought:
                 late_columns[a] = size
                 size += 1
@@ -352,7 +260,7 @@ class SegmentedMotion:
             segments.sample_times,
             point.initial_states,
         )
-        sensors = outputs, segments.measured, self._reference, late, late_columns, self.weights
+        sensors = outputs, segments.measured, channels.reference, late, late_columns, self.weights
         model = drives, coefficients, self.constants, dry
         sought = wanted, delay_sought
         results = normal, gradient, residuals, costs

@@ -18,7 +18,8 @@ from scipy.optimize import minimize
 from flexid.analysis.information import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, Timing, segmented_motion
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.experiment_design.criterion import smooth_cost
 from flexid.experiment_design.drive import HIGHEST, Case, Drive

@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from flexid.errors import SettingError
-from flexid.estimators.segmented_motion import INPUT as INPUT_DELAY
+from flexid.estimators.channel_timing import INPUT as INPUT_DELAY
 from flexid.exports.mjcf_elements import Side, Spring, scene
 from flexid.exports.targets import ExportRequest
 from flexid.identification.full_model.model import LINK as LINK_DELAY

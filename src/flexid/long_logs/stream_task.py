@@ -9,8 +9,8 @@ import numpy as np
 
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_size
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.row_signals import needs_velocities
-from flexid.estimators.segmented_motion import Timing
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.streamed_least_squares import Products, StreamedProblem, StreamedSums
 from flexid.estimators.unknowns import Unknowns

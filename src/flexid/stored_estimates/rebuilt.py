@@ -8,13 +8,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.segmented_motion import (
-    INPUT,
-    Point,
-    SegmentedMotion,
-    Timing,
-    segmented_motion,
-)
+from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import Segments
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.model import LINK, Data, Structure

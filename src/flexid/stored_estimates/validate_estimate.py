@@ -11,7 +11,7 @@ import numpy as np
 import flexid
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
 from flexid.identification.full_model.model import LINK, Data, data_of
 from flexid.identification.preparation.joint import Joint, Kind

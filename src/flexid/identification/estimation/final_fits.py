@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Literal
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.excitations import row_sizes, unexcited, without_noise

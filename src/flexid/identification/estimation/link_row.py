@@ -15,8 +15,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.scaled_inverse import scaled_inverse
-from flexid.estimators.segmented_motion import Timing
 from flexid.estimators.segments import divide
 from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.measured_input import error_of, widened_by

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.segments import Segments
 from flexid.identification.full_model.fitting import climb
 from flexid.identification.full_model.model import Data, Fitted, Structure

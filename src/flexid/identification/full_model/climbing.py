@@ -13,7 +13,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.segmented_motion import INPUT
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.segments import Segments
 from flexid.identification.full_model.beginning import FIRST_ITERATIONS, first_climb
 from flexid.identification.full_model.fitting import (

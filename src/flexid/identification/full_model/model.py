@@ -11,13 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from flexid.estimators.bounded import Bounds
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.gauss_newton import FLAT, Minimum
 from flexid.estimators.prediction_error import PredictionErrorFit, described
 from flexid.estimators.samples import FloatArray, Samples
-from flexid.estimators.segmented_motion import (
-    SegmentedMotion,
-    Timing,
-)
+from flexid.estimators.segmented_motion import SegmentedMotion
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint
 from flexid.recording.recording import Recording

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.segmented_motion import Timing
+from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.fitting import climb, lengths
 from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.full_model.starting import starts

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
+from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.scaled_inverse import least_with, scaled_inverse
-from flexid.estimators.segmented_motion import INPUT
 from flexid.identification.full_model.climbing import Climb, best_hold
 from flexid.identification.full_model.fitting import fit_like, onward
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from flexid.estimators.segmented_motion import INPUT, Timing
+from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.climbing import Climb, climb_full, climb_remembering
 from flexid.identification.full_model.model import LINK, Data, Structure
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
