@@ -53,7 +53,7 @@ def tried(monkeypatch):
             problem=SimpleNamespace(segments=segments),
         )
         climbed = Climb((fitted,), cast(Any, (segments,)), True, ("cubic",), "")
-        found = climb_remembering(climbed, (), ("cubic",), lambda _: None)
+        found = climb_remembering(climbed, (), lambda _: None)
         assert (found is not None) == (holding in begun)
         return begun
 
@@ -166,6 +166,6 @@ def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch,
     wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
     climbed = Climb((over(16, wide, short),), cast(Any, (range(16),)), True, ("cubic",), "")
     leaner = [over(16, WITHOUT, 1.05), over(4, WITHOUT, 5.0), over(2, WITHOUT, 9.0)]
-    assert climb_remembering(climbed, leaner, ("cubic",), lambda _: None) is not None
+    assert climb_remembering(climbed, leaner, lambda _: None) is not None
     assert asked == [(leaner[1], wide.absent - JOINT.remembered, floor)]
-    assert climb_remembering(climbed, leaner[:1], ("cubic",), lambda _: None) is None
+    assert climb_remembering(climbed, leaner[:1], lambda _: None) is None

@@ -141,7 +141,7 @@ def identify(
             *numbers.contradicted,
             *numbers.against,
             *deflection_warnings(turned_round=turned),
-            *sign_warnings(numbers.coefficients),
+            *sign_warnings(numbers.coefficients, fits.driving),
             *model_warnings(fits.error, job.joint.kind, numbers.widest, row, thresholds),
             *validation_warnings(validation.fit_percent),
             *compliance_warnings(compliance),

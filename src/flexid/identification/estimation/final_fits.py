@@ -12,7 +12,11 @@ from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.excitations import row_sizes, unexcited, without_noise
 from flexid.identification.estimation.link_row import with_link_row
 from flexid.identification.estimation.measured_input import error_of, widened_by
-from flexid.identification.estimation.model_error import impossible_covariance, stand_in_covariance
+from flexid.identification.estimation.model_error import (
+    driving_covariance,
+    driving_frictions,
+    stand_in_covariance,
+)
 from flexid.identification.full_model.climbing import hold_covariance
 from flexid.identification.full_model.fitting import expanded, fit_like, fit_to
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
@@ -48,6 +52,8 @@ class FinalFits:
         Why it was not fitted to all data, if it was not.
     error : ModelError
         What the residuals say about the model.
+    driving : frozenset of str
+        Frictions that came out negative beyond noise.
     full : Fitted
         The model with all usual terms, to say how large they may be.
     filter_rate : float
@@ -60,6 +66,7 @@ class FinalFits:
     rungs: Sequence[Fitted]
     retreat: tuple[str, ...]
     error: ModelError
+    driving: frozenset[str]
     full: Fitted
     filter_rate: float
 
@@ -149,7 +156,8 @@ def final_fits(
     error = error_of(reported, rungs, thresholds)
     rate = _FILTER_RATE if isinstance(filter_rate, str) else filter_rate
     full = _full(choice, reported)
-    return FinalFits(choice, recordings, reported, rungs, retreat, error, full, rate)
+    driving = driving_frictions(reported, thresholds)
+    return FinalFits(choice, recordings, reported, rungs, retreat, error, driving, full, rate)
 
 
 def with_doubts(
@@ -171,7 +179,7 @@ def with_doubts(
     estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.climbed.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error))
-    estimate = estimate.widened(impossible_covariance(reported))
+    estimate = estimate.widened(driving_covariance(reported, fits.driving))
     estimate, row = with_link_row(
         estimate,
         reported,

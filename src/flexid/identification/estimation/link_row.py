@@ -20,7 +20,11 @@ from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segments import divide
 from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.measured_input import error_of, widened_by
-from flexid.identification.estimation.model_error import stand_in_covariance
+from flexid.identification.estimation.model_error import (
+    driving_covariance,
+    driving_frictions,
+    stand_in_covariance,
+)
 from flexid.identification.full_model.fitting import expanded, refit
 from flexid.identification.full_model.model import FINE, LINK, Fitted, Structure, data_of
 from flexid.identification.preparation.joint import link
@@ -88,6 +92,7 @@ def with_link_row(
     alone = alone.widened(hidden_covariance(fitted, usual, scales))
     # A stand-in in the spring is in this row as well, and so is what it may stand for.
     alone = alone.widened(stand_in_covariance(fitted, error))
+    alone = alone.widened(driving_covariance(fitted, driving_frictions(fitted, thresholds)))
     found = taken(estimate, alone, thresholds)
     row = LinkRow(
         fitted.excess, _values(alone, estimate), _values(estimate, alone), found is not None

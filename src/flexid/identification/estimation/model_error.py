@@ -113,7 +113,22 @@ def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
     return error.share**2 * np.outer(moved, moved)
 
 
-def impossible_covariance(fitted: Fitted) -> FloatArray:
+def driving_frictions(fitted: Fitted, thresholds: Thresholds) -> frozenset[str]:
+    """Frictions that came out farther below zero than noise explains.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        What is reported.
+    thresholds : Thresholds
+        How many standard deviations noise explains.
+    """
+    deviations = np.maximum(fitted.fit.standard_deviations, fitted.unit_deviations)
+    below = fitted.values < -thresholds.friction_sign * deviations
+    return DISSIPATIVE & {name for name, low in zip(fitted.names, below, strict=True) if low}
+
+
+def driving_covariance(fitted: Fitted, driving: Collection[str]) -> FloatArray:
     """Covariance, shape (k, k), from frictions that came out negative.
 
     A friction that drives is none: it has the part of something that the model lacks, whatever the
@@ -123,12 +138,12 @@ def impossible_covariance(fitted: Fitted) -> FloatArray:
     ----------
     fitted : Fitted
         What is reported; k values.
+    driving : collection of str
+        Its `driving_frictions`.
     """
-    negative = {n for n, v in zip(fitted.names, fitted.values, strict=True) if v < 0.0}
-    negative &= DISSIPATIVE
-    if not negative:
+    if not driving:
         return np.zeros((len(fitted.names), len(fitted.names)))
-    moved = _moved_without(fitted, negative)
+    moved = _moved_without(fitted, driving)
     return np.outer(moved, moved)
 
 

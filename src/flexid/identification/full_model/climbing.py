@@ -119,7 +119,6 @@ def climb_full(
 def climb_remembering(
     climbed: Climb,
     leaner: Sequence[Fitted],
-    holds: Sequence[Hold],
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Climb | None:
@@ -132,7 +131,7 @@ def climb_remembering(
     leaner : sequence of Fitted
         What was left of that model, over segments of growing length: where the full one does not
         follow over longer ones these show a hysteresis.
-    holds, progress, thresholds
+    progress, thresholds
         As of `climb_full`.
 
     Returns
@@ -148,7 +147,8 @@ def climb_remembering(
     # Over the shortest segments a grip is any spring's; over the longest ones no start is good.
     before = next((fitted for fitted in left if fitted.duration >= _TURNING), left[-1])
     joint = full.joint
-    structure = replace(full, absent=full.absent - joint.remembered)
+    timing = replace(full.timing, hold=before.structure.timing.hold)
+    structure = replace(full, absent=full.absent - joint.remembered, timing=timing)
     progress("hysteresis of the spring")
     segments = before.problem.segments
     ways = [
@@ -165,7 +165,7 @@ def climb_remembering(
         if first is not None:
             found = [first, *onward(first, climbed.ladder)]
             ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
-            return _with_best_hold(found, ladder, holds, climbed.free_length, thresholds)
+            return _with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
     return None
 
 
@@ -194,7 +194,8 @@ def _remembering(
         (found,) = climb(structure, before.data, found.by_name, segments, states, insist=False)
     except ConvergenceError:  # in steps that suit where it is now it may diverge
         return None
-    return found
+    # A friction that drives is no hysteresis: it stands for a gap, say.
+    return None if min(found.by_name[name] for name in structure.joint.grips) < 0.0 else found
 
 
 def promised_by_memory(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
@@ -263,7 +264,8 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
         (found,) = climb(_with_hold(structure, hold), fitted.data, start, segments, states)
     except ConvergenceError:
         return None
-    return found
+    # In as short steps as the fit, if it took any: their error would pass for a worse hold.
+    return (fit_like(found.structure, found) or found) if fitted.data.refinement > 1 else found
 
 
 def _climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments]) -> list[Fitted]:

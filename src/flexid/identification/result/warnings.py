@@ -1,6 +1,6 @@
 """What the user should know before trusting the numbers."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from math import isfinite, isnan
 
 from flexid.identification.judgement.compliance import WEAK_FIT
@@ -12,7 +12,6 @@ from flexid.identification.vocabulary.evidence import (
     ModelError,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE
 
 _SLIGHT = 1.005  # which would be printed as 1
 
@@ -23,20 +22,24 @@ _SIGN_ADVICE = {
 }
 
 
-def sign_warnings(coefficients: Mapping[str, CoefficientEstimate]) -> Iterator[str]:
-    """Warn of coefficients that physics wants positive and the data want negative."""
+def sign_warnings(
+    coefficients: Mapping[str, CoefficientEstimate], driving: Collection[str]
+) -> Iterator[str]:
+    """Warn of coefficients that physics wants positive and the data want negative.
+
+    Parameters
+    ----------
+    coefficients : mapping of str to CoefficientEstimate
+    driving : collection of str
+        Frictions that came out negative beyond noise.
+    """
     for name, advice in _SIGN_ADVICE.items():
         if name in coefficients and coefficients[name].interval[1] < 0:
             yield f"{name} came out negative, which no spring or inertia can be: {advice}"
-    driving = [
-        name
-        for name, found in coefficients.items()
-        if name in DISSIPATIVE and found.value < 0.0 and found.verdict != "determined"
-    ]
     if driving:
         yield (
-            f"{', '.join(driving)} came out negative, which no friction can be: it stands for "
-            f"something that no term here describes; the intervals allow for that"
+            f"{', '.join(sorted(driving))} came out negative, which no friction can be: it stands "
+            f"for something that no term here describes; the intervals allow for that"
         )
 
 

@@ -100,8 +100,8 @@ def choose_structure(
     found, ladder = list(climbed.found), climbed.ladder
     best = best_length(found) if climbed.free_length else found[-1]
     progress("taking away what the log does not show")
-    wider, climbed = _wider(best, climbed, thresholds) if with_shapes else (best, climbed)
-    if climbed.tied:  # the delay that is left stands for another hold
+    wider, asked = _wider(best, climbed, thresholds) if with_shapes else (best, climbed)
+    if asked.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
     structure, evidence = eliminate(wider, kept, thresholds)
     for _ in range(_ROUNDS):
@@ -129,13 +129,15 @@ def choose_structure(
         structure, fitted = leaner, fit_like(leaner, fitted)
     if fitted is None:
         structure, fitted = best.structure, best
+    if fitted.structure.timing.hold != wider.structure.timing.hold:
+        asked = climbed
     fitted = as_wide_as_its_gap(fitted)
     structure = fitted.structure
     full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
     others = found if climbed.free_length else ()
     rivals = _rivals(fitted, replace(more, joint=structure.joint), others, kept, thresholds)
-    return Choice(full, structure, fitted, evidence, tuple(found), climbed, rivals)
+    return Choice(full, structure, fitted, evidence, tuple(found), asked, rivals)
 
 
 def _rivals(
@@ -151,9 +153,8 @@ def _rivals(
         with_more = fit_like(generous, fitted)
     rivals = [f for f in (with_more, _without_negative_friction(fitted, kept)) if f is not None]
     if fitted.excess > thresholds.sensor_excess:
-        others = [other for other in found if other.duration != fitted.duration]
-        rivals += [as_wide_as_its_gap(other) for other in others]
-    return tuple(rivals)
+        rivals += [other for other in found if other.duration != fitted.duration]
+    return tuple(map(as_wide_as_its_gap, rivals))
 
 
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
@@ -184,16 +185,21 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
     Where the usual terms leave more than noise, the hold was chosen among fits of which none
     explained the log. It is asked again.
     """
-    structure, joint = best.structure, best.structure.joint
-    shapes = joint.shapes - joint.remembered
-    extended = replace(structure, absent=structure.absent - shapes)
-    wider = fit_like(extended, best, ROUGH) if shapes else None
+    shapes = best.structure.joint.shapes - best.structure.joint.remembered
+    if not shapes:
+        return best, climbed
+    extended = replace(best.structure, absent=best.structure.absent - shapes)
+    # Where they do not follow over long segments, shorter ones may show them.
+    shorter = [other for other in climbed.found if other.duration < best.duration]
+    fits = (fit_like(extended, other, ROUGH) for other in (best, *reversed(shorter)))
+    wider = next((fitted for fitted in fits if fitted is not None), None)
     if wider is None:
         return best, climbed
+    wider = as_wide_as_its_gap(wider)
     if best.excess <= thresholds.sensor_excess or len(climbed.holds) == 1:
         return wider, climbed
     wider, reason, tied = best_hold(wider, climbed.holds, thresholds)
-    return wider, replace(climbed, hold_reason=reason, tied=tied)
+    return as_wide_as_its_gap(wider), replace(climbed, hold_reason=reason, tied=tied)
 
 
 def relative_deviation(fitted: Fitted) -> float:

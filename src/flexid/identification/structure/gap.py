@@ -5,19 +5,22 @@ wide as `WIDTH_OF_GAP` says; a wider one makes the gap larger. The fit begins wi
 suits the motion, and from there the width follows the gap.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
-from flexid.identification.full_model.fitting import fit_like
+from flexid.identification.full_model.fitting import fit_like, in_own_steps
 from flexid.identification.full_model.model import Fitted
 from flexid.models.flexible_joint import BACKLASH_WIDTH, WIDTH_OF_GAP
 
 _GAPS = (("alpha_backlash", "alpha1"), ("theta_backlash", "theta2"))  # and the spring's stiffness
-_MOST_FITS = 4
+_MOST_FITS = 8
 _SETTLED = 0.1  # relative change of the width, which moves the gap by some per mille
 
 
 def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
     """A fit whose play has the width that its own gap gives it; the same fit where that is worse.
+
+    A sharper shape may want shorter steps, which the data of what is returned then have.
 
     Parameters
     ----------
@@ -25,24 +28,31 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
         With or without play.
     """
     for _ in range(_MOST_FITS):
-        joint, gap = fitted.structure.joint, half_gap(fitted)
-        if gap <= 0.0:
+        own = WIDTH_OF_GAP * half_gap(fitted)
+        before = fitted.structure.joint.extended.constants.get(BACKLASH_WIDTH, 0.0)
+        if own <= 0.0 or abs(own / before - 1.0) < _SETTLED:
             return fitted
-        width = WIDTH_OF_GAP * gap
-        if abs(width / joint.extended.constants[BACKLASH_WIDTH] - 1.0) < _SETTLED:
+        # From a width that is far away half the way may lead on where the whole does not.
+        better = next(_better(fitted, (own, (own * before) ** 0.5)), None)
+        if better is None:
             return fitted
-        structure = replace(fitted.structure, joint=joint.with_widths({BACKLASH_WIDTH: width}))
-        other = fit_like(structure, fitted)
-        if other is None or other.minimum.equations.cost >= fitted.minimum.equations.cost:
-            return fitted
-        fitted = other
+        fitted = in_own_steps(better)
     return fitted
+
+
+def _better(fitted: Fitted, widths: tuple[float, ...]) -> Iterator[Fitted]:
+    """Fits with other widths whose sum of squares is less."""
+    for width in widths:
+        joint = fitted.structure.joint.with_widths({BACKLASH_WIDTH: width})
+        found = fit_like(replace(fitted.structure, joint=joint), fitted)
+        if found is not None and found.minimum.equations.cost < fitted.minimum.equations.cost:
+            yield found
 
 
 def half_gap(fitted: Fitted) -> float:
     """Half the gap in rad; zero without one."""
-    values = fitted.by_name
+    values = {**fitted.structure.fixed, **fitted.by_name}
     for play, spring in _GAPS:
-        if play in values and spring in values and values[spring] > 0.0:
+        if play in values and values.get(spring, 0.0) > 0.0:
             return values[play] / values[spring]
     return 0.0

@@ -193,7 +193,7 @@ def _predicting(
         rival, other = _preferred(rival, whole, recordings, thresholds)
         if misprediction(validation) >= misprediction(other):
             choice, validation = rival, other
-    remembering = climb_remembering(climb, choice.found, job.holds, progress, thresholds)
+    remembering = climb_remembering(climb, choice.found, progress, thresholds)
     if remembering is None:
         return choice, validation
     rival = choose_structure(remembering, job.kept, True, progress, thresholds)
@@ -214,5 +214,6 @@ def _preferred(
         other = validate(rival, whole, recordings.starts)
         if misprediction(other) < limit:
             limit, chosen = misprediction(other), other
-            best = replace(choice, structure=rival.structure, fitted=rival)
+            full = replace(choice.full, joint=rival.structure.joint)
+            best = replace(choice, full=full, structure=rival.structure, fitted=rival)
     return best, chosen
