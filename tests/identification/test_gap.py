@@ -8,8 +8,9 @@ import pytest
 from made_joint import COEFFICIENTS, log, made
 from scipy.integrate import quad
 
+import flexid.identification.structure.gap as gap
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.fitting import fit_to
+from flexid.identification.full_model.fitting import fit_to, in_own_steps
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
@@ -100,3 +101,53 @@ def test_the_link_alone_has_a_gap():
     gap = found.parameters["half_backlash"]
     assert gap.value == pytest.approx(2e-3, rel=0.01)
     assert found.choices.shapes["backlash_width"] == pytest.approx(WIDTH_OF_GAP * 2e-3, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "known", [{"alpha1": 1000 / 3}, {"motor_inertia": 0.3, "joint_stiffness": 100.0}]
+)
+def test_a_gap_in_a_spring_that_is_known(known):
+    """Assert that the width follows the gap where the stiffness was given."""
+    found = identify([log(made(1, 10.0, half_gap=HALF_GAP))], Settings(known=known))
+    width = found.choices.shapes["backlash_width"]
+    assert width == pytest.approx(WIDTH_OF_GAP * HALF_GAP, rel=0.1)
+    assert max(found.residual_excess.values()) < 1.05
+
+
+@pytest.mark.parametrize(("seed", "true_gap"), [(4, 1e-3), (6, 4e-3), (3, 6e-3)])
+def test_nothing_else_stands_in_for_a_gap(seed, true_gap):
+    """Assert that terms and hold are chosen with the gap as it is, however large.
+
+    With a shape that is too wide the first keeps four frictions that are not there, the second has
+    its torque run on straight lines, and the third finds no gap at all.
+    """
+    found = identify([log(made(seed, 10.0, half_gap=true_gap))])
+    assert found.choices.terms == (*PAPER_TERMS, "backlash")
+    assert found.choices.hold == "cubic"
+    assert found.parameters["half_backlash"].value == pytest.approx(true_gap, rel=2e-3)
+    stiffness = found.parameters["joint_stiffness"]
+    assert stiffness.value == pytest.approx(100.0, rel=1e-4)
+    assert abs(stiffness.value - 100.0) < np.ptp(stiffness.interval)
+
+
+def test_steps_suit_a_sharper_shape():
+    """Assert that the data of a narrower fit want as short steps as this does."""
+    first = fitted(HALF_GAP, "backlash")
+    found = as_wide_as_its_gap(first)
+    assert found.data.refinement >= first.data.refinement
+    assert in_own_steps(found) is found
+
+
+def test_half_the_way_may_lead_on(monkeypatch):
+    """Assert that from a width that is far away the geometric mean is tried after its own."""
+    first = fitted(HALF_GAP, "backlash")
+    tried = []
+
+    def like(structure, before):
+        tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
+        return
+
+    monkeypatch.setattr(gap, "fit_like", like)
+    assert as_wide_as_its_gap(first) is first
+    own = WIDTH_OF_GAP * half_gap(first)
+    assert tried == pytest.approx([own, np.sqrt(own * width(first))])

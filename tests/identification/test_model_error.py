@@ -7,20 +7,23 @@ from typing import cast
 
 import numpy as np
 import pytest
-from made_joint import COEFFICIENTS, made
+from made_joint import COEFFICIENTS, log, made
 from scipy.stats import t
 
 import flexid.identification.estimation.model_error as modelling
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.model_error import (
-    impossible_covariance,
+    driving_covariance,
+    driving_frictions,
     model_error,
     stand_in_covariance,
     widened,
 )
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
+from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
+from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
@@ -238,11 +241,11 @@ def driving():
 
 def test_a_negative_friction_may_be_none(driving):
     """Assert that it is uncertain by all of itself, and the others by what they move without it."""
-    assert driving.by_name["alpha_damping"] < 0.0
-    gone = {n for n in ("alpha_damping", "theta_viscous") if driving.by_name[n] < 0.0}
-    bare, _ = fit_to(driving.structure.without(gone), driving.data, driving.by_name, 1.0)
+    names = driving_frictions(driving, THRESHOLDS)
+    assert "alpha_damping" in names
+    bare, _ = fit_to(driving.structure.without(names), driving.data, driving.by_name, 1.0)
     moved = [bare.by_name.get(name, 0.0) - driving.by_name[name] for name in driving.names]
-    added = np.sqrt(np.diag(impossible_covariance(driving)))
+    added = np.sqrt(np.diag(driving_covariance(driving, names)))
     assert added == pytest.approx(np.abs(moved), rel=0.1, abs=1e-6)
     assert abs(moved[driving.names.index("alpha1")]) > 1e-3
 
@@ -250,14 +253,45 @@ def test_a_negative_friction_may_be_none(driving):
 def test_a_negative_friction_that_cannot_be_left_out_may_be_none(driving, monkeypatch):
     """Assert that where no fit is without it, it is uncertain by all of itself all the same."""
     monkeypatch.setattr(modelling, "fit_like", lambda *_: None)
-    added = np.sqrt(np.diag(impossible_covariance(driving)))
+    added = np.sqrt(np.diag(driving_covariance(driving, {"alpha_damping"})))
     place = driving.names.index("alpha_damping")
     assert added[place] == pytest.approx(-driving.values[place])
     assert added[driving.names.index("alpha1")] == 0.0
 
 
+def with_value(found: Fitted, name: str, deviations: float) -> Fitted:
+    """A fit with a value so many standard deviations from zero."""
+    place = found.names.index(name)
+    deviation = max(found.fit.standard_deviations[place], found.unit_deviations[place])
+    values = found.values.copy()
+    values[place] = deviations * deviation
+    minimum = replace(found.minimum, point=replace(found.minimum.point, values=values))
+    return replace(found, minimum=minimum)
+
+
+@pytest.mark.parametrize(
+    ("name", "deviations", "driving"),
+    [("alpha2", -3.9, False), ("alpha2", -4.1, True), ("alpha2", 5.0, False), ("theta2", -9.0, 0)],
+)
+def test_a_friction_drives_beyond_noise(name, deviations, driving):
+    """Assert that one below zero by chance is none, and that a spring is no friction."""
+    found = with_value(fitted(1)[0], name, deviations)
+    limits = replace(THRESHOLDS, friction_sign=4.0)
+    assert driving_frictions(found, limits) == ({name} if driving else set())
+
+
 def test_frictions_that_brake_are_not_doubted():
-    """Assert that nothing is added where all of them are positive, or none is there."""
-    found, _ = fitted(1)
-    assert found.by_name["alpha2"] > 0.0
-    assert not impossible_covariance(found).any()
+    """Assert that nothing is added where none drives."""
+    assert not driving_covariance(fitted(1)[0], frozenset()).any()
+
+
+def test_a_driving_friction_is_doubted_and_named():
+    """Assert that one that a log shows beyond noise has zero in its interval, and a warning."""
+    drive = {"joint_damping": -0.05}
+    settings = Settings(terms=(*PAPER_TERMS, "joint_damping"), hold="cubic", link_delay=0.0)
+    found = identify([log(made(3, 10.0, **drive))], settings)
+    damping = found.parameters["joint_damping"]
+    assert damping.interval[0] < -0.05 < 0.0 < damping.interval[1]
+    assert any("alpha_damping came out negative" in warning for warning in found.warnings)
+    plain = identify([log(made(3, 10.0))], settings)
+    assert not any("came out negative" in warning for warning in plain.warnings)

@@ -169,3 +169,21 @@ def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch,
     assert climb_remembering(climbed, leaner, lambda _: None) is not None
     assert asked == [(leaner[1], wide.absent - JOINT.remembered, floor)]
     assert climb_remembering(climbed, leaner[:1], lambda _: None) is None
+
+
+@pytest.mark.parametrize(("size", "follows"), [(0.1, True), (-0.1, False)])
+def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
+    """Assert that what comes out negative is not followed up, however much it explains."""
+    (name,) = JOINT.grips
+
+    def climb(*_, insist, iterations=None):
+        point = SimpleNamespace(initial_states="there")
+        minimum = SimpleNamespace(point=point)
+        return [SimpleNamespace(excess=1.0, by_name={name: size}, minimum=minimum)]
+
+    monkeypatch.setattr(climbing, "climb", climb)
+    before: Any = SimpleNamespace(
+        excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
+    )
+    found = climbing._remembering(before, WITHOUT, {}, 1.0, THRESHOLDS)
+    assert (found is not None) == follows

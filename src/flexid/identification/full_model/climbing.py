@@ -195,7 +195,8 @@ def _remembering(
     except ConvergenceError:  # in steps that suit where it is now it may diverge
         return None
     # A friction that drives is no hysteresis: it stands for a gap, say.
-    return None if min(found.by_name[name] for name in structure.joint.grips) < 0.0 else found
+    drives = any(found.by_name.get(name, 0.0) < 0.0 for name in structure.joint.grips)
+    return None if drives else found
 
 
 def promised_by_memory(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
