@@ -9,6 +9,7 @@ from made_joint import COEFFICIENTS, log, made
 from scipy.integrate import quad
 
 import flexid.identification.structure.gap as gap
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.fitting import fit_to, in_own_steps
 from flexid.identification.full_model.model import Fitted, Structure, data_of
@@ -143,11 +144,11 @@ def test_half_the_way_may_lead_on(monkeypatch):
     first = fitted(HALF_GAP, "backlash")
     tried = []
 
-    def like(structure, before):
+    def nowhere(structure, *_, insist, iterations):
         tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
-        return
+        raise ConvergenceError("prediction error", "diverges")
 
-    monkeypatch.setattr(gap, "fit_like", like)
+    monkeypatch.setattr(gap, "climb", nowhere)
     assert as_wide_as_its_gap(first) is first
     own = WIDTH_OF_GAP * half_gap(first)
     assert tried == pytest.approx([own, np.sqrt(own * width(first))])

@@ -26,6 +26,7 @@ from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE
 
+_TAKEN = 0.5  # share of what exceeds the noise from which on unusual terms explain most of it
 _ROUNDS = 2  # of taking away and fitting over longer segments
 _CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
 
@@ -182,8 +183,8 @@ def _latest(
 def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted, Climb]:
     """A fit with terms beyond the usual ones, and how it climbed; as it was if they lead astray.
 
-    Where the usual terms leave more than noise, the hold was chosen among fits of which none
-    explained the log. It is asked again.
+    Where the usual terms leave more than noise, and these explain most of it, the hold was chosen
+    among fits of which none explained the log. It is asked again.
     """
     shapes = best.structure.joint.shapes - best.structure.joint.remembered
     if not shapes:
@@ -195,11 +196,15 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
     wider = next((fitted for fitted in fits if fitted is not None), None)
     if wider is None:
         return best, climbed
+    if best.excess - wider.excess < _TAKEN * (best.excess - 1.0):
+        return wider, climbed
     wider = as_wide_as_its_gap(wider)
     if best.excess <= thresholds.sensor_excess or len(climbed.holds) == 1:
         return wider, climbed
-    wider, reason, tied = best_hold(wider, climbed.holds, thresholds)
-    return as_wide_as_its_gap(wider), replace(climbed, hold_reason=reason, tied=tied)
+    held, reason, tied = best_hold(wider, climbed.holds, thresholds)
+    if held is not wider:
+        held = as_wide_as_its_gap(held)
+    return held, replace(climbed, hold_reason=reason, tied=tied)
 
 
 def relative_deviation(fitted: Fitted) -> float:

@@ -5,10 +5,11 @@ wide as `WIDTH_OF_GAP` says; a wider one makes the gap larger. The fit begins wi
 suits the motion, and from there the width follows the gap.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 
-from flexid.identification.full_model.fitting import fit_like, in_own_steps
+from flexid.errors import ConvergenceError
+from flexid.identification.full_model.beginning import FIRST_ITERATIONS
+from flexid.identification.full_model.fitting import climb, fit_like, in_own_steps
 from flexid.identification.full_model.model import Fitted
 from flexid.models.flexible_joint import BACKLASH_WIDTH, WIDTH_OF_GAP
 
@@ -33,20 +34,39 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
         if own <= 0.0 or abs(own / before - 1.0) < _SETTLED:
             return fitted
         # From a width that is far away half the way may lead on where the whole does not.
-        better = next(_better(fitted, (own, (own * before) ** 0.5)), None)
+        fits = (_narrowed(fitted, width) for width in (own, (own * before) ** 0.5))
+        better = next((found for found in fits if found is not None), None)
         if better is None:
             return fitted
         fitted = in_own_steps(better)
     return fitted
 
 
-def _better(fitted: Fitted, widths: tuple[float, ...]) -> Iterator[Fitted]:
-    """Fits with other widths whose sum of squares is less."""
-    for width in widths:
-        joint = fitted.structure.joint.with_widths({BACKLASH_WIDTH: width})
-        found = fit_like(replace(fitted.structure, joint=joint), fitted)
-        if found is not None and found.minimum.equations.cost < fitted.minimum.equations.cost:
-            yield found
+def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
+    """A fit with another width; None if its first steps do not lead below the sum of squares."""
+    joint = fitted.structure.joint.with_widths({BACKLASH_WIDTH: width})
+    structure, segments = replace(fitted.structure, joint=joint), [fitted.problem.segments]
+    states = fitted.minimum.point.initial_states
+    try:
+        (first,) = climb(
+            structure,
+            fitted.data,
+            fitted.by_name,
+            segments,
+            states,
+            insist=False,
+            iterations=FIRST_ITERATIONS,
+        )
+    except ConvergenceError:
+        return None
+    if _cost(first) >= _cost(fitted):
+        return None
+    found = fit_like(structure, first)
+    return found if found is not None and _cost(found) < _cost(fitted) else None
+
+
+def _cost(fitted: Fitted) -> float:
+    return fitted.minimum.equations.cost
 
 
 def half_gap(fitted: Fitted) -> float:
