@@ -287,9 +287,8 @@ def test_frictions_that_brake_are_not_doubted():
 
 def test_a_driving_friction_is_doubted_and_named():
     """Assert that one that a log shows beyond noise has zero in its interval, and a warning."""
-    drive = {"joint_damping": -0.05}
     settings = Settings(terms=(*PAPER_TERMS, "joint_damping"), hold="cubic", link_delay=0.0)
-    found = identify([log(made(3, 10.0, **drive))], settings)
+    found = identify([log(made(3, 10.0, joint_damping=-0.05))], settings)
     damping = found.parameters["joint_damping"]
     assert damping.interval[0] < -0.05 < 0.0 < damping.interval[1]
     assert any("alpha_damping came out negative" in warning for warning in found.warnings)
