@@ -519,6 +519,16 @@ def test_the_width_of_a_gap_is_its_own():
     assert compare_estimates(a, none).parameters["half_backlash"].outcome == "not compared"
 
 
+def test_only_a_gap_has_a_width_of_its_own():
+    """Assert that Stribeck friction is not compared because a gap happens to be as wide."""
+    rng = np.random.default_rng(9)
+    gap = 0.15 / WIDTH_OF_GAP
+    a, b = (with_width(with_gap(drawn(rng), gap, 0.1), width) for width in (0.1, 0.21))
+    found = compare_estimates(a, b)
+    assert found.parameters["motor_stribeck_friction"].outcome == "not compared"
+    assert found.parameters["half_backlash"].compared
+
+
 def test_a_smoothed_friction_is_shown():
     """Assert that the velocity over which friction changes sign stands in what was otherwise."""
     rng = np.random.default_rng(9)

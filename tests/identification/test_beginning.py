@@ -59,13 +59,15 @@ def climbed(monkeypatch):
             raise ConvergenceError("prediction error", "nowhere")
         return [fitted(s, e) for s, e in zip(LADDER, smaller, strict=False)]
 
-    def set_up(ends: dict[tuple[str, int], list[float]], smaller, late=0.0, finest=FINEST):
+    def set_up(
+        ends: dict[tuple[str, int], list[float]], smaller, late=0.0, finest=FINEST, holds=("",)
+    ):
         tried: list[tuple[str, int]] = []
 
         def climb(structure, data, way, rungs, iterations):
             halvings = len(rungs) - len(LADDER)
-            tried.append((way["start"], halvings))
-            excesses = ends.get((way["start"], halvings))
+            tried.append((way["start"] + structure, halvings))
+            excesses = ends.get(tried[-1])
             if excesses is None:
                 raise ConvergenceError("prediction error", "nowhere")
             short = [fitted(s, 1.0) for s in rungs[:halvings]]
@@ -80,7 +82,7 @@ def climbed(monkeypatch):
         monkeypatch.setattr(beginning, "_by_smaller_models", lambda *_: by_smaller(smaller))
         ladder = [_Segments(SHORTEST, finest), *LADDER[1:]]
         found = beginning.first_climb(
-            cast(Any, None), cast(Any, None), cast(Any, ladder), THRESHOLDS
+            cast(Any, holds), cast(Any, None), cast(Any, ladder), THRESHOLDS
         )
         return [f.excess for f in found], tried
 
@@ -90,6 +92,17 @@ def climbed(monkeypatch):
 def test_a_start_that_explains_the_log_ends_the_search(climbed):
     """Assert that nothing else is tried after it."""
     assert climbed({("a", 0): [1.0, 1.0, 1.05]}, [9.0]) == ([1.0, 1.0, 1.05], [("a", 0)])
+
+
+def test_other_holds_are_tried_where_no_start_leads_with_the_first(climbed):
+    """Assert that these have three starts each, over both lengths, before any smaller model."""
+    holds = ("", " on lines")
+    found, tried = climbed({("b on lines", 0): [1.0, 1.0, 1.0]}, [9.0], holds=holds)
+    assert found == [1.0, 1.0, 1.0]
+    assert tried[-2:] == [("a on lines", 0), ("b on lines", 0)]
+    assert len(tried) == 12 + 2
+    _, tried = climbed({}, [9.0], holds=holds)
+    assert len(tried) == 12 + 6
 
 
 def test_shorter_segments_help_where_no_start_does(climbed):

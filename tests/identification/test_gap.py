@@ -81,7 +81,7 @@ def test_a_width_that_fits_worse_is_not_taken():
     assert as_wide_as_its_gap(bent) is bent
 
 
-def test_two_logs_of_one_gap():
+def test_two_logs_of_one_gap(monkeypatch: pytest.MonkeyPatch):
     """Assert that two logs give one gap, and that how the torque runs is asked again with it.
 
     Without the gap no hold explains them, and a torque on straight lines fits best by chance.

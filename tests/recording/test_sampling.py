@@ -122,9 +122,34 @@ def test_uneven_time(tmp_path: Path) -> None:
         read_log(write_csv(tmp_path, jittered(0.22)))
 
 
-def test_coarse_time(tmp_path: Path) -> None:
-    """Assert that a time rounded to a good part of a step is refused with the remedy."""
-    columns = joint_columns(sample_time=1.0 / 450.0)
+@pytest.mark.parametrize("rate", [300.0, 400.0, 450.0, 600.0, 900.0])
+def test_whole_milliseconds_are_even(tmp_path: Path, rate: float) -> None:
+    """Assert that times that fit an even grid but for their last digit are taken for even.
+
+    No sample is changed; interpolated to even times, positions would be 1e-3 rad off.
+    """
+    columns = joint_columns(sample_time=1.0 / rate)
+    columns["time"] = np.round(columns["time"], 3)
+    log = read_log(write_csv(tmp_path, columns))
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(1.0 / rate, rel=1e-4)
+    np.testing.assert_array_equal(recording.needed_link_position, columns["link_position"])
+    assert len(log.warnings) == 1
+    assert "the times are rounded to 1 ms; they fit even steps" in log.warnings[0]
+    assert "write the time with more digits" in log.warnings[0]
+
+
+def test_rounding_hides_no_jitter(tmp_path: Path) -> None:
+    """Assert that times that are farther off an even grid than by their last digit are refused."""
+    columns = jittered(0.22)
+    columns["time"] = np.round(columns["time"], 3)
+    with pytest.raises(RecordingError, match=r"the time steps vary between .* ms: "):
+        read_log(write_csv(tmp_path, columns))
+
+
+def test_time_too_coarse(tmp_path: Path) -> None:
+    """Assert that a time whose digits do not tell samples apart is refused with the remedy."""
+    columns = joint_columns(sample_time=1.0 / 2000.0)
     columns["time"] = np.round(columns["time"], 3)
     with pytest.raises(RecordingError, match="write the time with more digits"):
         read_log(write_csv(tmp_path, columns))

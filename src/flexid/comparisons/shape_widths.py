@@ -58,7 +58,7 @@ def _apart(first: float, second: float) -> bool:
 def _own_width(shape: str, estimate: Identification) -> bool:
     """Whether a width is that of the estimate's own gap, not one that was chosen."""
     gap = estimate.parameters.get("half_backlash")
-    if shape != BACKLASH_WIDTH or gap is None or gap.value <= 0.0:
+    if shape != BACKLASH_WIDTH or gap is None:
         return False
     return not _apart(WIDTH_OF_GAP * gap.value, estimate.choices.shapes[shape])
 

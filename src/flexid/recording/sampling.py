@@ -23,6 +23,7 @@ GAP = 1.5  # sample times between two samples; a single lost sample makes 2
 MOST_GAPS = 0.05  # share of the steps
 EVEN = 1e-3  # of a sample time: what a printed time is off by
 MOST_JITTER = 0.1  # of a sample time
+_ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +114,9 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     steps = np.diff(time)
     typical = float(np.median(steps))
     _check_sample_time(table.file, place, typical)
+    rounded = _of_rounded(table.file, place, time)
+    if rounded is not None:
+        return rounded
     is_gap = steps > GAP * typical
     if is_gap.mean() > MOST_GAPS:
         raise _uneven(table.file, place, steps)
@@ -145,6 +149,35 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
         f"at a fixed rate, or write the time with more digits",
     )
     return Grid(sample_time, tuple(recordings), True, warnings)
+
+
+def _of_rounded(file: str, place: str, time: FloatArray) -> Grid | None:
+    """The even grid of times that are off it by no more than their last digit; None if they are.
+
+    Of 400 samples per second, written in whole milliseconds, two come 3 ms after the one before and
+    two 2 ms: they are even all the same, and interpolation would make them uneven.
+    """
+    digit = _last_digit(time)
+    steps = np.diff(time)
+    sample_time = _fitted_sample_time(time, [slice(0, len(time))])
+    off = np.ptp(time - sample_time * np.arange(len(time)))
+    uneven = off > 2.0 * EVEN * sample_time and np.ptp(steps) > 0.5 * digit
+    if not (uneven and off <= _ROUNDED * digit and np.ptp(steps) <= _ROUNDED * digit):
+        return None
+    warning = (
+        f"{file}: {place}: the times are rounded to {digit * 1e3:g} ms; they fit even steps of "
+        f"{sample_time * 1e3:.6g} ms, which were taken: write the time with more digits"
+    )
+    return Grid(sample_time, (slice(0, len(time)),), False, (warning,))
+
+
+def _last_digit(time: FloatArray) -> float:
+    """The largest power of ten in s of which all times are multiples; zero if there is none."""
+    for power in range(0, -7, -1):
+        numbers = (time - time[0]) / 10.0**power
+        if np.abs(numbers - np.rint(numbers)).max() < EVEN:
+            return 10.0**power
+    return 0.0
 
 
 def to_grid(

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.scaled_inverse import scaled_inverse
+from flexid.estimators.scaled_inverse import least_with, scaled_inverse
 from flexid.identification.full_model.model import Fitted
 
 
@@ -38,30 +38,29 @@ def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float
     places = [i for i, name in enumerate(reported.names) if name in names]
     added = np.zeros((len(reported.names), len(reported.names)))
     information = full.information
-    right = information @ full.values + full.minimum.reduced.scores.sum(axis=1)
+    values = full.values + full.minimum.reduced.values_step
     part = information[np.ix_(kept, kept)]
-    diagonal = np.sqrt(np.maximum(np.diag(part), 0.0))
-    inverse, _ = scaled_inverse(part, diagonal)
+    inverse, _ = scaled_inverse(part, np.sqrt(np.maximum(np.diag(part), 0.0)))
     for i, name in enumerate(names):
         scale = scales.get(name, scales.get(name.partition("[")[0], 0.0))
         if i in kept or scale <= 0.0:
             continue
+        beside = np.isin(np.arange(len(names)), [*kept, i])
+        place = int(np.count_nonzero(beside[:i]))
+        # As a difference what is left of its information would be lost in rounding.
+        least = least_with(beside, information, values)
+        variance = np.inf if least.free[place] else float(least.inverse[place, place])
+        mean_square = _mean_square(float(least.values[place]), _deviation(full, i, variance), scale)
         shift = inverse @ information[kept, i]
-        left = float(information[i, i] - information[i, kept] @ shift)
-        left = max(left, np.finfo(float).eps * float(information[i, i]))
-        value = float(right[i] - shift @ right[kept]) / left if left > 0.0 else 0.0
-        mean_square = _mean_square(value, _deviation(full, i, left), scale)
         added[np.ix_(places, places)] += mean_square * np.outer(shift, shift)
     return added
 
 
-def _deviation(full: Fitted, place: int, information: float) -> float:
+def _deviation(full: Fitted, place: int, variance: float) -> float:
     """Standard deviation of a value beside the reported model, residuals' correlation counted."""
-    if information <= 0.0:
-        return np.inf
     robust = float(full.fit.standard_deviations[place])
     factor = robust / float(full.unit_deviations[place]) if full.unit_deviations[place] else 1.0
-    return max(factor if np.isfinite(factor) else 1.0, 1.0) / float(np.sqrt(information))
+    return max(factor if np.isfinite(factor) else 1.0, 1.0) * float(np.sqrt(variance))
 
 
 def _mean_square(value: float, deviation: float, scale: float) -> float:

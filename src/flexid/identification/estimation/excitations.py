@@ -14,7 +14,7 @@ from flexid.estimators.rowwise import RowSums
 _COUPLED = {"theta2", "alpha1", "beta1"} | {
     f"{row}_{law}" for row in ("theta", "alpha") for law in ("cubic", "damping")
 }
-_SPRINGS = ("theta2", "alpha1")
+_STANDING = ("theta2", "alpha1", "theta_cosine", "gamma_cosine")  # which a constant takes part of
 _OFFSETS = ("theta_offset", "alpha_offset")
 _NOISE_PART = 2.0  # times its mean: a log holds some hundred filtered values, whose square scatters
 _PART = 0.1  # of the worst direction, from which on a coefficient counts as part of it
@@ -27,7 +27,8 @@ def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
     """Excitation of a row beside what is known of it.
 
     Where a constant is sought beside the spring, the deflection counts from its mean: where the
-    encoders have their zeros says nothing about the motion.
+    encoders have their zeros says nothing about the motion. So does the cosine of a tilted gravity,
+    which hardly changes about its rest.
     """
     sought = [place for place, name in enumerate(row.coefficients) if name not in known]
     if not sought:
@@ -40,7 +41,7 @@ def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
 
 
 class _Centred(NamedTuple):
-    """A Gram matrix with the deflection less its part along the constants that are sought.
+    """A Gram matrix with deflection and cosine less their part along the constants sought.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ class _Centred(NamedTuple):
     change : array, shape (k, k)
         Factors that make its regressors of the row's.
     moves : bool
-        Whether what is left of the deflection is a motion, or noise and rounding.
+        Whether what is left of them is a motion, or noise and rounding.
     """
 
     gram: FloatArray
@@ -58,12 +59,12 @@ class _Centred(NamedTuple):
 
 def _from_its_mean(names: Sequence[str], gram: FloatArray) -> _Centred:
     constants = [i for i, name in enumerate(names) if name.partition("[")[0] in _OFFSETS]
-    springs = [i for i, name in enumerate(names) if name in _SPRINGS]
+    standing = [i for i, name in enumerate(names) if name in _STANDING]
     change = np.eye(len(names))
-    constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, springs)]
-    change[np.ix_(springs, constants)] = -np.linalg.lstsq(constant, along)[0].T
+    constant, along = gram[np.ix_(constants, constants)], gram[np.ix_(constants, standing)]
+    change[np.ix_(standing, constants)] = -np.linalg.lstsq(constant, along)[0].T
     centred = change @ gram @ change.T
-    moves = np.diag(centred)[springs] > _LEAST_MOTION * np.diag(gram)[springs]
+    moves = np.diag(centred)[standing] > _LEAST_MOTION * np.diag(gram)[standing]
     return _Centred(centred, change, bool(moves.all()))
 
 

@@ -17,8 +17,9 @@ from flexid.identification.estimation.model_error import (
     driving_frictions,
     stand_in_covariance,
 )
+from flexid.identification.full_model.beginning import first_climb
 from flexid.identification.full_model.climbing import hold_covariance
-from flexid.identification.full_model.fitting import expanded, fit_like, fit_to
+from flexid.identification.full_model.fitting import expanded, fit_like, fit_to, lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
@@ -152,7 +153,7 @@ def final_fits(
         What counts as a model error.
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
-    reported, rungs, retreat = _reported(choice, whole)
+    reported, rungs, retreat = _reported(choice, whole, thresholds)
     error = error_of(reported, rungs, thresholds)
     rate = _FILTER_RATE if isinstance(filter_rate, str) else filter_rate
     full = _full(choice, reported)
@@ -195,20 +196,31 @@ def with_doubts(
     return estimate, row
 
 
-def _reported(choice: Choice, whole: Data) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
+def _reported(
+    choice: Choice, whole: Data, thresholds: Thresholds
+) -> tuple[Fitted, list[Fitted], tuple[str, ...]]:
     """The structure fitted to all data; where that fails, as it was fitted to choose."""
-    try:
-        start = {**choice.structure.timing.delays, **choice.fitted.by_name}
-        return *fit_to(choice.structure, whole, start, choice.duration), ()
-    except ConvergenceError:
-        return (
-            choice.fitted,
-            [choice.fitted],
-            (
-                "the fit to all data does not converge, so the values are those of the data before "
-                "the held-out end: check what happened there",
-            ),
-        )
+    structure = choice.structure
+    start = {**structure.timing.delays, **choice.fitted.by_name}
+    for begin in (lambda: start, lambda: _begun_anew(choice, whole, thresholds)):
+        try:
+            return *fit_to(structure, whole, begin(), choice.duration), ()
+        except ConvergenceError:
+            continue
+    return (
+        choice.fitted,
+        [choice.fitted],
+        (
+            "the fit to all data does not converge, so the values are those of the data before "
+            "the held-out end: check what happened there",
+        ),
+    )
+
+
+def _begun_anew(choice: Choice, whole: Data, thresholds: Thresholds) -> dict[str, float]:
+    """Values to begin with from all data: the held-out end may hold all that the input did."""
+    ladder = lengths(whole, choice.duration)
+    return first_climb([choice.structure], whole, ladder, thresholds)[-1].by_name
 
 
 def _full(choice: Choice, reported: Fitted) -> Fitted:

@@ -7,7 +7,7 @@ fail. So they are tried until one explains the log, or two end alike.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -30,14 +30,18 @@ _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous"
 
 
 def first_climb(
-    structure: Structure, data: Data, ladder: Sequence[Segments], thresholds: Thresholds
+    structures: Sequence[Structure],
+    data: Data,
+    ladder: Sequence[Segments],
+    thresholds: Thresholds,
 ) -> list[Fitted]:
     """Fit over short segments of growing length, from the start that leads to the least residuals.
 
     Parameters
     ----------
-    structure : Structure
-        The full model.
+    structures : sequence of Structure
+        The full model with each hold of the input. Where the samples are far apart, no start leads
+        anywhere with the wrong one; the others are tried if the first fails.
     data : Data
         To what.
     ladder : sequence of Segments
@@ -55,10 +59,13 @@ def first_climb(
     ConvergenceError
         If no start leads anywhere.
     """
+    structure, *others = structures
     ways = starts(structure, data, ladder[0])
+    tries = [_tries(structure, data, ladder, ways)]
+    tries += [_tries(other, data, ladder, ways[:_FIRST_STARTS]) for other in others]
     best: list[Fitted] = []
     confirmed = False
-    for found in _tries(structure, data, ladder, ways):
+    for found in chain(*tries):
         before, best = best, _better(found, best)
         explained = best[-1].excess <= thresholds.sensor_excess
         if explained and len(best) == len(ladder):

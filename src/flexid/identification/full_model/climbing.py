@@ -31,13 +31,8 @@ from flexid.recording.recording import Hold
 
 _SHORT = 0.5  # s of segments up to which any hold will do
 _TURNING = 0.5  # s of segments in which most springs turn round: these show a hysteresis best
-_GRIPS = (
-    4.0,
-    2.0,
-    1.0,
-    0.5,
-    0.25,
-)  # of the grip that suits the motion, to begin with: it shows in one step
+# Of the grip that suits the motion, to begin with.
+_GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _WORDS: dict[Hold, str] = {"zero": "held", "linear": "on straight lines", "cubic": "smooth"}
 _TIED = "the log does not distinguish the holds; of these, the one that needs the least delay"
 
@@ -104,7 +99,7 @@ def climb_full(
     progress("the full model")
     short = [s for s in ladder if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
     short = short or ladder[:1]
-    found = first_climb(_with_hold(base, holds[0]), data, short, thresholds)
+    found = first_climb([_with_hold(base, hold) for hold in holds], data, short, thresholds)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
         found = _climbed_like(best, found, short)
@@ -307,7 +302,8 @@ def best_hold(
         Others that the log cannot tell from it.
     """
     others = [fitted for hold in holds if (fitted := held_otherwise(last, hold)) is not None]
-    found = [last, *others]
+    # One whose steps did not end is no rival of one whose steps did.
+    found = [last, *(other for other in others if other.converged or not last.converged)]
     misfits = _misfits(found)
     order = np.argsort(misfits).tolist()
     ordered, falls = [found[i] for i in order], (misfits - misfits.min())[order].tolist()

@@ -1,0 +1,92 @@
+"""What is done where a fit leads nowhere: another hold, or all data anew; on made-up fits."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import flexid.identification.estimation.final_fits as final
+import flexid.identification.full_model.climbing as climbing
+from flexid.errors import ConvergenceError
+from flexid.estimators.channel_timing import INPUT
+from flexid.identification.full_model.climbing import best_hold
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
+
+
+def held(hold: str, cost: float, *, converged: bool = True) -> Any:
+    """As much of a fit as a choice of the hold needs, without a delay."""
+    return SimpleNamespace(
+        structure=SimpleNamespace(timing=SimpleNamespace(hold=hold)),
+        minimum=SimpleNamespace(equations=SimpleNamespace(cost=cost)),
+        names=(),
+        excess=1.0,
+        converged=converged,
+        delays={INPUT: 0.0},
+    )
+
+
+@pytest.mark.parametrize(
+    ("last_ends", "other_ends", "expected"),
+    [(True, True, "linear"), (True, False, "zero"), (False, False, "linear")],
+)
+def test_a_hold_whose_steps_do_not_end_is_no_rival(monkeypatch, last_ends, other_ends, expected):
+    """Assert that the lesser sum of squares counts only where its steps ended, or none's did."""
+    other = held("linear", 900.0, converged=other_ends)
+    monkeypatch.setattr(
+        climbing, "held_otherwise", lambda _, hold: other if hold == "linear" else None
+    )
+    last = held("zero", 1000.0, converged=last_ends)
+    best, _, _ = best_hold(last, ("zero", "linear"), THRESHOLDS)
+    assert best.structure.timing.hold == expected
+
+
+@pytest.fixture
+def reported(monkeypatch):
+    """Return a function that fits to all data, where the first so many fits fail."""
+
+    def result(failing: int):
+        tried = []
+
+        def fit_to(structure, data, start, duration):
+            tried.append((start, duration))
+            if len(tried) <= failing:
+                raise ConvergenceError("prediction error", "nowhere")
+            return "fitted", ["rungs"]
+
+        def first_climb(structures, data, ladder, thresholds):
+            assert (structures, ladder) == ([structure], "ladder")
+            return [None, SimpleNamespace(by_name={"theta2": 2.0})]
+
+        monkeypatch.setattr(final, "fit_to", fit_to)
+        monkeypatch.setattr(final, "lengths", lambda *_: "ladder")
+        monkeypatch.setattr(final, "first_climb", first_climb)
+        structure = SimpleNamespace(timing=SimpleNamespace(delays={"link_delay": 0.1}))
+        before = SimpleNamespace(by_name={"theta2": 1.0})
+        choice: Any = SimpleNamespace(structure=structure, fitted=before, duration=3.0)
+        whole: Any = "all data"
+        return *final._reported(choice, whole, THRESHOLDS), tried, before
+
+    return result
+
+
+def test_a_fit_to_all_data_begins_where_the_choice_ended(reported):
+    """Assert that nothing else is tried where it converges."""
+    fitted, rungs, retreat, tried, _ = reported(failing=0)
+    assert (fitted, rungs, retreat) == ("fitted", ["rungs"], ())
+    assert tried == [({"link_delay": 0.1, "theta2": 1.0}, 3.0)]
+
+
+def test_a_fit_to_all_data_that_fails_is_begun_anew(reported):
+    """Assert that the data are climbed from their own starts then, since they may show more."""
+    fitted, _, retreat, tried, _ = reported(failing=1)
+    assert (fitted, retreat) == ("fitted", ())
+    assert tried[1] == ({"theta2": 2.0}, 3.0)
+
+
+def test_where_no_fit_to_all_data_ends_the_choice_is_reported(reported):
+    """Assert that its values stand, and a sentence says so."""
+    fitted, rungs, retreat, tried, before = reported(failing=2)
+    assert len(tried) == 2
+    assert fitted is before
+    assert rungs == [before]
+    assert "before the held-out end" in retreat[0]
