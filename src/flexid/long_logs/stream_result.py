@@ -113,7 +113,7 @@ def stream_result(
             *_stream_warnings(left_out, start, shifts, changes),
             *contradicted,
             *joined.against,
-            *sign_warnings(estimates),
+            *sign_warnings(estimates, ()),
             *model_warnings(head.model_error, head.model, widest(estimates, sizes)),
             *validation_warnings(predicted.validation.fit_percent),
             *compliance_warnings(head.compliance),

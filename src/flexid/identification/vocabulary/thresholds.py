@@ -97,8 +97,8 @@ class Thresholds:
         0.007,
         "1",
         "share of its row's acceleration that the worst combination of coefficients makes, below "
-        "which it is lost: without this rule 22 of 52 logs of one sine below it have a determined "
-        "value that is wrong by more than 1 %, and 1 of 27 above it",
+        "which it is lost: without this rule 25 of 49 logs of one sine below it have a determined "
+        "value that is wrong by more than 1 %, and none of 26 above it",
     )
     mirrored_share: float = _threshold(
         0.25,
