@@ -27,6 +27,7 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.flexible_joint import DISSIPATIVE
 
 _TAKEN = 0.5  # share of what exceeds the noise from which on unusual terms explain most of it
+_NO_WORSE = 1.01  # ratio of excesses: with more terms residuals are no larger, but for rough steps
 _ROUNDS = 2  # of taking away and fitting over longer segments
 _CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
 
@@ -153,7 +154,8 @@ def _rivals(
     if not generous.absent >= fitted.structure.absent:
         with_more = fit_like(generous, fitted)
     rivals = [f for f in (with_more, _without_negative_friction(fitted, kept)) if f is not None]
-    if fitted.excess > thresholds.sensor_excess:
+    # Those of other lengths climbed without bounds.
+    if fitted.excess > thresholds.sensor_excess and not fitted.structure.bounds:
         rivals += [other for other in found if other.duration != fitted.duration]
     return tuple(map(as_wide_as_its_gap, rivals))
 
@@ -192,9 +194,12 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
     extended = replace(best.structure, absent=best.structure.absent - shapes)
     # Where they do not follow over long segments, shorter ones may show them.
     shorter = [other for other in climbed.found if other.duration < best.duration]
-    fits = (fit_like(extended, other, ROUGH) for other in (best, *reversed(shorter)))
-    wider = next((fitted for fitted in fits if fitted is not None), None)
-    if wider is None:
+    for narrow in (best, *reversed(shorter)):
+        wider = fit_like(extended, narrow, ROUGH)
+        # One that is worse has ended at a bound.
+        if wider is not None and wider.excess <= _NO_WORSE * narrow.excess:
+            break
+    else:
         return best, climbed
     if best.excess - wider.excess < _TAKEN * (best.excess - 1.0):
         return wider, climbed
