@@ -201,7 +201,7 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
             break
     else:
         return best, climbed
-    if best.excess - wider.excess < _TAKEN * (best.excess - 1.0):
+    if narrow.excess - wider.excess < _TAKEN * (narrow.excess - 1.0):
         return wider, climbed
     wider = as_wide_as_its_gap(wider)
     if best.excess <= thresholds.sensor_excess or len(climbed.holds) == 1:
