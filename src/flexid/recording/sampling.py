@@ -114,7 +114,7 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     steps = np.diff(time)
     typical = float(np.median(steps))
     _check_sample_time(table.file, place, typical)
-    rounded = _of_rounded(table.file, place, time)
+    rounded = _of_rounded(table.file, place, time, steps)
     if rounded is not None:
         return rounded
     is_gap = steps > GAP * typical
@@ -151,18 +151,18 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     return Grid(sample_time, tuple(recordings), True, warnings)
 
 
-def _of_rounded(file: str, place: str, time: FloatArray) -> Grid | None:
+def _of_rounded(file: str, place: str, time: FloatArray, steps: FloatArray) -> Grid | None:
     """The even grid of times that are off it by no more than their last digit; None if they are.
 
     Of 400 samples per second, written in whole milliseconds, two come 3 ms after the one before and
     two 2 ms: they are even all the same, and interpolation would make them uneven.
     """
-    digit = _last_digit(time)
-    steps = np.diff(time)
     sample_time = _fitted_sample_time(time, [slice(0, len(time))])
     off = np.ptp(time - sample_time * np.arange(len(time)))
-    uneven = off > 2.0 * EVEN * sample_time and np.ptp(steps) > 0.5 * digit
-    if not (uneven and off <= _ROUNDED * digit and np.ptp(steps) <= _ROUNDED * digit):
+    if off <= 2.0 * EVEN * sample_time:
+        return None
+    digit = _last_digit(time)
+    if not (0.5 * digit < np.ptp(steps) <= _ROUNDED * digit and off <= _ROUNDED * digit):
         return None
     warning = (
         f"{file}: {place}: the times are rounded to {digit * 1e3:g} ms; they fit even steps of "

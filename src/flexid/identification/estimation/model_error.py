@@ -52,7 +52,7 @@ def model_error(
         Mean square of a fit's residuals, over that of the sensors' noise, that is explained beside
         this noise.
     """
-    floor = min(max(rungs[0].excess, 1.0), thresholds.sensor_excess)
+    floor = thresholds.noise_floor(rungs[0].excess)
     own = _beyond(fitted, floor + explained(fitted), rungs[0])
     growth = _growth(fitted, rungs, floor, explained)
     if own <= 0.0:

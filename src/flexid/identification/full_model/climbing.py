@@ -151,8 +151,7 @@ def climb_remembering(
         for share in _GRIPS
     ]
     promising = [(promised_by_memory(before, structure, way), way) for way in ways]
-    # An encoder's steps are no white noise, and leave a little more even over short segments.
-    floor = min(max(climbed.found[0].excess, 1.0), thresholds.sensor_excess)
+    floor = thresholds.noise_floor(climbed.found[0].excess)
     for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
         if promise < thresholds.memory_promise:
             break

@@ -121,6 +121,13 @@ class Thresholds:
         "contradict",
     )
 
+    def noise_floor(self, shortest: float) -> float:
+        """Excess that is noise, from that over the shortest segments: these show no more.
+
+        An encoder's steps are no white noise, and leave a little more than 1 even there.
+        """
+        return min(max(shortest, 1.0), self.sensor_excess)
+
 
 THRESHOLDS = Thresholds()
 """Those that are used unless others are given."""
