@@ -8,10 +8,9 @@ from made_joint import COEFFICIENTS, log, made
 
 import flexid.identification.estimation.final_fits as final
 import flexid.identification.full_model.fitting as fitting
-import flexid.identification.identify as identifying
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.integration_error import MOST, refinement
-from flexid.identification.estimation.final_fits import FinalFits, final_fits
+from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model import climbing
 from flexid.identification.full_model.fitting import (
     climb,
@@ -115,21 +114,17 @@ def test_steps_are_asked_for_once(
     assert (own is last) == (times == taken)
 
 
-def test_rivals_of_the_report_take_its_steps(monkeypatch: pytest.MonkeyPatch):
+def test_rivals_of_the_report_take_its_steps(
+    monkeypatch: pytest.MonkeyPatch, fits_seen: list[FinalFits]
+):
     """Assert that the model with all terms is fitted as the report is, whatever was chosen in."""
-    found: list[FinalFits] = []
-
-    def watched(*given):
-        found.append(final_fits(*given))
-        return found[-1]
-
     monkeypatch.setattr(climbing, "with_steps_refined", tuple)  # chosen in the usual steps
-    monkeypatch.setattr(identifying, "final_fits", watched)
     given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
     identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
-    assert found[0].choice.fitted.data.refinement == 1
-    assert found[0].reported.data.refinement > 1
-    assert found[0].full.problem.substeps == found[0].reported.problem.substeps
+    (found,) = fits_seen
+    assert found.choice.fitted.data.refinement == 1
+    assert found.reported.data.refinement > 1
+    assert found.full.problem.substeps == found.reported.problem.substeps
 
 
 def test_report_takes_the_same_steps(monkeypatch: pytest.MonkeyPatch):

@@ -11,6 +11,7 @@ from scipy.integrate import quad
 import flexid.identification.structure.gap as gap
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
+from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.full_model.fitting import fit_to, in_own_steps
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
@@ -81,7 +82,7 @@ def test_a_width_that_fits_worse_is_not_taken():
     assert as_wide_as_its_gap(bent) is bent
 
 
-def test_two_logs_of_one_gap(monkeypatch: pytest.MonkeyPatch):
+def test_two_logs_of_one_gap(fits_seen: list[FinalFits]):
     """Assert that two logs give one gap, and that how the torque runs is asked again with it.
 
     Without the gap no hold explains them, and a torque on straight lines fits best by chance.
@@ -90,6 +91,9 @@ def test_two_logs_of_one_gap(monkeypatch: pytest.MonkeyPatch):
         log(made(seed, duration, half_gap=HALF_GAP)) for seed, duration in ((1, 10.0), (2, 8.0))
     ]
     found = identify(logs)
+    (fits,) = fits_seen
+    assert fits.choice.full.joint is fits.choice.structure.joint
+    assert found.choices.alignment.hold_reason.startswith("smooth, the residuals")
     assert found.choices.terms == (*PAPER_TERMS, "backlash")
     assert found.choices.hold == "cubic"
     assert found.parameters["half_backlash"].value == pytest.approx(HALF_GAP, rel=3e-3)

@@ -7,8 +7,7 @@ import pytest
 from made_joint import COEFFICIENTS, SAMPLE_TIME, TRUTH, log, made
 from scipy.integrate import solve_ivp
 
-import flexid.identification.identify as identifying
-from flexid.identification.estimation.final_fits import FinalFits, final_fits
+from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.intervals import interval
@@ -96,17 +95,10 @@ def test_nothing_is_found_that_is_not_there(automatic):
     assert automatic.choices.alignment.link_delay.status == "none"
 
 
-def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(monkeypatch: pytest.MonkeyPatch):
+def test_a_delay_that_is_none_is_as_doubtful_as_the_rest(fits_seen: list[FinalFits]):
     """Assert that how large it could be has the model's error in it, as frictions left out have."""
-    found: list[FinalFits] = []
-
-    def watched(*given):
-        found.append(final_fits(*given))
-        return found[0]
-
-    monkeypatch.setattr(identifying, "final_fits", watched)
     result = identify([log(made(1, ripple_torque=0.5, ripple_number=10.0))], Settings(terms=TERMS))
-    (fits,) = found
+    (fits,) = fits_seen
     assert fits.error.share > 0.5
     delay = result.choices.alignment.link_delay
     assert delay.status == "none"

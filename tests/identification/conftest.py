@@ -1,0 +1,19 @@
+"""What an identification fits on its way, for tests to look at."""
+
+import pytest
+
+import flexid.identification.identify as identifying
+from flexid.identification.estimation.final_fits import FinalFits, final_fits
+
+
+@pytest.fixture
+def fits_seen(monkeypatch: pytest.MonkeyPatch) -> list[FinalFits]:
+    """Return the final fits of every identification that follows, in their order."""
+    found: list[FinalFits] = []
+
+    def watched(*given):
+        found.append(final_fits(*given))
+        return found[-1]
+
+    monkeypatch.setattr(identifying, "final_fits", watched)
+    return found
