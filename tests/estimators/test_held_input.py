@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicSpline
 
 from flexid.estimators.held_input import held_input
 from flexid.recording.recording import Hold
@@ -19,15 +19,14 @@ Function = Callable[[np.ndarray], np.ndarray]
 
 def reconstruction(hold: Hold, samples: np.ndarray, h: float) -> Function:
     """The input between and beyond its samples, by other means than a kernel."""
-    n, spare = len(samples), 12
+    n, spare = len(samples), 30
     padded = np.pad(samples, spare, mode="edge")
     time = h * np.arange(-spare, n + spare)
     if hold == "zero":
         return lambda t: samples[np.clip(np.floor(t / h + 1e-12).astype(int), 0, n - 1)]
     if hold == "linear":
         return lambda t: np.interp(t, time, padded)
-    slopes = np.gradient(padded, h)  # central differences: Keys' cubic has these slopes
-    return CubicHermiteSpline(time, padded, slopes)
+    return CubicSpline(time, padded, bc_type="clamped")
 
 
 def mean_and_moment(function: Function, first: float, h: float, late: float) -> tuple:
@@ -52,7 +51,7 @@ def test_lines_have_the_mean_and_the_moment_of_the_input(hold, delay):
     expected = [mean_and_moment(function, H * k, H, delay) for k in range(N)]
     start, change = found[:, 0], found[:, 1]
     lines = np.column_stack((start + change / 2.0, start / 2.0 + change / 3.0))
-    assert lines == pytest.approx(np.array(expected), abs=1e-7)
+    assert lines == pytest.approx(np.array(expected), abs=1e-5)
 
 
 @pytest.mark.parametrize("delay", [0.0013, 0.0039, -0.0007, -0.0092, 0.0173])
@@ -98,12 +97,12 @@ def test_inputs_do_not_mix():
 
 
 def test_order_of_the_smooth_input():
-    """Assert that the mean of a sine falls short by the third to fourth power of the sample time.
+    """Assert that the mean of a sine falls short by the fourth power of the sample time.
 
-    Keys' cubic is of third order; a mean over an interval gains up to one. Lines are of second.
+    A cubic spline is of fourth order, lines are of second.
     """
-    assert 2.8 < error_order("cubic") < 4.2
-    assert 1.8 < error_order("linear") < 2.2
+    assert 3.9 < error_order("cubic") < 4.1
+    assert 1.9 < error_order("linear") < 2.1
 
 
 def error_order(hold: Hold) -> float:
@@ -113,13 +112,18 @@ def error_order(hold: Hold) -> float:
         t = h * np.arange(round(4.0 / h))
         exact = (np.cos(t - 0.3 * h) - np.cos(t + 0.7 * h)) / h
         lines = held_input(np.sin(t)[:, None], h, hold, 0.3 * h)[:, 0]
-        errors.append(np.abs((lines[:, 0] + 0.5 * lines[:, 1] - exact)[5:-5]).max())
+        errors.append(np.abs((lines[:, 0] + 0.5 * lines[:, 1] - exact)[20:-20]).max())
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
 @pytest.mark.parametrize("delay", [1e300, -1e300, np.inf, 1e9])
 def test_any_delay_is_one(delay: float):
-    """Assert that a delay beyond all samples leaves the first or the last one."""
+    """Assert that a delay beyond all samples leaves the first or the last one.
+
+    A spline through a corner fades by a factor of four from sample to sample.
+    """
     line = held_input(SAMPLES[:, None], H, "cubic", delay)
-    np.testing.assert_allclose(line[:, 0, 0], SAMPLES[-1] if delay < 0.0 else SAMPLES[0])
-    np.testing.assert_allclose(line[:, 0, 1:], 0.0, atol=1e-9)
+    last = SAMPLES[-1] if delay < 0.0 else SAMPLES[0]
+    np.testing.assert_allclose(line[:, 0, 0], last, rtol=1e-3)
+    np.testing.assert_allclose(line[:, 0, 1], 0.0, atol=1e-3)
+    np.testing.assert_allclose(line[:, 0, 2:], 0.0, atol=1e-3 / H)

@@ -9,6 +9,7 @@ delay, which can therefore be sought like any coefficient.
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import spline_filter1d
 
 from flexid.arrays import FloatArray
 from flexid.recording.recording import Hold
@@ -29,8 +30,7 @@ def held_input(inputs: FloatArray, sample_time: float, hold: Hold, delay: float)
     sample_time : float
         Time h between samples in s.
     hold : {"zero", "linear", "cubic"}
-        Constant until the next sample; on straight lines; or on cubics with continuous slope
-        (Keys, IEEE Trans. Acoustics, Speech, and Signal Processing 29, 1981).
+        Constant until the next sample; on straight lines; or on the cubic spline.
     delay : float
         By how many seconds the input acts later than it was recorded; of either sign.
 
@@ -53,7 +53,10 @@ def held_input(inputs: FloatArray, sample_time: float, hold: Hold, delay: float)
     # The samples about an interval stand in turn, and the largest offset is that of the earliest.
     earliest = int(_OFFSETS[-1]) + whole
     room = abs(earliest) + len(_OFFSETS)
-    padded = np.pad(inputs, ((room, room), (0, 0)), mode="edge")[room - earliest :]
+    padded = np.pad(inputs, ((room, room), (0, 0)), mode="edge")
+    if hold == "cubic":
+        padded = spline_filter1d(padded, order=3, axis=0)
+    padded = padded[room - earliest :]
     around = sliding_window_view(padded, len(_OFFSETS), axis=0)[: len(inputs)]
     lines = around.reshape(-1, len(_OFFSETS)) @ taps[::-1]
     return lines.reshape(*inputs.shape, 4)
@@ -77,12 +80,12 @@ def _moments(hold: Hold, fraction: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _kernel(hold: Hold, at: FloatArray) -> FloatArray:
-    """What a sample contributes at a distance in samples."""
+    """What a sample, or a weight of the spline, contributes at a distance in samples."""
     if hold == "zero":
         return ((at >= 0.0) & (at < 1.0)).astype(np.float64)
     far = np.abs(at)
     if hold == "linear":
         return np.maximum(1.0 - far, 0.0)
-    near = (1.5 * far - 2.5) * far**2 + 1.0
-    outer = ((-0.5 * far + 2.5) * far - 4.0) * far + 2.0
+    near = (0.5 * far - 1.0) * far**2 + 2.0 / 3.0
+    outer = (2.0 - far) ** 3 / 6.0
     return np.where(far <= 1.0, near, np.where(far < 2.0, outer, 0.0))
