@@ -267,3 +267,20 @@ def test_memory_is_passive(moved):
         x = stop
         assert work >= h * h / (2.0 * grip) - 1e-6
     assert work > 10.0  # and that it loses
+
+
+def test_corners_are_those_of_positions(plain):
+    """Assert that magnitudes of positions are corners while their terms are on; of speeds, not."""
+    system = ParametricSystem(
+        "play",
+        (Row("mass", "q", "v", {"play": "abs(q - w) - abs(q + w)", "drag": "-v*abs(v)"}),),
+        constants={"w": 0.5},
+    )
+    functions = plain(sensitivity_functions(system, "test"))
+    assert functions["N_CORNERS"] == 2
+    found = np.zeros(2)
+    functions["corners"](np.array([0.2, 3.0]), np.array([1.0, 1.0]), np.array([0.5]), found)
+    assert sorted(found) == pytest.approx([-0.3, 0.7])
+    functions["corners"](np.array([0.2, 3.0]), np.array([0.0, 1.0]), np.array([0.5]), found)
+    assert found == pytest.approx(1.0)
+    assert plain(sensitivity_functions(COSTLY, "test"))["N_CORNERS"] == 0

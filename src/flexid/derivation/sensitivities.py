@@ -18,6 +18,10 @@ smooth while the joint slides to one side.
 
 What is costly, as tanh or exp, and stands in terms that are off, is not computed.
 
+Where the magnitude of what depends on positions alone stands in the equations, as in play, their
+right-hand side has a *corner*: it is continuous, its slope is not. The kernel ends a step there,
+since within one that has a corner in it no formula is of its order.
+
 A memory follows the direction of its path. While the path q does not turn it is a function of it,
 
     h = d + (h0 - d) exp(-s |q - q0|),    d the direction,
@@ -62,7 +66,8 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
 
         ``state_rates(x, u, m, p, c, dx)`` fills dx = x'; m[j] is the mode of row j. ``remember(x,
         start, p)`` sets the memories of x from its positions and from all that was at the start
-        of a step.
+        of a step. ``corners(x, p, c, k)`` fills k with what is zero at each of the ``N_CORNERS``
+        corners, and with 1 where its term is off.
 
         ``slopes(x, u, du, m, p, c, at, delay, a, r)`` fills a = ∂f/∂x and r = ∂f/∂p of the rows
         and memories. at[i] is the column of coefficient i, or 0 if it has none: nothing is read
@@ -79,6 +84,7 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
         _sizes(symbolic),
         _dry(symbolic),
         _rates(symbolic),
+        _corners(symbolic),
         _remember(symbolic),
         _slopes(symbolic),
         _memory_slopes(symbolic),
@@ -141,6 +147,28 @@ def _rates(symbolic: SymbolicSystem) -> str:
         assignments(targets, rates),
         decorator="inlined",
     )
+
+
+def _corners(symbolic: SymbolicSystem) -> str:
+    positions = {row.coordinate for row in symbolic.rows} | {*symbolic.constants}
+    found = {call for e in symbolic.right_hand_side for call in e.atoms(sp.Abs)}
+    own = [call for call in found if call.args[0].free_symbols <= positions]
+    lines = []
+    for i, call in enumerate(sorted(own, key=sp.default_sort_key)):
+        users = _users(symbolic, call)
+        value = print_scalar(cast(sp.Expr, call.args[0]))
+        if users is not None:
+            value += f" if {' or '.join(f'_p[{place}] != 0.0' for place in users)} else 1.0"
+        lines.append(f"    _k[{i}] = {value}")
+    text = function(
+        "corners(_x, _p, _c, _k)",
+        "_k = what is zero at each corner of x' in the positions of _x.",
+        unpack("_x", symbolic.states),
+        unpack("_c", symbolic.constants),
+        "\n".join(lines) or "    pass",
+        decorator="inlined",
+    )
+    return f"N_CORNERS = {len(own)}\n\n\n{text}"
 
 
 def _where_needed(

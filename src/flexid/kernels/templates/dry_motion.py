@@ -19,11 +19,13 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import (
+        N_CORNERS,
         N_INPUTS,
         N_MEMORIES,
         N_ROWS,
         N_STATES,
         WIDTH,
+        corners,
         inlined,
         memory_slopes,
         remember,
@@ -36,13 +38,16 @@ if TYPE_CHECKING:
 
 MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
 MOST_TRIALS = 8  # of the secant that locates a change
+CORNER_TRIALS = 3  # of that which locates a corner
+AT_CORNER = 1e-3  # of an interval, within which a corner is stepped over
 STOPPING_SAMPLES = 3.0  # within which a row stops that counts as stuck from the start
 NEAR = 1e-9  # of an interval, to which a change is located
 
 # What moves the model over one interval, beside its state: each input's start and change with their
 # derivatives by the delay; the mode of each row, and whether it can stick; coefficients, constants;
-# the column of each coefficient and of the delay; and room for the inputs and their derivatives.
-Motion = namedtuple("Motion", "drive modes dry p c at delay u du")
+# the column of each coefficient and of the delay; and room for the inputs, their derivatives, and
+# what is zero at each corner, at the start and at the end of a step.
+Motion = namedtuple("Motion", "drive modes dry p c at delay u du bends")
 
 # The derivatives of the state, columns 1 to n - 1 of z; and what they follow from at each stage of
 # a step: those of the rates by the state and by the rest, and those of what a memory keeps.
@@ -293,16 +298,56 @@ def span_to_change(x, row, place, span, h, motion, alone):
 
 
 @inlined
+def span_to_corner(x, place, span, h, motion, work):
+    """Span up to the first corner of the rates, or all of it; the work holds the end of that.
+
+    It ends just before the corner, and the next span just behind: each of the others then has the
+    slopes of one side in all its stages.
+    """
+    end, before, after = work[0], motion.bends[0], motion.bends[1]
+    corners(x, motion.p, motion.c, before)
+    corners(end, motion.p, motion.c, after)
+    first, high = -1, span
+    for i in range(N_CORNERS):
+        if before[i] * after[i] < 0.0:
+            when = span * before[i] / (before[i] - after[i])
+            if when < high:
+                first, high = i, when
+    if first < 0:
+        return span
+    if high <= AT_CORNER:
+        runge_kutta(x, place, min(span, 2.0 * AT_CORNER), h, motion, work)
+        return min(span, 2.0 * AT_CORNER)
+    low, high, found = 0.0, span, high
+    at_low, at_high = before[first], after[first]
+    for _ in range(CORNER_TRIALS):
+        found = low + (high - low) * at_low / (at_low - at_high)
+        runge_kutta(x, place, found, h, motion, work)
+        corners(end, motion.p, motion.c, after)
+        if after[first] * at_low > 0.0:
+            low, at_low = found, after[first]
+        else:
+            high, at_high = found, after[first]
+    just_before = max(found - 0.5 * AT_CORNER, 0.5 * AT_CORNER)
+    runge_kutta(x, place, just_before, h, motion, work)
+    return just_before
+
+
+@inlined
 def cross_interval(x, derivatives, h, substeps, motion, work, alone):
     """Bring x and its derivatives over one sampling interval, in place."""
     end = work[0]
-    place, events = 0.0, 0
+    place, events, turns = 0.0, 0, 0
     any_dry = False
     for row in range(N_ROWS):
         any_dry = any_dry or motion.dry[row]
     while place < 1.0 - NEAR:
         span = min(1.0 / substeps, 1.0 - place)
         runge_kutta(x, place, span, h, motion, work)
+        if N_CORNERS and turns < MOST_EVENTS:
+            whole = span
+            span = span_to_corner(x, place, span, h, motion, work)
+            turns += span < whole
         row, reach = -1, span
         if any_dry and events < MOST_EVENTS:
             row, reach = leaving_row(x, place, span, h, motion, work, alone)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     )
     from flexid.kernels.templates.generated import (
         N_COEFFICIENTS,
+        N_CORNERS,
         N_INPUTS,
         N_ROWS,
         N_STATES,
@@ -77,7 +78,8 @@ def predict(belief, inputs, settings, work):
     for j in range(N_ROWS):
         modes[j] = np.sign(belief[2 * j + 1])
     p, c = belief[N_STATES:SIZE], settings[CONSTANTS:]
-    motion = Motion(drive, modes, dry, p, c, at, 0, np.empty(N_INPUTS), np.empty(N_INPUTS))
+    u, du, bends = np.empty(N_INPUTS), np.empty(N_INPUTS), np.empty((2, N_CORNERS))
+    motion = Motion(drive, modes, dry, p, c, at, 0, u, du, bends)
     cross_interval(x, derivatives, h, 1, motion, step, step)
     for i in range(N_STATES):
         for k in range(SIZE):

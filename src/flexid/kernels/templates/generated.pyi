@@ -16,6 +16,7 @@ HELD: tuple[bool, ...]
 LANES: int
 N_BLOCKS: int
 N_COEFFICIENTS: int
+N_CORNERS: int
 N_INPUTS: int
 N_MEMORIES: int
 N_OBSERVED: int
@@ -42,6 +43,7 @@ def velocity_factors(_c: _Array, _a: _Array) -> None: ...
 def state_rates(
     _x: _Array, _u: _Array, _m: _Array, _p: _Array, _c: _Array, _dx: _Array
 ) -> None: ...
+def corners(_x: _Array, _p: _Array, _c: _Array, _k: _Array) -> None: ...
 def remember(_x: _Array, _start: _Array, _p: _Array) -> None: ...
 def slopes(
     _x: _Array,

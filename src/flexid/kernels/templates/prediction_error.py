@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from flexid.kernels.templates.generated import (
         N_COEFFICIENTS,
+        N_CORNERS,
         N_INPUTS,
         N_ROWS,
         N_STATES,
@@ -96,7 +97,9 @@ def mirror(normal):
 # Room for one segment: state, its rates, a residual's derivatives, and the steps of the integrator;
 # the columns of what is sought; and what no segment changes: the noise of each row's position, and
 # which outputs are late.
-Room = namedtuple("Room", "x rate row derivatives step alone modes at delay u du noise is_late")
+Room = namedtuple(
+    "Room", "x rate row derivatives step alone modes at delay u du bends noise is_late"
+)
 
 
 @uncounted
@@ -105,23 +108,23 @@ def run_segment(s, segments, sensors, model, substeps, room, results):
     starts, lengths, first_blocks, sample_times, initial_states = segments
     outputs, measured, reference, late, late_columns, weights = sensors
     drives, p, c, dry = model
-    x, rate, row, derivatives, step, alone, modes, at, delay, u, du, noise, is_late = room
+    x, rate, row, derivatives, step, alone, modes, at, delay, u, du, bends, noise, is_late = room
     normal, gradient, residuals, _ = results
     any_late = is_late.any()
     cost, h = 0.0, sample_times[s]
     for i in range(N_STATES):
         x[i] = initial_states[s, i]
     start_derivatives(derivatives)
-    motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du)
+    motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du, bends)
     first_modes(x, derivatives, h, noise, motion, alone)
     blocks = first_blocks[s + 1] - first_blocks[s]
     for k in range(starts[s], starts[s] + lengths[s]):
         b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
         if k > starts[s]:
-            motion = Motion(drives[k - 1], modes, dry, p[s], c, at, delay, u, du)
+            motion = Motion(drives[k - 1], modes, dry, p[s], c, at, delay, u, du, bends)
             cross_interval(x, derivatives, h, substeps, motion, step, alone)
         if any_late:
-            motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du)
+            motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du, bends)
             rates_at(x, 0.0, motion, rate)
             if derivatives.n > 1:
                 slopes_at(x, 0.0, 0, motion, derivatives)
@@ -188,6 +191,7 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
         carried if delay_sought else 0,
         np.empty(N_INPUTS),
         np.empty(N_INPUTS),
+        np.empty((2, N_CORNERS)),
         position_noise(measured, weights),
         (late != 0.0) | (late_columns >= 0),
     )
