@@ -15,7 +15,6 @@ from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.identification.vocabulary.intervals import interval, logarithmic_interval
-from flexid.models.flexible_joint import WIDTH_OF_GAP
 from made_estimates import NOTHING, TRUE, drawn, estimate_of, wishart, with_parameter
 
 
@@ -509,7 +508,7 @@ def with_gap(estimate, gap, width):
 def test_the_width_of_a_gap_is_its_own():
     """Assert that gaps of other sizes are compared, unless a width was chosen for the motion."""
     rng = np.random.default_rng(9)
-    own = WIDTH_OF_GAP * 2e-4
+    own = 2e-4
     a = with_gap(drawn(rng), 2e-4, own)
     worn = with_gap(drawn(rng), 6e-4, 3.0 * own)
     assert compare_estimates(a, worn).parameters["half_backlash"].outcome == "changed"
@@ -522,7 +521,7 @@ def test_the_width_of_a_gap_is_its_own():
 def test_only_a_gap_has_a_width_of_its_own():
     """Assert that Stribeck friction is not compared because a gap happens to be as wide."""
     rng = np.random.default_rng(9)
-    gap = 0.15 / WIDTH_OF_GAP
+    gap = 0.15
     a, b = (with_width(with_gap(drawn(rng), gap, 0.1), width) for width in (0.1, 0.21))
     found = compare_estimates(a, b)
     assert found.parameters["motor_stribeck_friction"].outcome == "not compared"

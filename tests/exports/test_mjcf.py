@@ -124,7 +124,7 @@ def test_play_is_a_dead_zone():
     beyond = _accelerations(scene, np.array([0.0, 0.0, 3.0 * half_gap, 0.0]), 0.0)
     np.testing.assert_allclose(inside, 0.0, atol=1e-9)
     np.testing.assert_allclose(beyond, [0.4, -0.4 / 0.3], rtol=1e-6)
-    assert "0.0001 rad" in scene.notes[0]
+    assert not scene.notes
 
 
 def test_friction_within_the_spring():

@@ -54,15 +54,17 @@ def misses(found: Fitted, estimate: Estimate) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_right_model_is_not_widened(seed):
-    """Assert that white noise of the sensors is no model error, and intervals stay as they are.
+    """Assert that white noise of the sensors is no model error, and is all there is in intervals.
 
-    But none is narrower than this noise makes it.
+    What its blocks show by themselves differs from that more, and more from value to value.
     """
     found, error = fitted(seed)
     assert error.share == 0.0
-    deviations = widened(found, error).deviations
-    least = np.maximum(found.fit.standard_deviations, found.unit_deviations)
-    assert deviations == pytest.approx(least, rel=1e-9)
+    unit = found.unit_deviations
+    alone = found.fit.standard_deviations / unit
+    drawn = widened(found, error).deviations / unit
+    assert drawn == pytest.approx(1.0, rel=0.2)
+    assert np.ptp(drawn) < 0.7 * np.ptp(alone)
 
 
 def test_a_step_that_was_not_taken_widens():
@@ -205,7 +207,7 @@ def test_a_stand_in_is_as_doubtful_as_it_bends_the_others(stand_in):
     """Assert that coefficients are uncertain by what they move when the stand-in is left out."""
     found, error = stand_in
     assert error.share == 1.0
-    added = stand_in_covariance(found, error)
+    added = stand_in_covariance(found, error, THRESHOLDS)
     bare, _ = fit_to(PAPER, found.data, found.by_name, found.duration)
     place = found.names.index("theta2")
     moved = bare.by_name["theta2"] - found.by_name["theta2"]
@@ -217,16 +219,18 @@ def test_a_stand_in_is_as_doubtful_as_it_bends_the_others(stand_in):
 def test_only_stand_ins_that_fail_are_doubted(stand_in):
     """Assert that nothing is added without a model error, by half its share a quarter."""
     found, error = stand_in
-    assert not stand_in_covariance(found, replace(error, share=0.0)).any()
-    whole = stand_in_covariance(found, error)
-    assert stand_in_covariance(found, replace(error, share=0.5)) == pytest.approx(0.25 * whole)
+    assert not stand_in_covariance(found, replace(error, share=0.0), THRESHOLDS).any()
+    whole = stand_in_covariance(found, error, THRESHOLDS)
+    assert stand_in_covariance(found, replace(error, share=0.5), THRESHOLDS) == pytest.approx(
+        0.25 * whole
+    )
 
 
 def test_usual_terms_are_no_stand_ins():
     """Assert that a model without curved or broken springs is not doubted for them."""
     found, error = fitted(3, half_gap=1e-3)
     assert error.share > 0.0
-    assert not stand_in_covariance(found, error).any()
+    assert not stand_in_covariance(found, error, THRESHOLDS).any()
 
 
 @pytest.fixture(scope="module")

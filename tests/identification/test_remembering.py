@@ -43,7 +43,7 @@ def tried(monkeypatch):
         )
         monkeypatch.setattr(climbing, "_remembering", remembering)
         monkeypatch.setattr(climbing, "onward", lambda *_: [])
-        monkeypatch.setattr(climbing, "_with_best_hold", lambda found, *_: found)
+        monkeypatch.setattr(climbing, "with_best_hold", lambda found, *_: found)
         segments = range(4)
         fitted: Any = SimpleNamespace(
             excess=9.0,
@@ -162,7 +162,7 @@ def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch,
     monkeypatch.setattr(climbing, "promised_by_memory", lambda *_: 0.9)
     monkeypatch.setattr(climbing, "_remembering", remembering)
     monkeypatch.setattr(climbing, "onward", lambda *_: [])
-    monkeypatch.setattr(climbing, "_with_best_hold", lambda found, *_: found)
+    monkeypatch.setattr(climbing, "with_best_hold", lambda found, *_: found)
     wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
     climbed = Climb((over(16, wide, short),), cast(Any, (range(16),)), True, ("cubic",), "")
     leaner = [over(16, WITHOUT, 1.05), over(4, WITHOUT, 5.0), over(2, WITHOUT, 9.0)]

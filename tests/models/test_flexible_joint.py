@@ -5,7 +5,13 @@ import pytest
 
 from flexid.analysis.histories import regressors_along
 from flexid.errors import SettingError
-from flexid.models.flexible_joint import SHAPE_TERMS, TERMS, TIES, flexible_joint
+from flexid.models.flexible_joint import (
+    BACKLASH_WIDTH,
+    SHAPE_TERMS,
+    TERMS,
+    TIES,
+    flexible_joint,
+)
 from flexid.models.terms import with_dry_friction
 
 
@@ -104,6 +110,20 @@ def test_shape_terms_of_the_spring_are_tied(term: str):
         here = regressors["link"][0, model.rows[0].coefficients.index(name)]
         there = regressors["motor"][0, model.rows[1].coefficients.index(source)]
         assert here == pytest.approx(-there), regressor
+
+
+def test_a_spring_with_play_is_a_dead_zone():
+    """Assert that the term takes off a spring just what a gap does, where its width is the gap."""
+    joint = flexible_joint(("backlash",)).with_constants({BACKLASH_WIDTH: 1e-3})
+    deflections = np.linspace(-3e-3, 3e-3, 61)
+    states = np.zeros((61, 4))
+    states[:, 0] = deflections
+    stiffness, half_gap = 250.0, 1e-3
+    values = {"theta2": stiffness, "theta_backlash": stiffness * half_gap}
+    link = regressors_along(joint, states, np.zeros((61, 1)))["link"]
+    found = link @ [values[name] for name in joint.rows[0].coefficients]
+    beyond = deflections - np.clip(deflections, -half_gap, half_gap)
+    assert found == pytest.approx(-stiffness * beyond, abs=1e-12)
 
 
 def test_an_eccentric_gear_conserves_energy():

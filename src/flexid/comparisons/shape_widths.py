@@ -10,7 +10,7 @@ from functools import cache
 
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.models.flexible_joint import BACKLASH_WIDTH, SHAPE_TERMS, SHAPES, WIDTH_OF_GAP
+from flexid.models.flexible_joint import BACKLASH_WIDTH, SHAPE_TERMS, SHAPES
 
 ALIKE = 2.0
 """Ratio of two widths beyond which what rests on them is not compared."""
@@ -60,7 +60,7 @@ def _own_width(shape: str, estimate: Identification) -> bool:
     gap = estimate.parameters.get("half_backlash")
     if shape != BACKLASH_WIDTH or gap is None:
         return False
-    return not _apart(WIDTH_OF_GAP * gap.value, estimate.choices.shapes[shape])
+    return not _apart(gap.value, estimate.choices.shapes[shape])
 
 
 def reason_of(unlike: Mapping[str, str], *values: ValueEstimate | None) -> str:

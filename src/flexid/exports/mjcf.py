@@ -17,7 +17,6 @@ from flexid.exports.mjcf_elements import Side, Spring, scene
 from flexid.exports.targets import ExportRequest
 from flexid.identification.full_model.model import LINK as LINK_DELAY
 from flexid.models.flexible_joint import (
-    BACKLASH_WIDTH,
     SHAPE_TERMS,
     TERMS,
     TIES,
@@ -253,12 +252,6 @@ def _shapes(joint: Described, values: Mapping[str, float]) -> list[str]:
         notes.append(
             f"the friction within the spring sticks here, where that of the estimate turns round "
             f"over {reach:.4g} rad"
-        )
-    if "alpha_backlash" in values:
-        width = joint.shapes.get(BACKLASH_WIDTH, 0.0)
-        notes.append(
-            f"the play of the spring has sharp ends here, where the estimate rounds them over "
-            f"{width:.4g} rad"
         )
     return notes
 

@@ -10,7 +10,6 @@ gear, u is the motor torque (or the voltage or current that causes it).
 """
 
 from collections.abc import Collection, Mapping
-from math import log
 
 from flexid.models.parametric_system import Memory, ParametricSystem
 from flexid.models.terms import (
@@ -57,6 +56,10 @@ TERMS: dict[str, Term] = {
 STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
 
+# Twice the deflection over the width, cut off at 2: a spring less its stiffness times half the gap
+# times half of this is a dead zone, if the width is half the gap.
+_BEYOND = f"abs((x1 - x3)/{BACKLASH_WIDTH} + 1) - abs((x1 - x3)/{BACKLASH_WIDTH} - 1)"
+
 SHAPE_TERMS: dict[str, Term] = {
     "motor_stribeck": Term(
         "friction of the motor that falls off its static value",
@@ -94,8 +97,8 @@ SHAPE_TERMS: dict[str, Term] = {
     ),
     "backlash": Term(
         "play of the joint about its rest",
-        {"theta_backlash": f"tanh((x1 - x3)/{BACKLASH_WIDTH})"},
-        {"alpha_backlash": f"-tanh((x1 - x3)/{BACKLASH_WIDTH})"},
+        {"theta_backlash": f"({_BEYOND})/2"},
+        {"alpha_backlash": f"-({_BEYOND})/2"},
     ),
     "lopsided_spring": Term(
         "joint spring that is stiffer to one side",
@@ -107,13 +110,6 @@ SHAPE_TERMS: dict[str, Term] = {
 
 SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH)
 """Constants of these terms: how wide their shapes are, in rad/s and rad."""
-
-WIDTH_OF_GAP = 0.5 / log(2.0)
-"""Width of the shape of play over half the gap, where both lack the same of a sharp step.
-
-The torque that a gap of half-width g takes from a spring is k g sat(δ/g), in whose place the term
-has a tanh(δ/w): ∫ (1 - sat(δ/g)) dδ = g/2 and ∫ (1 - tanh(δ/w)) dδ = w log 2, both over δ > 0.
-"""
 
 CONSTANT_UNITS = {SMOOTHING: "rad/s", STRIBECK_VELOCITY: "rad/s", BACKLASH_WIDTH: "rad"}
 """Unit of each constant that a term may bring."""

@@ -25,6 +25,7 @@ from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.elimination import Choice
+from flexid.identification.structure.gap import with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import LinkRow, ModelError
@@ -176,10 +177,10 @@ def with_doubts(
         When the link's row is taken.
     """
     reported, error = fits.reported, fits.error
-    estimate = widened_by(reported, error)
+    estimate = with_free_width(widened_by(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.climbed.tied))
-    estimate = estimate.widened(stand_in_covariance(reported, error))
+    estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))
     estimate = estimate.widened(driving_covariance(reported, fits.driving))
     estimate, row = with_link_row(
         estimate,

@@ -29,6 +29,7 @@ from flexid.identification.full_model.fitting import expanded, refit
 from flexid.identification.full_model.model import FINE, LINK, Fitted, Structure, data_of
 from flexid.identification.preparation.joint import link
 from flexid.identification.preparation.recordings import SplitRecordings
+from flexid.identification.structure.gap import with_free_width
 from flexid.identification.structure.job import MEASURED_HOLD
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import LinkRow, ModelError
@@ -87,11 +88,12 @@ def with_link_row(
         return estimate, None
     if fitted.at_bound:
         return estimate, None
-    alone = widened_by(fitted, error_of(fitted, [shortest, fitted], thresholds))
+    own = error_of(fitted, [shortest, fitted], thresholds)
+    alone = with_free_width(widened_by(fitted, own), fitted)
     usual = expanded(_alone(full.structure, reported), fitted)
     alone = alone.widened(hidden_covariance(fitted, usual, scales))
     # A stand-in in the spring is in this row as well, and so is what it may stand for.
-    alone = alone.widened(stand_in_covariance(fitted, error))
+    alone = alone.widened(stand_in_covariance(fitted, error, thresholds))
     alone = alone.widened(driving_covariance(fitted, driving_frictions(fitted, thresholds)))
     found = taken(estimate, alone, thresholds)
     row = LinkRow(

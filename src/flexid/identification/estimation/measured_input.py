@@ -80,5 +80,6 @@ def error_of(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds) ->
 def widened_by(fitted: Fitted, error: ModelError) -> Estimate:
     """The estimate with the model's error; of the link alone, with the noise of its input too."""
     if fitted.structure.joint.kind == "link":
-        return widened(fitted, error, input_noise(fitted).deviations)
+        noise = input_noise(fitted).deviations
+        return widened(fitted, error, np.hypot(fitted.unit_deviations, noise))
     return widened(fitted, error)

@@ -16,8 +16,10 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.estimators.shrunken_covariance import shrunken
 from flexid.identification.full_model.fitting import fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted
+from flexid.identification.structure.gap import PLAY, is_dead_zone
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -63,10 +65,9 @@ def model_error(
     return ModelError(own / fitted.problem.degrees_of_freedom, growth, share)
 
 
-def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.0) -> Estimate:
+def widened(fitted: Fitted, error: ModelError, least: FloatArray | float = 0.0) -> Estimate:
     """The estimate of a fit with the model's error in its covariance.
 
-    No variance is smaller than what the sensors' noise alone makes it: blocks may agree by chance.
     Where friction makes the bottom rough and the steps end without arriving, the one that was not
     taken any more is added; along open directions there is none.
 
@@ -76,26 +77,26 @@ def widened(fitted: Fitted, error: ModelError, of_input: FloatArray | float = 0.
         The fit.
     error : ModelError
         What its residuals say about the model.
-    of_input : array, shape (k,), optional
-        Standard deviation of each value from noise of the input, where that was measured.
+    least : array, shape (k,), optional
+        Standard deviation that each value has at least.
     """
-    estimate = Estimate.of(fitted.fit)
+    fit, reduced = fitted.fit, fitted.minimum.reduced
+    spread, freedom = shrunken(fit.covariance, reduced.inverse, np.array(fit.degrees_of_freedom))
+    estimate = Estimate(fit.names, fit.values, spread, tuple(freedom.tolist()))
     with np.errstate(invalid="ignore", divide="ignore"):
-        least = np.hypot(fitted.unit_deviations, of_input) / estimate.deviations
-    scale = np.where(np.isfinite(least), np.maximum(least, 1.0), 1.0)
-    estimate = estimate.scaled(scale)
+        short = least / estimate.deviations
+    estimate = estimate.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
     beyond = error.excess * fitted.problem.degrees_of_freedom if error.share > 0.0 else 0.0
-    reduced = fitted.minimum.reduced
     untaken = np.outer(reduced.values_step, reduced.values_step)
     return estimate.widened(error.share**2 * beyond * reduced.inverse + untaken)
 
 
-def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
+def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Thresholds) -> FloatArray:
     """Covariance, shape (k, k), from terms that may stand for something else.
 
     A curved spring, a gap or an eccentric gear that leaves a model error behind is hardly what the
     drive has, and another stand-in would leave other values: they are as uncertain as they move
-    without any.
+    without any, or without one of them. A dead zone that explains the log is none of these.
 
     Parameters
     ----------
@@ -103,13 +104,19 @@ def stand_in_covariance(fitted: Fitted, error: ModelError) -> FloatArray:
         What is reported; k values.
     error : ModelError
         What it leaves.
+    thresholds : Thresholds
+        Up to which excess a model explains a log.
     """
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
+    if is_dead_zone(fitted) and fitted.excess <= thresholds.sensor_excess:
+        stand_ins -= PLAY
     if error.share == 0.0 or not stand_ins:
         return np.zeros((len(fitted.names), len(fitted.names)))
     own = np.array([name in stand_ins for name in fitted.names])
-    moved = np.where(own, 0.0, _moved_without(fitted, stand_ins))
+    ways = [stand_ins, *({name} for name in sorted(stand_ins) if len(stand_ins) > 1)]
+    moves = np.array([np.where(own, 0.0, _moved_without(fitted, way)) for way in ways])
+    moved = moves[np.argmax(np.abs(moves), axis=0), np.arange(len(own))]
     return error.share**2 * np.outer(moved, moved)
 
 

@@ -108,7 +108,7 @@ def climb_full(
         found = found + onward(found[-1], ladder)
     if len(holds) > 1:
         progress("how the input runs between its samples")
-    return _with_best_hold(found, ladder, holds, not durations, thresholds)
+    return with_best_hold(found, ladder, holds, not durations, thresholds)
 
 
 def climb_remembering(
@@ -159,7 +159,7 @@ def climb_remembering(
         if first is not None:
             found = [first, *onward(first, climbed.ladder)]
             ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
-            return _with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
+            return with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
     return None
 
 
@@ -212,13 +212,28 @@ def promised_by_memory(fitted: Fitted, structure: Structure, way: Mapping[str, f
     return problem.solve(equations).decrement / beyond if np.isfinite(beyond) else 0.0
 
 
-def _with_best_hold(
+def with_best_hold(
     found: list[Fitted],
     ladder: Sequence[Segments],
     holds: Sequence[Hold],
     free_length: bool,
     thresholds: Thresholds,
 ) -> Climb:
+    """A climb with the hold that suits it best, over the same segments.
+
+    Parameters
+    ----------
+    found : list of Fitted
+        Over segments of growing length, with one of the holds.
+    ladder : sequence of Segments
+        All lengths.
+    holds : sequence of Hold
+        Behaviours of the input to choose from.
+    free_length : bool
+        Whether the length of the segments is to be chosen.
+    thresholds : Thresholds
+        Up to which excess a model explains a log, and what counts as chance.
+    """
     if len(holds) == 1:
         refined = with_steps_refined(found)
         return Climb(refined, tuple(ladder), free_length, tuple(holds), "as given")

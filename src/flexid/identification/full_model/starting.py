@@ -21,7 +21,9 @@ from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure
 from flexid.models.flexible_joint import DISSIPATIVE
 
-_RATES = (20.0, 60.0, 7.0, 200.0)  # 1/s, of the filters
+RATES = (20.0, 60.0, 7.0, 200.0)
+"""Of the filters of least squares, in 1/s."""
+
 _SPRINGS = ("theta2", "alpha1", "beta1")
 _FRICTIONS = ("theta_coulomb", "alpha_coulomb", "gamma_coulomb")
 _DIRECTED = 0.99  # of a filtered direction, from which on a side has kept moving
@@ -49,7 +51,7 @@ def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[st
     # Which samples a friction is known at shows where it is sought, be it given or not.
     given = {name: value for name, value in structure.fixed.items() if name not in _FRICTIONS}
     sought = replace(structure, fixed=given)
-    for rate in _RATES:
+    for rate in RATES:
         start, fit = least_squares_start(sought, data, rate)
         ways = [start]
         if moving := _while_moving(fit):

@@ -67,6 +67,8 @@ class Joint:
         The same with those that have.
     smooth : ParametricSystem
         The first with smoothed friction: what least squares and the paper's observer take.
+    shaped : ParametricSystem
+        The extended one with smoothed friction.
     terms : mapping of str to tuple of str
         Coefficients that each term adds.
     shapes : frozenset of str
@@ -88,6 +90,7 @@ class Joint:
     extended: ParametricSystem
     remembering: ParametricSystem
     smooth: ParametricSystem
+    shaped: ParametricSystem
     terms: Mapping[str, tuple[str, ...]]
     shapes: frozenset[str]
     units: Mapping[str, str]
@@ -127,6 +130,13 @@ class Joint:
         extended = self.extended.with_constants(widths)
         return replace(self, extended=extended, remembering=self.remembering.with_constants(widths))
 
+    @property
+    def with_shapes_in_least_squares(self) -> "Joint":
+        """The same whose least squares may seek the terms of the extended model, too."""
+        known = {**self.extended.constants, **self.smooth.constants}
+        widths = {name: known[name] for name in self.shaped.constants if name in known}
+        return replace(self, smooth=self.shaped.with_constants(widths))
+
     def _both_sides(self, recording: Samples) -> tuple[FloatArray, FloatArray]:
         """Positions and velocities of link and motor, shape (n, 2) each."""
         if self.kind == "flexible":
@@ -143,6 +153,7 @@ class Joint:
         return replace(
             self,
             smooth=smooth,
+            shaped=smooth,
             system=smooth,
             extended=smooth,
             remembering=smooth,
@@ -225,13 +236,14 @@ def flexible() -> Joint:
     """The flexible joint of Huang (2003), eq. (4), with every further term."""
     smooth = flexible_joint(tuple(TERMS))
     every = TERMS | SHAPE_TERMS
-    without_memory = [name for name, term in every.items() if term.memory is None]
+    shaped = flexible_joint([name for name, term in every.items() if term.memory is None])
     return Joint(
         "flexible",
         with_dry_friction(smooth),
-        with_dry_friction(flexible_joint(without_memory)),
+        with_dry_friction(shaped),
         with_dry_friction(flexible_joint(tuple(every))),
         smooth,
+        shaped,
         {name: term.coefficients for name, term in every.items()},
         frozenset(c for term in SHAPE_TERMS.values() for c in term.coefficients),
         COEFFICIENT_UNITS,
@@ -258,6 +270,7 @@ def link() -> Joint:
         extended,
         extended,
         smooth,
+        row_alone(whole.shaped, "link"),
         {t: names for t, names in terms.items() if names},
         whole.shapes & own,
         {c: unit for c, unit in COEFFICIENT_UNITS.items() if c in own},
@@ -274,6 +287,7 @@ def rigid() -> Joint:
         dry,
         dry,
         dry,
+        smooth,
         smooth,
         {name: tuple(regressors) for name, regressors in RIGID_TERMS.items()},
         frozenset(),

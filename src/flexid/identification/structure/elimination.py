@@ -103,6 +103,7 @@ def choose_structure(
     best = best_length(found) if climbed.free_length else found[-1]
     progress("taking away what the log does not show")
     wider, asked = _wider(best, climbed, thresholds) if with_shapes else (best, climbed)
+    asked_over = wider.duration
     if asked.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
     structure, evidence = eliminate(wider, kept, thresholds)
@@ -134,6 +135,9 @@ def choose_structure(
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = climbed
     fitted = as_wide_as_its_gap(fitted)
+    if asked.tied and fitted.duration > asked_over:  # longer segments distinguish more
+        fitted, reason, tied = best_hold(fitted, asked.holds, thresholds)
+        asked = replace(asked, hold_reason=reason, tied=tied)
     structure = fitted.structure
     full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))

@@ -1,25 +1,53 @@
-"""Play of the joint, fitted with a shape as wide as the play itself.
+"""Play of the joint: a dead zone of the spring, whose width follows from what it finds.
 
-What the term `backlash` finds is the gap of a joint that passes through it fast if its shape is as
-wide as `WIDTH_OF_GAP` says; a wider one makes the gap larger. The fit begins with a width that
-suits the motion, and from there the width follows the gap.
+Of a spring of stiffness k with play of half-width g acts k (δ - g sat(δ/g)), a dead zone. The term
+`backlash` is linear, a sat(δ/w), as least squares needs it, with a width w that is a constant of
+the model; it is that dead zone where w is the gap that it finds, a/k. So the width follows the gap.
+Play as large as the deflection cannot be added to a fit without it, which leads nowhere near: it
+has a start of its own, by least squares, whose width settles on positions alone.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
+from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
+from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.full_model.beginning import FIRST_ITERATIONS
-from flexid.identification.full_model.fitting import climb, fit_like, in_own_steps
-from flexid.identification.full_model.model import Fitted
-from flexid.models.flexible_joint import BACKLASH_WIDTH, WIDTH_OF_GAP
+from flexid.identification.full_model.climbing import Climb, with_best_hold
+from flexid.identification.full_model.fitting import (
+    climb,
+    fit_like,
+    in_own_steps,
+    motion_at,
+    onward,
+)
+from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.starting import RATES, least_squares_start
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.progress import Progress
+from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.models.flexible_joint import BACKLASH_WIDTH
 
 _GAPS = (("alpha_backlash", "alpha1"), ("theta_backlash", "theta2"))  # and the spring's stiffness
+PLAY = frozenset(play for play, _ in _GAPS)
+"""Coefficients of play."""
+
 _MOST_FITS = 8
-_SETTLED = 0.1  # relative change of the width, which moves the gap by some per mille
+_SETTLED = 0.1  # standard deviations of the gap, by which its width may differ
+_STEEPEST = 0.9  # change of the gap with the width, beyond which it settles nowhere
+_MOST_WIDTHS = 15  # in least squares: from a tenth to within a hundredth takes up to eight
+_NEAR = 0.01  # of the width, up to which it is that of its gap
+_NEARER = 0.5  # of what was between width and gap
+_CHANCE = 9.0  # rise of the weighted sum of squares that is chance
+_PROMISED = 0.5  # of a row's residuals in least squares that play has to explain, to be tried
+_SHORT = 0.5  # s of segments over which a start is tried
 
 
 def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
-    """A fit whose play has the width that its own gap gives it; the same fit where that is worse.
+    """A fit whose play has the width of its own gap; the same fit where that is worse.
 
     A sharper shape may want shorter steps, which the data of what is returned then have.
 
@@ -28,13 +56,15 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
     fitted : Fitted
         With or without play.
     """
+    trail: list[tuple[float, float]] = []
     for _ in range(_MOST_FITS):
-        own = WIDTH_OF_GAP * half_gap(fitted)
-        before = fitted.structure.joint.extended.constants.get(BACKLASH_WIDTH, 0.0)
-        if own <= 0.0 or abs(own / before - 1.0) < _SETTLED:
+        gap, width = half_gap(fitted), width_of(fitted.structure)
+        if gap <= 0.0 or abs(gap - width) <= _SETTLED * _deviation(fitted):
             return fitted
+        trail.append((width, gap))
         # From a width that is far away half the way may lead on where the whole does not.
-        fits = (_narrowed(fitted, width) for width in (own, (own * before) ** 0.5))
+        tries = dict.fromkeys((_met(trail), gap, (gap * width) ** 0.5))
+        fits = (_narrowed(fitted, own) for own in tries)
         better = next((found for found in fits if found is not None), None)
         if better is None:
             return fitted
@@ -42,10 +72,19 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
     return fitted
 
 
+def _met(trail: list[tuple[float, float]]) -> float:
+    """Where width and gap meet, along the line through the last two of them."""
+    (_, gap), *before = trail[:-3:-1]
+    if not before:
+        return gap
+    width = trail[-1][0]
+    slope = (gap - before[0][1]) / (width - before[0][0])
+    return (gap - slope * width) / (1.0 - slope) if 0.0 < slope < _STEEPEST else gap
+
+
 def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
     """A fit with another width; None if its first steps do not lead below the sum of squares."""
-    joint = fitted.structure.joint.with_widths({BACKLASH_WIDTH: width})
-    structure, segments = replace(fitted.structure, joint=joint), [fitted.problem.segments]
+    structure, segments = _as_wide(fitted.structure, width), [fitted.problem.segments]
     states = fitted.minimum.point.initial_states
     try:
         (first,) = climb(
@@ -59,14 +98,38 @@ def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
         )
     except ConvergenceError:
         return None
-    if _cost(first) >= _cost(fitted):
+    if not _no_worse(first, fitted):
         return None
     found = fit_like(structure, first)
-    return found if found is not None and _cost(found) < _cost(fitted) else None
+    return found if found is not None and _no_worse(found, fitted) else None
 
 
-def _cost(fitted: Fitted) -> float:
-    return fitted.minimum.equations.cost
+def _no_worse(found: Fitted, fitted: Fitted) -> bool:
+    """Whether a fit explains more than another, or as much with a width nearer to its gap.
+
+    Width and gap meet near the least sum of squares, not at it.
+    """
+    fall = fitted.minimum.equations.cost - found.minimum.equations.cost
+    nearer = abs(_apart(found)) < _NEARER * abs(_apart(fitted))
+    return fall > 0.0 or (nearer and fall > -_CHANCE * max(fitted.excess, 1.0))
+
+
+def _apart(fitted: Fitted) -> float:
+    return half_gap(fitted) / width_of(fitted.structure) - 1.0
+
+
+def is_dead_zone(fitted: Fitted) -> bool:
+    """Whether a fit has play, as wide as its own gap."""
+    return half_gap(fitted) > 0.0 and abs(_apart(fitted)) <= _NEAR
+
+
+def _as_wide(structure: Structure, width: float) -> Structure:
+    return replace(structure, joint=structure.joint.with_widths({BACKLASH_WIDTH: width}))
+
+
+def width_of(structure: Structure) -> float:
+    """Width of its play's shape in rad, with or without play; zero of a joint that has none."""
+    return structure.joint.extended.constants.get(BACKLASH_WIDTH, 0.0)
 
 
 def half_gap(fitted: Fitted) -> float:
@@ -76,3 +139,127 @@ def half_gap(fitted: Fitted) -> float:
         if play in values and values.get(spring, 0.0) > 0.0:
             return values[play] / values[spring]
     return 0.0
+
+
+def _gradient(fitted: Fitted) -> FloatArray:
+    """Derivatives of half the gap by what was sought, shape (k,); the width stays."""
+    values = {**fitted.structure.fixed, **fitted.by_name}
+    for play, spring in _GAPS:
+        if play in values and values.get(spring, 0.0) > 0.0:
+            slopes = {play: 1.0 / values[spring], spring: -values[play] / values[spring] ** 2}
+            return np.array([slopes.get(name, 0.0) for name in fitted.names])
+    return np.zeros(len(fitted.names))
+
+
+def _deviation(fitted: Fitted) -> float:
+    """Standard deviation of half the gap from the sensors' noise, the width given."""
+    gradient = _gradient(fitted)
+    return float(np.sqrt(max(gradient @ fitted.minimum.reduced.inverse @ gradient, 0.0)))
+
+
+def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
+    """The estimate with the uncertainty of the width, which follows the gap, in its covariance.
+
+    With e the errors of the values while the width stays, d their change with it, and g the
+    derivatives of the gap, the width is off by g·e / (1 - g·d), and the values by
+    (I + d gᵀ / (1 - g·d)) e.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Of the fit.
+    fitted : Fitted
+        With or without play.
+    """
+    gap, width = half_gap(fitted), width_of(fitted.structure) if PLAY & {*fitted.names} else 0.0
+    deviation = _deviation(fitted)
+    if gap <= 0.0 or not 0.0 < abs(deviation) < gap or abs(gap - width) > deviation:
+        return estimate
+    wider = _as_wide(fitted.structure, width + deviation)
+    segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
+    rest = (segments, fitted.by_name, states, fitted.data.refinement)
+    problem, point = motion_at(wider, fitted.data, *rest)
+    step = problem.solve(problem.equations(point)).values_step
+    moved = (step - fitted.minimum.reduced.values_step) / deviation
+    gradient = _gradient(fitted)
+    left = 1.0 - min(float(gradient @ moved), _STEEPEST)
+    return estimate.turned(np.eye(len(moved)) + np.outer(moved, gradient) / left)
+
+
+def climb_gapped(climbed: Climb, progress: Progress, thresholds: Thresholds) -> Climb | None:
+    """Fit a joint with play where one without leaves more than noise.
+
+    Parameters
+    ----------
+    climbed : Climb
+        Of the full model without.
+    progress : callable
+        Called with each step in words.
+    thresholds : Thresholds
+        Up to which excess a model explains a log, and how much a start has to explain.
+
+    Returns
+    -------
+    Climb or None
+        None where the model without explains the log, or no start with play does so far better.
+    """
+    full, data = climbed.found[-1].structure, climbed.found[-1].data
+    play = PLAY & full.joint.shapes
+    if not play or all(f.excess <= thresholds.sensor_excess for f in climbed.found):
+        return None
+    progress("play of the joint")
+    structure = replace(full, absent=full.absent - play)
+    floor = thresholds.noise_floor(climbed.found[0].excess)
+    short = [s for s in climbed.ladder if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
+    short = short or list(climbed.ladder[:1])
+    best: list[Fitted] = []
+    for own, way in _ways(structure, full, data):
+        try:
+            found = climb(own, data, way, short, iterations=FIRST_ITERATIONS)
+        except ConvergenceError:
+            continue
+        if not best or (len(found), -found[-1].excess) > (len(best), -best[-1].excess):
+            best = found
+    if not best:
+        return None
+    last = as_wide_as_its_gap(best[-1])
+    as_long = [f for f in climbed.found if f.duration <= last.duration] or climbed.found[:1]
+    before = as_long[-1].excess
+    if half_gap(last) <= 0.0 or before - last.excess < thresholds.memory_share * (before - floor):
+        return None
+    found = [last, *onward(last, climbed.ladder)]
+    ladder = [s for s in climbed.ladder if len(s) <= len(last.problem.segments)]
+    return with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
+
+
+def _ways(
+    structure: Structure, without: Structure, data: Data
+) -> Iterator[tuple[Structure, dict[str, float]]]:
+    """Structures with play as wide as least squares finds it, and where they begin."""
+    for rate in RATES:
+        own, way, fit = _settled(structure, data, rate)
+        if _gap_of(way) <= 0.0:
+            continue
+        rows = zip(fit.rows, least_squares_start(without, data, rate)[1].rows, strict=True)
+        if any(row.residual_sum < _PROMISED * bare.residual_sum for row, bare in rows):
+            yield own, way
+
+
+def _settled(
+    structure: Structure, data: Data, rate: float
+) -> tuple[Structure, dict[str, float], LeastSquaresFit]:
+    """A structure whose play is as wide as least squares finds it, if it finds some."""
+    own, tried = structure, 0
+    while True:
+        sought = replace(own, joint=own.joint.with_shapes_in_least_squares)
+        way, fit = least_squares_start(sought, data, rate)
+        gap, width, tried = _gap_of(way), width_of(own), tried + 1
+        if gap <= 0.0 or abs(gap / width - 1.0) <= _NEAR or tried == _MOST_WIDTHS:
+            return own, way, fit
+        own = _as_wide(own, gap)
+
+
+def _gap_of(values: Mapping[str, float]) -> float:
+    """Half the gap, from the link's row, which has no torque in it."""
+    stiffness = values.get("theta2", 0.0)
+    return values.get("theta_backlash", 0.0) / stiffness if stiffness > 0.0 else 0.0

@@ -11,6 +11,7 @@ from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.elimination import Choice, choose_structure
+from flexid.identification.structure.gap import climb_gapped
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary.evidence import Validation
@@ -194,13 +195,27 @@ def _predicting(
         if misprediction(validation) >= misprediction(other):
             choice, validation = rival, other
     remembering = climb_remembering(climb, choice.found, progress, thresholds)
-    if remembering is None:
-        return choice, validation
-    rival = choose_structure(remembering, job.kept, True, progress, thresholds)
-    rival, other = _preferred(rival, whole, recordings, thresholds)
-    if misprediction(other) < misprediction(validation) - thresholds.generous_gain:
-        return rival, other
+    for other in (remembering, _gapped(climb, choice, progress, thresholds)):
+        if other is None:
+            continue
+        rival = choose_structure(other, job.kept, True, progress, thresholds)
+        rival, its = _preferred(rival, whole, recordings, thresholds)
+        # What explains the log where the other does not has paid for itself already.
+        most = thresholds.sensor_excess
+        explains = rival.fitted.excess <= most < choice.fitted.excess
+        gain = 0.0 if explains else thresholds.generous_gain
+        if misprediction(its) < misprediction(validation) - gain:
+            choice, validation = rival, its
     return choice, validation
+
+
+def _gapped(
+    climb: Climb, choice: Choice, progress: Progress, thresholds: Thresholds
+) -> Climb | None:
+    """A climb with play, where what was chosen does not explain the log."""
+    if choice.fitted.excess <= thresholds.sensor_excess:
+        return None
+    return climb_gapped(climb, progress, thresholds)
 
 
 def _preferred(

@@ -90,6 +90,14 @@ class Estimate:
         factors = np.where(finite, factors, 1.0)
         return replace(self, covariance=self.covariance * np.outer(factors, factors))
 
+    def turned(self, mixing: FloatArray) -> "Estimate":
+        """The same with errors that are a mixture, shape (k, k), of those that are finite."""
+        finite = np.isfinite(np.diag(self.covariance))
+        part = np.ix_(finite, finite)
+        covariance = self.covariance.copy()
+        covariance[part] = mixing[part] @ covariance[part] @ mixing[part].T
+        return replace(self, covariance=covariance)
+
     def without_knowledge_of(self, names: Collection[str]) -> "Estimate":
         """The same with infinite variance for some names."""
         lost = np.array([name in names for name in self.names], dtype=np.bool_)
