@@ -12,6 +12,7 @@ that of an error which turns round with the motion more slowly, that of a slow o
 """
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,6 +69,8 @@ def model_error(
 def widened(fitted: Fitted, error: ModelError, least: FloatArray | float = 0.0) -> Estimate:
     """The estimate of a fit with the model's error in its covariance.
 
+    Where residuals are what noise explains, their covariance is drawn towards that of white noise;
+    otherwise it is that of the blocks alone, but no less than what the sensors' noise makes it.
     Where friction makes the bottom rough and the steps end without arriving, the one that was not
     taken any more is added; along open directions there is none.
 
@@ -81,8 +84,13 @@ def widened(fitted: Fitted, error: ModelError, least: FloatArray | float = 0.0) 
         Standard deviation that each value has at least.
     """
     fit, reduced = fitted.fit, fitted.minimum.reduced
-    spread, freedom = shrunken(fit.covariance, reduced.inverse, np.array(fit.degrees_of_freedom))
-    estimate = Estimate(fit.names, fit.values, spread, tuple(freedom.tolist()))
+    estimate = Estimate.of(fit)
+    if error.excess == 0.0:
+        freedom = np.array(fit.degrees_of_freedom)
+        spread, freedom = shrunken(fit.covariance, reduced.inverse, freedom)
+        estimate = replace(estimate, covariance=spread, degrees_of_freedom=tuple(freedom.tolist()))
+    else:
+        least = np.maximum(least, fitted.unit_deviations)
     with np.errstate(invalid="ignore", divide="ignore"):
         short = least / estimate.deviations
     estimate = estimate.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
@@ -96,7 +104,7 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
 
     A curved spring, a gap or an eccentric gear that leaves a model error behind is hardly what the
     drive has, and another stand-in would leave other values: they are as uncertain as they move
-    without any, or without one of them. A dead zone that explains the log is none of these.
+    without any, or without one of them. A dead zone that explains the log alone is none.
 
     Parameters
     ----------
@@ -109,9 +117,9 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
     """
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
-    if is_dead_zone(fitted) and fitted.excess <= thresholds.sensor_excess:
-        stand_ins -= PLAY
-    if error.share == 0.0 or not stand_ins:
+    alone = stand_ins <= PLAY and is_dead_zone(fitted)
+    explains = alone and fitted.excess <= thresholds.sensor_excess
+    if error.share == 0.0 or not stand_ins or explains:
         return np.zeros((len(fitted.names), len(fitted.names)))
     own = np.array([name in stand_ins for name in fitted.names])
     ways = [stand_ins, *({name} for name in sorted(stand_ins) if len(stand_ins) > 1)]

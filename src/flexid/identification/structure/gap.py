@@ -79,7 +79,8 @@ def _met(trail: list[tuple[float, float]]) -> float:
         return gap
     width = trail[-1][0]
     slope = (gap - before[0][1]) / (width - before[0][0])
-    return (gap - slope * width) / (1.0 - slope) if 0.0 < slope < _STEEPEST else gap
+    met = (gap - slope * width) / (1.0 - slope) if 0.0 < slope < _STEEPEST else gap
+    return met if met > 0.0 else gap
 
 
 def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
@@ -173,7 +174,7 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     """
     gap, width = half_gap(fitted), width_of(fitted.structure) if PLAY & {*fitted.names} else 0.0
     deviation = _deviation(fitted)
-    if gap <= 0.0 or not 0.0 < abs(deviation) < gap or abs(gap - width) > deviation:
+    if not 0.0 < deviation < gap or abs(gap - width) > deviation:
         return estimate
     wider = _as_wide(fitted.structure, width + deviation)
     segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
