@@ -49,7 +49,7 @@ def test_a_gap_is_found_as_wide_as_it_is(true_gap):
     assert abs(half_gap(first) / true_gap - 1.0) > 0.01
     assert half_gap(found) == pytest.approx(true_gap, rel=1e-3)
     assert found.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-5)
-    assert width_of(found.structure) == pytest.approx(half_gap(found), rel=0.05)
+    assert width_of(found.structure) == pytest.approx(half_gap(found), rel=0.01)
     assert found.excess < 1.02
     assert first.excess > 1.05
 

@@ -67,6 +67,14 @@ def test_right_model_is_not_widened(seed):
     assert np.ptp(drawn) < 0.7 * np.ptp(alone)
 
 
+def test_what_is_more_than_noise_keeps_the_spread_of_its_blocks():
+    """Assert that nothing is drawn towards white noise where residuals are larger than noise."""
+    found, _ = fitted(1)
+    deviations = widened(found, ModelError(0.1, 3.0, 0.0)).deviations
+    least = np.maximum(found.fit.standard_deviations, found.unit_deviations)
+    assert deviations == pytest.approx(least, rel=1e-9)
+
+
 def test_a_step_that_was_not_taken_widens():
     """Assert that where the steps do not end, the last of them is in the intervals."""
     found, error = fitted(1)
@@ -224,6 +232,39 @@ def test_only_stand_ins_that_fail_are_doubted(stand_in):
     assert stand_in_covariance(found, replace(error, share=0.5), THRESHOLDS) == pytest.approx(
         0.25 * whole
     )
+
+
+def test_each_stand_in_is_doubted_by_itself(monkeypatch):
+    """Assert that a coefficient is uncertain by the most that it moves without one or all."""
+    moved = {
+        frozenset({"alpha_cubic", "alpha_backlash"}): np.array([0.1, -2.0, 0.0]),
+        frozenset({"alpha_cubic"}): np.array([-3.0, 1.0, 0.0]),
+        frozenset({"alpha_backlash"}): np.array([1.0, 1.0, 0.0]),
+    }
+    monkeypatch.setattr(modelling, "_moved_without", lambda _, way: moved[frozenset(way)])
+    monkeypatch.setattr(modelling, "is_dead_zone", lambda _: True)
+    joint = SimpleNamespace(shapes=frozenset({"alpha_backlash"}))
+    names = ("theta2", "alpha_cubic", "alpha_backlash")
+    structure = SimpleNamespace(joint=joint)
+    found = cast(Fitted, SimpleNamespace(structure=structure, names=names, excess=1.0))
+    added = stand_in_covariance(found, ModelError(0.1, 0.0, 0.5), THRESHOLDS)
+    assert added[0, 0] == pytest.approx(0.25 * 9.0)
+    assert np.count_nonzero(added) == 1  # the stand-ins themselves are not
+
+
+@pytest.mark.parametrize(
+    ("excess", "dead_zone", "doubted"),
+    [(1.09, True, False), (1.11, True, True), (1.0, False, True)],
+)
+def test_play_that_explains_is_no_stand_in(monkeypatch, excess, dead_zone, doubted):
+    """Assert that play alone is doubted if it is no dead zone or leaves more than noise."""
+    monkeypatch.setattr(modelling, "_moved_without", lambda *_: np.array([2.0, 1.0]))
+    monkeypatch.setattr(modelling, "is_dead_zone", lambda _: dead_zone)
+    joint = SimpleNamespace(shapes=frozenset({"alpha_backlash"}))
+    structure, names = SimpleNamespace(joint=joint), ("theta2", "alpha_backlash")
+    found = cast(Fitted, SimpleNamespace(structure=structure, names=names, excess=excess))
+    added = stand_in_covariance(found, ModelError(0.1, 0.0, 1.0), THRESHOLDS)
+    assert bool(added.any()) == doubted
 
 
 def test_usual_terms_are_no_stand_ins():

@@ -12,6 +12,7 @@ from flexid.estimators.channel_timing import Timing
 from flexid.identification.full_model.climbing import Climb, climb_remembering
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import flexible
+from flexid.identification.structure.job import _least_gain
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 JOINT = flexible()
@@ -187,3 +188,11 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
     )
     found = climbing._remembering(before, WITHOUT, {}, 1.0, THRESHOLDS)
     assert (found is not None) == follows
+
+
+@pytest.mark.parametrize(
+    ("rival", "chosen", "gain"), [(1.09, 1.2, 0.0), (1.09, 1.09, 0.05), (1.11, 1.2, 0.05)]
+)
+def test_what_explains_need_not_save_more(rival, chosen, gain):
+    """Assert that a rival which leaves noise alone, as the chosen does not, is better by a hair."""
+    assert _least_gain(rival, chosen, THRESHOLDS) == gain

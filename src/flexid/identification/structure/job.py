@@ -200,13 +200,19 @@ def _predicting(
             continue
         rival = choose_structure(other, job.kept, True, progress, thresholds)
         rival, its = _preferred(rival, whole, recordings, thresholds)
-        # What explains the log where the other does not has paid for itself already.
-        most = thresholds.sensor_excess
-        explains = rival.fitted.excess <= most < choice.fitted.excess
-        gain = 0.0 if explains else thresholds.generous_gain
-        if misprediction(its) < misprediction(validation) - gain:
+        saved = misprediction(validation) - misprediction(its)
+        if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
             choice, validation = rival, its
     return choice, validation
+
+
+def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
+    """What a rival has to save of the held-out data's errors, from the excess of both.
+
+    What explains the log where the other does not has paid for itself already.
+    """
+    explains = rival <= thresholds.sensor_excess < chosen
+    return 0.0 if explains else thresholds.generous_gain
 
 
 def _gapped(
