@@ -11,6 +11,7 @@ import flexid.identification.structure.gap as gap
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.final_fits import FinalFits
+from flexid.identification.estimation.model_error import widened
 from flexid.identification.full_model.fitting import fit_to, in_own_steps
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
@@ -192,8 +193,11 @@ def test_an_interval_knows_that_the_width_follows():
 
 
 @pytest.mark.parametrize("true_gap", [0.1, LARGE])
-def test_a_gap_as_large_as_the_deflection(true_gap):
-    """Assert that play is found to which no fit without it leads, and hold and terms with it."""
+def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
+    """Assert that play is found to which no fit without it leads, and hold and terms with it.
+
+    What is reported knows that its width follows the gap.
+    """
     found = identify([log(made(1, 10.0, half_gap=true_gap, noise=1e-4))])
     assert found.choices.terms == (*PAPER_TERMS, "backlash")
     assert found.choices.hold == "cubic"
@@ -201,3 +205,9 @@ def test_a_gap_as_large_as_the_deflection(true_gap):
     assert gap.value == pytest.approx(true_gap, rel=1e-4)
     assert stiffness.value == pytest.approx(100.0, rel=1e-4)
     assert np.ptp(stiffness.interval) < 0.1
+    (fits,) = fits_seen
+    fixed = widened(fits.reported, fits.error)
+    free = with_free_width(fixed, fits.reported)
+    place = found.fit.names.index("alpha_backlash")
+    assert free.deviations[place] > 1.02 * fixed.deviations[place]
+    assert found.fit.deviations[place] >= 0.999 * free.deviations[place]

@@ -172,11 +172,10 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     fitted : Fitted
         With or without play.
     """
-    gap, width = half_gap(fitted), width_of(fitted.structure) if PLAY & {*fitted.names} else 0.0
     deviation = _deviation(fitted)
-    if not 0.0 < deviation < gap or abs(gap - width) > deviation:
+    if not is_dead_zone(fitted) or not 0.0 < deviation < half_gap(fitted):
         return estimate
-    wider = _as_wide(fitted.structure, width + deviation)
+    wider = _as_wide(fitted.structure, width_of(fitted.structure) + deviation)
     segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
     rest = (segments, fitted.by_name, states, fitted.data.refinement)
     problem, point = motion_at(wider, fitted.data, *rest)
