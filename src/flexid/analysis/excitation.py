@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexid.symmetric import eigen
+
 WEAK_CONDITION = 1e3
 """Condition number of the normalised Gram matrix above which a warning is due."""
 
@@ -88,7 +90,7 @@ def excitation_of_gram(row: str, coefficients: Sequence[str], gram: ArrayLike) -
     scale = np.sqrt(np.diag(gram))
     scale[scale == 0] = 1.0
     normalised = gram / np.outer(scale, scale)
-    eigenvalues, vectors = np.linalg.eigh(normalised)
+    eigenvalues, vectors = eigen(normalised)
     # A vanishing eigenvalue may come out as a negative number of rounding size
     singular_values = np.clip(eigenvalues[::-1], 0.0, None)
     worst = vectors[:, 0]

@@ -18,6 +18,7 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented
 from flexid.estimators.segments import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
+from flexid.symmetric import eigen
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,7 @@ class Information:
         """Correlation of each two estimates, shape (k, k); ±1 where two are one."""
         scale = np.sqrt(np.diag(self.matrix))
         scale = np.where(scale > 0.0, scale, 1.0)
-        eigenvalues, vectors = np.linalg.eigh(self.matrix / np.outer(scale, scale))
+        eigenvalues, vectors = eigen(self.matrix / np.outer(scale, scale))
         floor = np.finfo(float).eps * eigenvalues[-1]
         covariance = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
         deviations = np.sqrt(np.diag(covariance))

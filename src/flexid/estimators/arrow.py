@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.estimators.scaled_inverse import NULL, scaled_inverse
+from flexid.symmetric import pseudo_inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,4 +109,4 @@ def _inverses(matrices: FloatArray) -> FloatArray:
     scale = np.sqrt(np.einsum("sii->si", matrices))
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[:, :, None] * scale[:, None, :]
-    return np.linalg.pinv(matrices / scales, rcond=NULL, hermitian=True) / scales
+    return pseudo_inverse(matrices / scales, NULL) / scales

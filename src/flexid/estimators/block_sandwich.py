@@ -11,6 +11,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.cluster_covariance import covariance_root, unbiased, unbiasing
+from flexid.symmetric import eigen
 
 BLOCK_DURATION = 1.0
 """Length of a block in s, if the record has room for `WANTED_BLOCKS` of them."""
@@ -137,7 +138,7 @@ def summed_influences(
     gram = np.zeros((k, k, k))
     for first in range(0, count, _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
-        leverages, directions = np.linalg.eigh(half.T @ normal[part] @ half)
+        leverages, directions = eigen(half.T @ normal[part] @ half)
         moved = half @ directions
         adjusted = (moved * unbiasing(leverages)[:, None, :]) @ moved.transpose(0, 2, 1)
         influences[:, part] = np.einsum("bci,bi->cb", adjusted, scores[part])

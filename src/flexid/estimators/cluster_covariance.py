@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.symmetric import eigen, pseudo_inverse
 
 _WHOLE = 1e-6  # what a block leaves of a direction's residual, below which it leaves nothing
 _ROUNDING = 1e-13  # relative size below which an eigenvalue of a covariance is zero
@@ -137,7 +138,7 @@ def covariance_root(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     scale = np.sqrt(np.einsum("...ii->...i", covariance))
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = scale[..., :, None] * scale[..., None, :]
-    eigenvalues, vectors = np.linalg.eigh(covariance / scales)
+    eigenvalues, vectors = eigen(covariance / scales)
     kept = eigenvalues > _ROUNDING * eigenvalues[..., -1:]
     root = np.sqrt(np.where(kept, eigenvalues, 1.0))[..., None, :]
     vectors = np.where(kept[..., None, :], vectors, 0.0)
@@ -162,7 +163,7 @@ def _adjusted(
     across = borders.transpose(0, 2, 1)
     half, other = covariance_root(own + borders @ inverse @ across)
     half, other, turned = half[:, None], other[:, None], half.transpose(0, 2, 1)[:, None]
-    leverages, directions = np.linalg.eigh(turned @ normal @ half)
+    leverages, directions = eigen(turned @ normal @ half)
     back = directions.transpose(0, 1, 3, 2) @ turned
     correction = other @ (directions * unbiasing(leverages)[:, :, None, :]) @ back
     return (inverse @ across)[:, None] @ correction
@@ -195,7 +196,7 @@ def _own_unknowns(total: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
     borders[:, first:] = np.eye(k)
     if first:
         alone = total[:, :first, :first] / scales
-        own[:, :first, :first] = np.linalg.pinv(alone, rcond=_ROUNDING, hermitian=True) / scales
+        own[:, :first, :first] = pseudo_inverse(alone, _ROUNDING) / scales
         borders[:, :first] = -own[:, :first, :first] @ total[:, :first, first:]
     return own, borders
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.symmetric import eigen
 
 NULL = 1e-12
 """Eigenvalue of a matrix scaled to a unit diagonal that counts as zero."""
@@ -32,7 +33,7 @@ def scaled_inverse(matrix: FloatArray, scale: FloatArray) -> tuple[FloatArray, N
         Coefficients that have a part in an open direction.
     """
     scale = np.where(scale > 0.0, scale, 1.0)
-    eigenvalues, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    eigenvalues, vectors = eigen(matrix / np.outer(scale, scale))
     kept = eigenvalues > NULL
     inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T / np.outer(scale, scale)
     return inverse, np.any(np.abs(vectors[:, ~kept]) > _PART, axis=1)

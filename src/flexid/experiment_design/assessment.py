@@ -15,6 +15,7 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.symmetric import eigen
 
 _DEVIATIONS = 2.0  # half the width of a predicted interval
 
@@ -116,7 +117,7 @@ def _confusion(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     correlations = covariance / np.outer(scale, scale)
     if not len(scale):
         return correlations, deviations
-    eigenvalues, vectors = np.linalg.eigh(correlations)
+    eigenvalues, vectors = eigen(correlations)
     floor = np.finfo(float).eps * eigenvalues[-1]
     inverse = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
     return correlations, np.sqrt(np.maximum(np.diag(inverse), 1.0))

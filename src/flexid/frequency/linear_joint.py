@@ -22,6 +22,7 @@ from flexid.identification.result.identification import Identification
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.free_run import free_run_kernel
 from flexid.stored_estimates.rebuilt import described, rebuilt
+from flexid.symmetric import eigen
 
 ComplexArray = NDArray[np.complex128]
 
@@ -179,7 +180,7 @@ def _slopes(result: Identification, names: tuple[str, ...]) -> FloatArray:
 
 
 def _square_root(covariance: FloatArray) -> FloatArray:
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = eigen(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.arrays import FloatArray
 from flexid.estimators.rowwise import RowSums
+from flexid.symmetric import eigen
 
 # By the spring, which acts on both rows, with how it is curved and damped.
 _COUPLED = {"theta2", "alpha1", "beta1"} | {
@@ -135,7 +136,7 @@ def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, froze
     reach = np.maximum(np.abs(own) * np.sqrt(np.diag(centred.gram).clip(0.0) / total), 1.0)
     norm = np.sqrt(np.diag(gram).clip(0.0))
     scale = reach / np.where(norm > 0.0, norm, 1.0)  # what does not move at all is lost
-    squares, directions = np.linalg.eigh(gram * np.outer(scale, scale))
+    squares, directions = eigen(gram * np.outer(scale, scale))
     parts = zip(names, directions[:, 0] ** 2, strict=True)
     confounded = frozenset(name for name, part in parts if part >= _PART and len(names) > 1)
     return float(np.sqrt(max(squares[0], 0.0))), confounded

@@ -25,9 +25,11 @@ from flexid.identification.vocabulary.estimate import Estimate, Fit
 from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.parameter_kinds import PhysicalParameter
+from flexid.symmetric import pseudo_inverse
 
 _STEPS = 100
 _CONVERGED = 1e-10  # relative change of the values by a step
+_NULL = 1e-15  # of the largest eigenvalue
 _LEAST_FREEDOM = 0.5
 _LARGEST_STEP = 0.5  # of a positive coefficient's value, lest it jump across zero
 
@@ -205,7 +207,7 @@ def _joined(
     for _ in range(_STEPS):
         slopes = here.slopes
         spread = slopes @ covariance @ slopes.T + np.diag(variances)
-        gain = covariance @ slopes.T @ np.linalg.pinv(spread, hermitian=True)
+        gain = covariance @ slopes.T @ pseudo_inverse(spread, _NULL)
         surprise = values - here.values - slopes @ (alone.point - here.point)
         step = alone.point + gain @ surprise - here.point
         size = np.abs(step) / np.maximum(np.abs(here.point), np.finfo(float).tiny)

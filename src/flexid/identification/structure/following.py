@@ -7,8 +7,10 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments
+from flexid.symmetric import pseudo_inverse
 
 _MOST_STEPS = 10
+_NULL = 1e-9  # of the largest eigenvalue
 _CONVERGED = 1e-6  # relative fall of the sum of squares that the last step promises
 
 
@@ -37,7 +39,7 @@ def following_states(model: SegmentedMotion, values: FloatArray, windows: Segmen
         gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
         scale = np.sqrt(np.einsum("sii->si", normal))
         scale = np.where(scale > 0.0, scale, 1.0)
-        inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), rcond=1e-9)
+        inverse = pseudo_inverse(normal / (scale[:, :, None] * scale[:, None, :]), _NULL)
         step = np.einsum("sij,sj->si", inverse, gradient / scale) / scale
         if np.sum(step * gradient) <= _CONVERGED * equations.cost:
             return states + step
