@@ -25,6 +25,7 @@ def _divide_and_conquer(request, monkeypatch):
 
 @pytest.mark.usefixtures("_divide_and_conquer")
 def test_eigenvalues_ascend_and_give_the_matrix_back():
+    """Assert that values and vectors are those of the matrix, in order, by either algorithm."""
     matrices = _covariances(1)
     eigenvalues, vectors = eigen(matrices)
     assert np.all(np.diff(eigenvalues, axis=-1) > -1e-9)
@@ -37,6 +38,7 @@ def test_eigenvalues_ascend_and_give_the_matrix_back():
 
 @pytest.mark.usefixtures("_divide_and_conquer")
 def test_a_pseudo_inverse_inverts_what_is_not_null():
+    """Assert that it is the inverse where there is one, and of the same rank elsewhere."""
     matrices = _covariances(2)
     inverses = pseudo_inverse(matrices, 1e-9)
     assert matrices @ inverses @ matrices == pytest.approx(matrices, abs=1e-9)
@@ -45,10 +47,12 @@ def test_a_pseudo_inverse_inverts_what_is_not_null():
 
 
 def test_another_algorithm_is_not_asked_for_what_is_not_finite(monkeypatch):
+    """Assert that what no algorithm can do is refused as before."""
     monkeypatch.setattr(np.linalg, "eigh", _gives_up)
     with pytest.raises(np.linalg.LinAlgError):
         eigen(np.array([[1.0, np.inf], [np.inf, 1.0]]))
 
 
 def test_an_empty_matrix_has_no_eigenvalues():
+    """Assert that matrices without rows are their own inverses."""
     assert pseudo_inverse(np.zeros((3, 0, 0)), 1e-9).shape == (3, 0, 0)

@@ -20,10 +20,12 @@ class Family:
     name, about : str
         Its name, and what it has in one line.
     in_class : bool
-        Whether flexid's terms describe it exactly.
+        Whether flexid's usual terms describe it exactly.
     change : callable
         What it draws beside the basic drive.
     has_gravity : bool, optional
+    own_term : bool, optional
+        Whether an unusual term describes what they do not.
     resonances : tuple of float, optional
         Slowest and fastest of link against motor, in rad/s.
     """
@@ -33,6 +35,7 @@ class Family:
     in_class: bool
     change: Callable[[Generator, Draft], None]
     has_gravity: bool = True
+    own_term: bool = False
     resonances: tuple[float, float] = (8.0, 45.0)
 
     def draw(self, rng: Generator) -> Draft:
@@ -335,8 +338,15 @@ _ALL = (
         "torque ripple by the motor's angle, 1 to 5 % of the torque, and Coulomb friction",
         False,
         _ripple,
+        own_term=True,
     ),
-    Family("backlash", "dead zone of 0.2 to 2 mrad in the spring", False, _backlash),
+    Family(
+        "backlash",
+        "dead zone of 0.2 to 2 mrad in the spring",
+        False,
+        _backlash,
+        own_term=True,
+    ),
     Family(
         "hysteresis_other",
         "spring hysteresis after Bouc and Wen, with powers of 1.5 to 4",
@@ -348,12 +358,14 @@ _ALL = (
         "error of the gear once per turn, 0.1 to 1 mrad, behind the motor's encoder",
         False,
         _eccentricity,
+        own_term=True,
     ),
     Family(
         "saturating_torque",
         "the torque falls short by 3 to 10 % at its peak",
         False,
         _saturating_torque,
+        own_term=True,
     ),
     Family(
         "clock_jitter",
@@ -367,7 +379,13 @@ _ALL = (
         False,
         _dropped_sample,
     ),
-    Family("spring_other", "a spring that bends to another stiffness", False, _spring_other),
+    Family(
+        "spring_other",
+        "a spring that bends to another stiffness",
+        False,
+        _spring_other,
+        own_term=True,
+    ),
 )
 
 FAMILIES: Mapping[str, Family] = {family.name: family for family in _ALL}

@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.report import markdown
 from benchmarks.trials.families import FAMILIES
-from benchmarks.trials.score import Claim, FamilyScore, Share, Spread, claims, scores
+from benchmarks.trials.score import ANGLES, Claim, FamilyScore, Share, Spread, claims, scores
 
 RESULTS = Path(__file__).parents[1] / "trials.json"
 PAGE = Path(__file__).parents[2] / "docs" / "trials.md"
@@ -55,7 +55,11 @@ def terminal(results: Results) -> str:
 
 def families() -> str:
     """The families as Markdown."""
-    lines = [[one.name, one.about, "yes" if one.in_class else "no"] for one in FAMILIES.values()]
+    outside = {True: "no, a term of its own", False: "no"}
+    lines = [
+        [one.name, one.about, "yes" if one.in_class else outside[one.own_term]]
+        for one in FAMILIES.values()
+    ]
     return "\n".join(markdown(["family", "what it has", "in the model class"], lines))
 
 
@@ -194,7 +198,7 @@ def _wrong_cells(record: Mapping[str, Any], claim: Claim) -> list[str]:
 
 
 def _off(claim: Claim) -> str:
-    if claim.name == "gravity_angle":
+    if claim.name in ANGLES:
         return f"{claim.value - claim.truth:+.2g} rad"
     return f"{100.0 * (claim.value - claim.truth) / abs(claim.truth):+.2g} %"
 

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, pi, remainder
 from statistics import median
 from typing import Any
 
@@ -11,6 +11,13 @@ import numpy as np
 
 CORE = ("gravity_torque", "link_inertia", "motor_inertia", "joint_stiffness")
 """What everyone who identifies a joint asks for; gravity where there is any."""
+
+ANGLES = {
+    "gravity_angle": "gravity_torque",
+    "eccentricity_angle": "eccentricity",
+    "ripple_angle": "torque_ripple",
+}
+"""Parameters that are angles, and what they are the angle of."""
 
 WRONG = 0.01
 """How far off, relative to the truth (or in rad for an angle), is wrong."""
@@ -49,7 +56,7 @@ class Claim:
     def error(self) -> float:
         """Relative error; of an angle, in rad; infinite where the truth is zero."""
         off = abs(self.value - self.truth)
-        if self.name == "gravity_angle":
+        if self.name in ANGLES:
             return off
         return off / abs(self.truth) if self.truth else float("inf")
 
@@ -59,7 +66,7 @@ class Claim:
 
         What does not act has no relative error; its intervals count for coverage alone.
         """
-        acts = self.truth != 0.0 or self.name == "gravity_angle"
+        acts = self.truth != 0.0 or self.name in ANGLES
         wrong = not self.holds and self.error > WRONG
         return self.kind == "kept" and self.status == "determined" and acts and wrong
 
@@ -67,19 +74,22 @@ class Claim:
 def claims(record: Record) -> Iterator[Claim]:
     """Everything that one log's result claims; nothing where there is no result.
 
-    A delay that was not sought is no claim. The angle of gravity has no truth where there is no
-    gravity, and is left out there.
+    A delay that was not sought is no claim. An angle has no truth where there is nothing that it is
+    the angle of, and is left out there.
     """
     truth = record["truth"]
     kinds = (("kept", "estimates"), ("removed", "removed"), ("delay", "delays"))
     for kind, key in kinds:
         for name, (value, low, high, *status) in record.get(key, {}).items():
-            if name == "gravity_angle" and "gravity_torque" not in truth:
+            if name in ANGLES and ANGLES[name] not in truth:
                 continue
             verdict = status[0] if status else ""
             if kind == "delay" and verdict in ("given", "unknown"):
                 continue
-            yield Claim(kind, name, value, low, high, verdict, truth.get(name, 0.0))
+            own = truth.get(name, 0.0)
+            if name in ANGLES:  # the turn that is nearest
+                own = value + remainder(own - value, 2.0 * pi)
+            yield Claim(kind, name, value, low, high, verdict, own)
 
 
 def core_names(record: Record) -> list[str]:

@@ -51,13 +51,14 @@ def reported(monkeypatch):
             tried.append((start, duration))
             if len(tried) <= failing:
                 raise ConvergenceError("prediction error", "nowhere")
-            return "fitted", ["rungs"]
+            return "fitted", ["shorter", "fitted"]
 
         def first_climb(structures, data, ladder, thresholds):
             assert (structures, ladder) == ([structure], "ladder")
             return [None, SimpleNamespace(by_name={"theta2": 2.0})]
 
         monkeypatch.setattr(final, "fit_to", fit_to)
+        monkeypatch.setattr(final, "settled", lambda fitted: f"{fitted}, its shapes settled")
         monkeypatch.setattr(final, "lengths", lambda *_: "ladder")
         monkeypatch.setattr(final, "first_climb", first_climb)
         structure = SimpleNamespace(timing=SimpleNamespace(delays={"link_delay": 0.1}))
@@ -72,14 +73,15 @@ def reported(monkeypatch):
 def test_a_fit_to_all_data_begins_where_the_choice_ended(reported):
     """Assert that nothing else is tried where it converges."""
     fitted, rungs, retreat, tried, _ = reported(failing=0)
-    assert (fitted, rungs, retreat) == ("fitted", ["rungs"], ())
+    settled = "fitted, its shapes settled"
+    assert (fitted, rungs, retreat) == (settled, ["shorter", settled], ())
     assert tried == [({"link_delay": 0.1, "theta2": 1.0}, 3.0)]
 
 
 def test_a_fit_to_all_data_that_fails_is_begun_anew(reported):
     """Assert that the data are climbed from their own starts then, since they may show more."""
     fitted, _, retreat, tried, _ = reported(failing=1)
-    assert (fitted, retreat) == ("fitted", ())
+    assert (fitted, retreat) == ("fitted, its shapes settled", ())
     assert tried[1] == ({"theta2": 2.0}, 3.0)
 
 

@@ -18,7 +18,7 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS
 JOINT = flexible()
 (GRIP,) = JOINT.grips.values()
 WITHOUT = Structure(JOINT, frozenset(JOINT.optional), Timing("cubic"))
-JUST, TOO_LITTLE = THRESHOLDS.memory_promise + 0.001, THRESHOLDS.memory_promise - 0.001
+JUST, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
 
 
 @pytest.fixture
@@ -39,10 +39,8 @@ def tried(monkeypatch):
             begun.append(share(way))
             return before if share(way) == holding else None
 
-        monkeypatch.setattr(
-            climbing, "promised_by_memory", lambda *at: promises.get(share(at[-1]), 0.0)
-        )
-        monkeypatch.setattr(climbing, "_remembering", remembering)
+        monkeypatch.setattr(climbing, "promised", lambda *at: promises.get(share(at[-1]), 0.0))
+        monkeypatch.setattr(climbing, "explained_by", remembering)
         monkeypatch.setattr(climbing, "onward", lambda *_: [])
         monkeypatch.setattr(climbing, "with_best_hold", lambda found, *_: found)
         segments = range(4)
@@ -99,7 +97,7 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    found = climbing._remembering(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
+    found = climbing.explained_by(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
     assert found is not None
     assert found.excess == 1.0
     assert asked == [
@@ -121,7 +119,7 @@ def test_what_diverges_on_its_way_is_given_up(monkeypatch):
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    assert climbing._remembering(before, WITHOUT, {}, 1.0, THRESHOLDS) is None
+    assert climbing.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS) is None
 
 
 @pytest.mark.parametrize(("floor", "follows"), [(1.0, False), (1.1, True)])
@@ -136,7 +134,7 @@ def test_noise_need_not_be_taken_away(monkeypatch, floor, follows):
     before: Any = SimpleNamespace(
         excess=1.28, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    found = climbing._remembering(before, WITHOUT, {}, floor, THRESHOLDS)
+    found = climbing.explained_by(before, WITHOUT, {}, floor, THRESHOLDS)
     assert (found is not None) == follows
 
 
@@ -160,8 +158,8 @@ def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch,
         asked.append((before, structure.absent, noise))
         return before
 
-    monkeypatch.setattr(climbing, "promised_by_memory", lambda *_: 0.9)
-    monkeypatch.setattr(climbing, "_remembering", remembering)
+    monkeypatch.setattr(climbing, "promised", lambda *_: 0.9)
+    monkeypatch.setattr(climbing, "explained_by", remembering)
     monkeypatch.setattr(climbing, "onward", lambda *_: [])
     monkeypatch.setattr(climbing, "with_best_hold", lambda found, *_: found)
     wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
@@ -186,7 +184,7 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    found = climbing._remembering(before, WITHOUT, {}, 1.0, THRESHOLDS)
+    found = climbing.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS)
     assert (found is not None) == follows
 
 

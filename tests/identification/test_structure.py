@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from scipy.stats import chi2, f, norm, t
 
+import flexid.identification.structure.elimination as elimination
+import flexid.identification.structure.job as job
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.model import Fitted, Structure
 from flexid.identification.preparation.joint import flexible
@@ -317,3 +320,134 @@ def test_thresholds_are_those_given(changed, name, deviations):
     """Assert that each of the three limits is taken from the thresholds."""
     assert left(alone(name, deviations)) == set()
     assert left(alone(name, deviations), thresholds=replace(LIMITS, **changed)) == {name}
+
+
+USUAL = Structure(JOINT, frozenset({"alpha_drag", "alpha_saturation"}), Timing("zero"))
+UNUSUAL = Structure(JOINT, frozenset({"theta_offset", "alpha_offset"}), Timing("zero"))
+FALL = THRESHOLDS.exchange_fall
+
+
+@pytest.fixture
+def leanest(monkeypatch):
+    """Return a function that says whether the unusual terms are taken, by what both leave."""
+
+    def taken(usual: tuple[float, int] | None, unusual: tuple[float, int] | None, excess=1.0):
+        """By sum of squares and number of coefficients; None where there is no fit."""
+
+        def left(full, kept, thresholds, *, usual_first=False):
+            return (UNUSUAL, ("unusual",)) if usual_first else (USUAL, ("usual",))
+
+        def fit(structure, *_):
+            found = usual if structure is USUAL else unusual
+            if found is None:
+                return None
+            cost, count = found
+            minimum = SimpleNamespace(equations=SimpleNamespace(cost=cost))
+            return SimpleNamespace(minimum=minimum, names=range(count), excess=excess)
+
+        monkeypatch.setattr(elimination, "eliminate", left)
+        monkeypatch.setattr(elimination, "fit_like", fit)
+        full: Any = None
+        structure, evidence = elimination._leanest(full, (), THRESHOLDS)
+        assert evidence == (("unusual",) if structure is UNUSUAL else ("usual",))
+        return structure is UNUSUAL
+
+    return taken
+
+
+def test_unusual_terms_have_to_be_far_better_or_fewer(leanest):
+    """Assert that each coefficient more or less is worth the same fall, and one is to be gained."""
+    assert leanest((1000.0, 8), (999.9 - FALL, 8))
+    assert not leanest((1000.0, 8), (1000.1 - FALL, 8))
+    assert leanest((1000.0, 9), (999.9, 8))
+    assert not leanest((1000.0, 9), (1000.1, 8))
+    assert leanest((1000.0, 10), (999.9 + FALL, 8))
+    assert not leanest((1000.0, 10), (1000.1 + FALL, 8))
+    assert not leanest((1000.0, 8), (1000.1 - 2.0 * FALL, 9))
+
+
+def test_unusual_terms_have_to_explain_the_log(leanest):
+    """Assert that far better is no argument where the residuals are more than noise."""
+    assert leanest((9000.0, 8), (1000.0, 8), THRESHOLDS.sensor_excess - 0.001)
+    assert not leanest((9000.0, 8), (1000.0, 8), THRESHOLDS.sensor_excess + 0.001)
+
+
+def test_what_has_no_fit_is_not_left(leanest):
+    """Assert that the other way of taking away is taken then."""
+    assert leanest(None, (1000.0, 8))
+    assert not leanest((1000.0, 8), None)
+
+
+@pytest.mark.parametrize("explained", [True, False])
+def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
+    """Assert that unusual terms join as far as they lead there, and not at all elsewhere."""
+    excess = THRESHOLDS.sensor_excess + (-0.001 if explained else 0.001)
+    shapes = JOINT.shapes
+    narrow: Any = SimpleNamespace(
+        excess=excess,
+        duration=1.0,
+        data=None,
+        by_name={},
+        structure=Structure(JOINT, shapes, Timing("zero")),
+        problem=SimpleNamespace(segments="segments"),
+        minimum=SimpleNamespace(point=SimpleNamespace(initial_states="states")),
+    )
+
+    def climb(structure, data, start, ladder, states, *, insist):
+        assert (ladder, states, insist) == (["segments"], "states", False)
+        assert structure.absent == shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
+        return [SimpleNamespace(excess=excess, structure=structure)]
+
+    monkeypatch.setattr(elimination, "fit_like", lambda *_: None)
+    monkeypatch.setattr(elimination, "climb", climb)
+    climbed: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
+    wider, _ = elimination._wider(narrow, climbed, THRESHOLDS)
+    assert (wider is not narrow) == explained
+
+
+def test_terms_that_lead_astray_do_not_join(monkeypatch):
+    """Assert that the fit without them stands."""
+
+    def climb(*_, insist):
+        raise ConvergenceError("prediction error", "diverges")
+
+    narrow: Any = SimpleNamespace(
+        data=None,
+        by_name={},
+        problem=SimpleNamespace(segments=None),
+        minimum=SimpleNamespace(point=SimpleNamespace(initial_states=None)),
+    )
+    monkeypatch.setattr(elimination, "climb", climb)
+    assert elimination._as_far_as_it_leads(USUAL, narrow) is None
+
+
+@pytest.mark.parametrize(
+    ("fewer", "worse", "expected"),
+    [
+        (False, -0.001, "unusual"),
+        (False, 0.001, "usual"),
+        (True, 0.049, "unusual"),
+        (True, 0.051, "usual"),
+    ],
+)
+def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse, expected):
+    """Assert that the usual terms win at once with as few coefficients, or else if far better."""
+
+    def chosen(climb, kept, with_shapes, *_):
+        fitted = SimpleNamespace(names=range(7 if with_shapes and fewer else 8), excess=1.0)
+        structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
+        return SimpleNamespace(
+            structure=structure, fitted=fitted, found=(), with_shapes=with_shapes
+        )
+
+    monkeypatch.setattr(job, "choose_structure", chosen)
+    monkeypatch.setattr(job, "_preferred", lambda choice, *_: (choice, choice.with_shapes))
+    monkeypatch.setattr(job, "misprediction", lambda with_shapes: worse if with_shapes else 0.0)
+    monkeypatch.setattr(job, "_beside", lambda *_: ())
+    own: Any = SimpleNamespace(
+        climbed=lambda *_: None, settings=SimpleNamespace(terms="auto"), kept=()
+    )
+    nothing: Any = None
+    rest = (nothing, nothing, nothing, lambda _: None, THRESHOLDS)
+    choice: Any = job._predicting(own, *rest)[0]
+    assert ("unusual" if choice.with_shapes else "usual") == expected

@@ -97,7 +97,7 @@ def test_hysteresis_is_not_laid_to_a_gap():
     assert "spring_hysteresis" not in result.choices.terms
 
 
-@pytest.mark.parametrize("name", ["memory_promise", "memory_share"])
+@pytest.mark.parametrize("name", ["shape_promise", "shape_share"])
 def test_hysteresis_has_to_explain_what_is_left(name):
     """Assert that a model is left without it where it takes away less than is asked."""
     more, _ = MISSING["spring_hysteresis"]

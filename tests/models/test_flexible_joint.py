@@ -7,6 +7,7 @@ from flexid.analysis.histories import regressors_along
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
+    BEND_DEFLECTION,
     SHAPE_TERMS,
     TERMS,
     TIES,
@@ -52,6 +53,41 @@ def test_spring_torque_acts_and_reacts():
     for term in ("joint_damping", "cubic_stiffness"):
         (link,), (motor,) = TERMS[term].link.values(), TERMS[term].motor.values()
         assert link in (f"-{motor}", f"-({motor})")
+
+
+def test_an_eccentric_gear_turns_the_torque_as_it_turns_the_angle():
+    """Assert that all of its terms together are the spring about a gear that turns by e more.
+
+    With the squares as they follow, the motor has (x1 - x3 - e) (1 + e'), the link x1 - x3 - e.
+    """
+    sine, cosine, stiffness = 0.03, -0.05, 20.0
+    states = np.random.default_rng(5).uniform(-2.0, 2.0, (50, 4))
+    joint = flexible_joint(("eccentricity",), known={})
+    found = regressors_along(joint, states, np.zeros((50, 1)))
+    values = {"theta2": 7.0, "alpha1": stiffness, "beta1": 0.0}
+    values |= {"alpha_ecc_sine": stiffness * sine, "alpha_ecc_cosine": stiffness * cosine}
+    for name, (a, b, d) in reversed(TIES.items()):
+        if "ecc" in name:
+            values[name] = values[a] * values[b] / values[d]
+    torque = {row.name: found[row.name] @ [values[c] for c in row.regressors] for row in joint.rows}
+    x1, _, x3, _ = states.T
+    error = sine * np.sin(x3) + cosine * np.cos(x3)
+    slope = sine * np.cos(x3) - cosine * np.sin(x3)
+    np.testing.assert_allclose(torque["link"], -7.0 * (x1 - x3 - error), atol=1e-9)
+    expected = stiffness * (x1 - x3 - error) * (1.0 + slope)
+    np.testing.assert_allclose(torque["motor"], expected, atol=1e-9)
+
+
+def test_a_spring_bends_where_it_is_said_to():
+    """Assert that below the bend nothing acts, and beyond it what is beyond, to either side."""
+    joint = flexible_joint(("bent_spring",))
+    joint = joint.with_constants({**joint.constants, BEND_DEFLECTION: 0.2})
+    deflections = np.array([-0.5, -0.2, -0.1, 0.0, 0.15, 0.2, 0.7])
+    states = np.column_stack((deflections, *np.zeros((3, 7))))
+    found = regressors_along(joint, states, np.zeros((7, 1)))
+    place = [*joint.rows[1].regressors].index("alpha_bend")
+    np.testing.assert_allclose(found["motor"][:, place], [-0.3, 0, 0, 0, 0, 0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(found["link"][:, 1], -found["motor"][:, place], atol=1e-9)
 
 
 @pytest.mark.parametrize(

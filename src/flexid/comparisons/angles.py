@@ -2,7 +2,7 @@
 
 from math import pi
 
-ANGLES = frozenset({"gravity_angle"})
+ANGLES = frozenset({"gravity_angle", "eccentricity_angle", "ripple_angle"})
 """Parameters of which a difference is taken round the circle, and no percentage makes sense."""
 
 

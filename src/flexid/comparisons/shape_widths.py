@@ -10,10 +10,12 @@ from functools import cache
 
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.models.flexible_joint import BACKLASH_WIDTH, SHAPE_TERMS, SHAPES
+from flexid.models.flexible_joint import BACKLASH_WIDTH, RIPPLE_NUMBER, SHAPE_TERMS, SHAPES
 
 ALIKE = 2.0
 """Ratio of two widths beyond which what rests on them is not compared."""
+
+_SAME_RIPPLE = 1.02  # ratio of two numbers of periods, beyond which ripples are different ones
 
 
 @cache
@@ -43,7 +45,8 @@ def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
         first, second = (w if w is not None and w > 0.0 else None for w in widths)
         if first is None or second is None:
             continue
-        if _apart(first, second) and not (_own_width(shape, a) and _own_width(shape, b)):
+        alike = _SAME_RIPPLE if shape == RIPPLE_NUMBER else ALIKE
+        if _apart(first, second, alike) and not (_own_width(shape, a) and _own_width(shape, b)):
             found[coefficient] = (
                 f"it rests on a {shape} of {first:.3g} in A and of {second:.3g} in B, which was "
                 f"chosen for each log"
@@ -51,8 +54,8 @@ def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
     return found
 
 
-def _apart(first: float, second: float) -> bool:
-    return max(first, second) > ALIKE * min(first, second)
+def _apart(first: float, second: float, alike: float) -> bool:
+    return max(first, second) > alike * min(first, second)
 
 
 def _own_width(shape: str, estimate: Identification) -> bool:
@@ -60,7 +63,7 @@ def _own_width(shape: str, estimate: Identification) -> bool:
     gap = estimate.parameters.get("half_backlash")
     if shape != BACKLASH_WIDTH or gap is None:
         return False
-    return not _apart(gap.value, estimate.choices.shapes[shape])
+    return not _apart(gap.value, estimate.choices.shapes[shape], ALIKE)
 
 
 def reason_of(unlike: Mapping[str, str], *values: ValueEstimate | None) -> str:

@@ -104,9 +104,7 @@ def look_into(
     data = data_of(joint, recordings.whole, recordings.groups)
     noise = data.noise * np.array(list(result.residual_excess.values()))
     progress("what to add")
-    fitted = data_of(joint, recordings.fitted, recordings.groups)
-    shapes = joint.scaled(fitted.samples).extended.constants
-    advice = advise(result, data.samples, lambda: _rehearsal(result, data, noise, shapes))
+    advice = advise(result, data.samples, lambda: _rehearsal(result, data, noise))
     return ExcitationReport(
         result,
         assess(result),
@@ -117,10 +115,8 @@ def look_into(
     )
 
 
-def _rehearsal(
-    result: Identification, data: Data, noise: FloatArray, shapes: Mapping[str, float]
-) -> Rehearsal:
+def _rehearsal(result: Identification, data: Data, noise: FloatArray) -> Rehearsal:
     longest = max(range(len(data.samples)), key=lambda recording: len(data.samples[recording]))
     group = data.groups[longest]
-    model = rebuilt(described(result, group, shapes), given_coefficients(result))
+    model = rebuilt(described(result, group), given_coefficients(result))
     return Rehearsal(model, result, beginning(data.samples[longest]), group, noise, data)

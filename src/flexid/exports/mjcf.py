@@ -103,7 +103,7 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     result = request.source.identification
     if result is None:
         raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
-    model = described(result, 0, result.choices.shapes)
+    model = described(result, 0)
     for name, value in model.coefficients.items():
         if not isfinite(value):
             raise SettingError(name, "has no value in this estimate: the log says nothing of it")

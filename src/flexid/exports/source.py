@@ -64,7 +64,7 @@ def source_of_identification(result: "Identification") -> ExportSource:
     from flexid.identification.preparation.joint import joint_of
     from flexid.stored_estimates.rebuilt import described, given_coefficients, input_unit_of
 
-    found = described(result, 0, result.choices.shapes).coefficients
+    found = described(result, 0).coefficients
     values = {name: v for name, v in found.items() if "[" not in name}
     given = given_coefficients(result) & {*values}
     joint = joint_of(result.model)

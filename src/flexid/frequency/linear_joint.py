@@ -133,7 +133,7 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
         If the position is no number.
     """
     # Friction is dry here even where it was smoothed: sliding, it is constant.
-    model = replace(described(result, 0, result.choices.shapes), coulomb_velocity=None)
+    model = replace(described(result, 0), coulomb_velocity=None)
     # A friction that remembers its path is constant along it, too.
     remembered = joint_of(result.model).remembered
     lasting = {c: value for c, value in model.coefficients.items() if c not in remembered}

@@ -285,7 +285,7 @@ def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices
         segment_duration=choice.duration,
         term_evidence=_evidence(choice),
         segment_evidence=choice.lengths,
-        shapes={} if joint.shapes <= choice.structure.absent else dict(joint.extended.constants),
+        shapes=joint.constants_of(joint.shapes - choice.structure.absent),
     )
 
 

@@ -55,10 +55,15 @@ TERMS: dict[str, Term] = {
 
 STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
+BEND_DEFLECTION = "bend_deflection"
+RIPPLE_NUMBER = "ripple_number"
 
 # Twice the deflection over the width, cut off at 2: a spring less its stiffness times half the gap
 # times half of this is a dead zone, if the width is half the gap.
 _BEYOND = f"abs((x1 - x3)/{BACKLASH_WIDTH} + 1) - abs((x1 - x3)/{BACKLASH_WIDTH} - 1)"
+
+# The deflection beyond where the spring bends.
+_BENT = f"(x1 - x3) - (abs((x1 - x3) + {BEND_DEFLECTION}) - abs((x1 - x3) - {BEND_DEFLECTION}))/2"
 
 SHAPE_TERMS: dict[str, Term] = {
     "motor_stribeck": Term(
@@ -81,12 +86,23 @@ SHAPE_TERMS: dict[str, Term] = {
         {},
         {"alpha_saturation": "-u**3"},
     ),
+    "torque_ripple": Term(
+        "torque that repeats with the motor's position, many times in a turn",
+        {},
+        {
+            "alpha_ripple_sine": f"sin({RIPPLE_NUMBER}*x3)",
+            "alpha_ripple_cosine": f"cos({RIPPLE_NUMBER}*x3)",
+        },
+    ),
     "eccentricity": Term(
         "error of the transmission that repeats with each turn",
         {"theta_ecc_sine": "sin(x3)", "theta_ecc_cosine": "cos(x3)"},
-        {  # the gear, which turns a little more or less, turns the torque so much more or less too
+        {  # the gear, which turns by e more, turns the torque by e' more: (x1 - x3 - e) (1 + e')
             "alpha_ecc_sine": "-sin(x3) + (x1 - x3)*cos(x3)",
             "alpha_ecc_cosine": "-cos(x3) - (x1 - x3)*sin(x3)",
+            "alpha_ecc_sine_square": "-sin(x3)*cos(x3)",
+            "alpha_ecc_cosine_square": "sin(x3)*cos(x3)",
+            "alpha_ecc_product": "-cos(2*x3)",
         },
     ),
     "spring_hysteresis": Term(
@@ -100,6 +116,11 @@ SHAPE_TERMS: dict[str, Term] = {
         {"theta_backlash": f"({_BEYOND})/2"},
         {"alpha_backlash": f"-({_BEYOND})/2"},
     ),
+    "bent_spring": Term(
+        "joint spring with another stiffness beyond some deflection",
+        {"theta_bend": f"-({_BENT})"},
+        {"alpha_bend": _BENT},
+    ),
     "lopsided_spring": Term(
         "joint spring that is stiffer to one side",
         {"theta_lopsided": "-(x1 - x3)**2"},
@@ -108,19 +129,34 @@ SHAPE_TERMS: dict[str, Term] = {
 }
 """Terms for what a drive may have beside those of `TERMS`; each stands for a family of shapes."""
 
-SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH)
-"""Constants of these terms: how wide their shapes are, in rad/s and rad."""
+SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER)
+"""Constants of these terms: how wide their shapes are, in rad/s and rad, and periods in a turn."""
 
-CONSTANT_UNITS = {SMOOTHING: "rad/s", STRIBECK_VELOCITY: "rad/s", BACKLASH_WIDTH: "rad"}
+CONSTANT_UNITS = {
+    SMOOTHING: "rad/s",
+    STRIBECK_VELOCITY: "rad/s",
+    BACKLASH_WIDTH: "rad",
+    BEND_DEFLECTION: "rad",
+    RIPPLE_NUMBER: "1",
+}
 """Unit of each constant that a term may bring."""
 
 TIES: dict[str, tuple[str, str, str]] = {
     f"theta_{name}": (f"alpha_{name}", "theta2", "alpha1")
     for name in (
-        *("damping", "cubic", "ecc_sine", "ecc_cosine", "hysteresis", "backlash", "lopsided"),
+        *("damping", "cubic", "ecc_sine", "ecc_cosine", "hysteresis", "backlash", "bend"),
+        "lopsided",
     )
+} | {
+    "alpha_ecc_sine_square": ("alpha_ecc_sine", "alpha_ecc_sine", "alpha1"),
+    "alpha_ecc_cosine_square": ("alpha_ecc_cosine", "alpha_ecc_cosine", "alpha1"),
+    "alpha_ecc_product": ("alpha_ecc_sine", "alpha_ecc_cosine", "alpha1"),
 }
-"""Coefficients of one spring, which acts on both sides: a/Jl = (a/Jr) theta2/alpha1."""
+"""Coefficients that follow from others, the first times the second over the third.
+
+Those of one spring, which acts on both sides: a/Jl = (a/Jr) theta2/alpha1. And the squares of an
+eccentricity, per motor inertia.
+"""
 
 COEFFICIENT_UNITS: dict[str, str] = {
     "theta1": "1/s^2",
@@ -136,6 +172,7 @@ COEFFICIENT_UNITS: dict[str, str] = {
     "theta_ecc_cosine": "rad/s^2",
     "theta_hysteresis": "rad/s^2",
     "theta_backlash": "rad/s^2",
+    "theta_bend": "1/s^2",
     "theta_lopsided": "1/(rad s^2)",
     "alpha1": "1/s^2",
     "alpha2": "1/s",
@@ -146,10 +183,16 @@ COEFFICIENT_UNITS: dict[str, str] = {
     "alpha_stribeck": "rad/s^2",
     "alpha_drag": "1/rad",
     "alpha_saturation": "rad/s^2/({input})^3",
+    "alpha_ripple_sine": "rad/s^2",
+    "alpha_ripple_cosine": "rad/s^2",
     "alpha_ecc_sine": "rad/s^2",
     "alpha_ecc_cosine": "rad/s^2",
+    "alpha_ecc_sine_square": "rad/s^2",
+    "alpha_ecc_cosine_square": "rad/s^2",
+    "alpha_ecc_product": "rad/s^2",
     "alpha_hysteresis": "rad/s^2",
     "alpha_backlash": "rad/s^2",
+    "alpha_bend": "1/s^2",
     "alpha_lopsided": "1/(rad s^2)",
     "beta1": "rad/s^2/{input}",
     "hysteresis_grip": "1/rad",

@@ -82,7 +82,7 @@ class Product:
 
 @dataclass(frozen=True)
 class Amplitude:
-    """Amplitude of ``sine sin x + cosine cos x`` times a product: gravity in two coefficients.
+    """Amplitude of ``sine sin x + cosine cos x`` times a product, as that of a tilted gravity.
 
     Parameters
     ----------

@@ -21,8 +21,8 @@ _GRAVITY_ANGLE = ZeroAngle("gravity_angle", "theta1", "theta_cosine")
 
 _SHAPE_RATIOS: tuple[PhysicalParameter, ...] = (
     Product("half_backlash", "rad", {"alpha_backlash": 1, "alpha1": -1}),
-    Product("eccentricity_sine", "rad", {"alpha_ecc_sine": 1, "alpha1": -1}),
-    Product("eccentricity_cosine", "rad", {"alpha_ecc_cosine": 1, "alpha1": -1}),
+    Amplitude("eccentricity", "rad", "alpha_ecc_sine", "alpha_ecc_cosine", {"alpha1": -1}),
+    ZeroAngle("eccentricity_angle", "alpha_ecc_sine", "alpha_ecc_cosine"),
 )
 
 _WITH_TORQUE: tuple[PhysicalParameter, ...] = (
@@ -42,6 +42,9 @@ _WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("torque_saturation", "1/(N m)^2", {"alpha_saturation": 1, "beta1": -1}),
     Product("spring_hysteresis", "N m", {"alpha_hysteresis": 1, "beta1": -1}),
     Product("hysteresis_reach", "rad", {"hysteresis_grip": -1}),
+    Amplitude("torque_ripple", "N m", "alpha_ripple_sine", "alpha_ripple_cosine", {"beta1": -1}),
+    ZeroAngle("ripple_angle", "alpha_ripple_sine", "alpha_ripple_cosine"),
+    Product("bend_stiffness", "N m/rad", {"alpha_bend": 1, "beta1": -1}),
     Product("lopsided_stiffness", "N m/rad^2", {"alpha_lopsided": 1, "beta1": -1}),
     *_SHAPE_RATIOS,
     Product("link_drag", "N m s^2/rad^2", {"theta_drag": 1, **_LINK_INERTIA}),
@@ -82,10 +85,11 @@ _LINK_RATIOS: tuple[PhysicalParameter, ...] = (
     Product("coulomb_friction_per_link_inertia", "1/s^2", {"theta_coulomb": 1}),
     Product("joint_damping_per_link_inertia", "1/s", {"theta_damping": 1}),
     Product("cubic_joint_stiffness_per_link_inertia", "1/(rad^2 s^2)", {"theta_cubic": 1}),
+    Product("bend_stiffness_per_link_inertia", "1/s^2", {"theta_bend": 1}),
     Product("offset_torque_per_link_inertia", "1/s^2", {"theta_offset": 1}),
     Product("half_backlash", "rad", {"theta_backlash": 1, "theta2": -1}),
-    Product("eccentricity_sine", "rad", {"theta_ecc_sine": 1, "theta2": -1}),
-    Product("eccentricity_cosine", "rad", {"theta_ecc_cosine": 1, "theta2": -1}),
+    Amplitude("eccentricity", "rad", "theta_ecc_sine", "theta_ecc_cosine", {"theta2": -1}),
+    ZeroAngle("eccentricity_angle", "theta_ecc_sine", "theta_ecc_cosine"),
 )
 """What the link's row alone gives, which knows no torque."""
 

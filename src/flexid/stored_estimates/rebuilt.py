@@ -15,7 +15,6 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.model import LINK, Data, Structure
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.result.identification import Identification
-from flexid.models.flexible_joint import SHAPES
 from flexid.recording.recording import Hold
 
 _SAME = 1e-6  # relative difference of a tied coefficient to what it follows from that is rounding
@@ -49,7 +48,7 @@ class Described:
     shapes: Mapping[str, float] = field(default_factory=dict)
 
 
-def described(result: Identification, group: int, shapes: Mapping[str, float]) -> Described:
+def described(result: Identification, group: int) -> Described:
     """The model of an identification as it holds for one of its logs, counted from 0.
 
     Parameters
@@ -58,8 +57,6 @@ def described(result: Identification, group: int, shapes: Mapping[str, float]) -
         What was found.
     group : int
         The log.
-    shapes : mapping of str to float
-        Widths of shapes.
     """
     own = {name: c.value for name, c in result.coefficients.items() if "[" not in name}
     label = f"[{group + 1}]"
@@ -73,7 +70,9 @@ def described(result: Identification, group: int, shapes: Mapping[str, float]) -
         INPUT: choices.alignment.input_delay.value,
         LINK: choices.alignment.link_delay.value,
     }
-    return Described(result.model, own, choices.hold, delays, choices.coulomb_velocity, shapes)
+    return Described(
+        result.model, own, choices.hold, delays, choices.coulomb_velocity, choices.shapes
+    )
 
 
 def given_coefficients(result: Identification) -> frozenset[str]:
@@ -193,14 +192,8 @@ def _with_constants(joint: Joint, described: Described, values: Mapping[str, flo
                 sorted(used)[0], "goes with dry friction only, and coulomb_velocity smooths it"
             )
         return joint.with_coulomb_velocity(described.coulomb_velocity)
-    wanted = {
-        constant
-        for row in joint.extended.rows
-        for c, regressor in row.regressors.items()
-        for constant in SHAPES
-        if c in used and constant in regressor
-    }
-    missing = sorted(wanted - {*described.shapes})
+    wanted = joint.constants_of(used)
+    missing = sorted({*wanted} - {*described.shapes})
     if missing:
         raise SettingError(missing[0], "is missing, without which its term says nothing")
     widths = {name: described.shapes[name] for name in sorted(wanted)}

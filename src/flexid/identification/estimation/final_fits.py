@@ -25,8 +25,8 @@ from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.structure.elimination import Choice
-from flexid.identification.structure.gap import with_free_width
 from flexid.identification.structure.link_delay import confused_covariance
+from flexid.identification.structure.shapes import settled, with_free_shapes
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import LinkRow, ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -155,6 +155,7 @@ def final_fits(
     """
     whole = replace(whole, refinement=choice.fitted.data.refinement)
     reported, rungs, retreat = _reported(choice, whole, thresholds)
+    choice = _as_reported(choice, reported)
     error = error_of(reported, rungs, thresholds)
     rate = _FILTER_RATE if isinstance(filter_rate, str) else filter_rate
     full = _full(choice, reported)
@@ -177,7 +178,7 @@ def with_doubts(
         When the link's row is taken.
     """
     reported, error = fits.reported, fits.error
-    estimate = with_free_width(widened_by(reported, error), reported)
+    estimate = with_free_shapes(widened_by(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
     estimate = estimate.widened(hold_covariance(reported, fits.choice.climbed.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))
@@ -205,9 +206,11 @@ def _reported(
     start = {**structure.timing.delays, **choice.fitted.by_name}
     for begin in (lambda: start, lambda: _begun_anew(choice, whole, thresholds)):
         try:
-            return *fit_to(structure, whole, begin(), choice.duration), ()
+            fitted, rungs = fit_to(structure, whole, begin(), choice.duration)
         except ConvergenceError:
             continue
+        last = settled(fitted)
+        return last, [last if rung is fitted else rung for rung in rungs], ()
     return (
         choice.fitted,
         [choice.fitted],
@@ -216,6 +219,13 @@ def _reported(
             "the held-out end: check what happened there",
         ),
     )
+
+
+def _as_reported(choice: Choice, reported: Fitted) -> Choice:
+    """The choice with the shapes that all data show."""
+    joint = reported.structure.joint
+    structure = replace(choice.structure, joint=joint)
+    return replace(choice, structure=structure, full=replace(choice.full, joint=joint))
 
 
 def _begun_anew(choice: Choice, whole: Data, thresholds: Thresholds) -> dict[str, float]:

@@ -21,6 +21,7 @@ from flexid.estimators.shrunken_covariance import shrunken
 from flexid.identification.full_model.fitting import fit_like
 from flexid.identification.full_model.model import ROUGH, Fitted
 from flexid.identification.structure.gap import PLAY, is_dead_zone
+from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -104,7 +105,8 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
 
     A curved spring, a gap or an eccentric gear that leaves a model error behind is hardly what the
     drive has, and another stand-in would leave other values: they are as uncertain as they move
-    without any, or without one of them. A dead zone that explains the log alone is none.
+    without any, or without one of them. A dead zone, or what has a constant that was sought, that
+    explains the log alone is none.
 
     Parameters
     ----------
@@ -117,8 +119,8 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
     """
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
-    alone = stand_ins <= PLAY and is_dead_zone(fitted)
-    explains = alone and fitted.excess <= thresholds.sensor_excess
+    exact = SOUGHT_COEFFICIENTS | (PLAY if is_dead_zone(fitted) else frozenset())
+    explains = stand_ins <= exact and fitted.excess <= thresholds.sensor_excess
     if error.share == 0.0 or not stand_ins or explains:
         return np.zeros((len(fitted.names), len(fitted.names)))
     own = np.array([name in stand_ins for name in fitted.names])

@@ -102,7 +102,7 @@ def climb_full(
     found = first_climb([_with_hold(base, hold) for hold in holds], data, short, thresholds)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
-        found = _climbed_like(best, found, short)
+        found = climbed_like(best, found, short)
     progress("the full model over longer segments")
     if len(found[-1].problem.segments) == len(short[-1]):
         found = found + onward(found[-1], ladder)
@@ -135,12 +135,9 @@ def climb_remembering(
         None where the model without explains the log, or one with memory hardly does so better.
     """
     full = climbed.found[-1].structure
-    found = (*climbed.found, *leaner)
-    left = [fitted for fitted in found if fitted.excess > thresholds.sensor_excess]
-    if not left or not full.joint.remembered:
+    before = turning((*climbed.found, *leaner), thresholds)
+    if before is None or not full.joint.remembered:
         return None
-    # Over the shortest segments a grip is any spring's; over the longest ones no start is good.
-    before = next((fitted for fitted in left if fitted.duration >= _TURNING), left[-1])
     joint = full.joint
     timing = replace(full.timing, hold=before.structure.timing.hold)
     structure = replace(full, absent=full.absent - joint.remembered, timing=timing)
@@ -150,12 +147,12 @@ def climb_remembering(
         {**before.by_name, **dict.fromkeys(joint.grips.values(), share * joint.first_grip)}
         for share in _GRIPS
     ]
-    promising = [(promised_by_memory(before, structure, way), way) for way in ways]
+    promising = [(promised(before, structure, way), way) for way in ways]
     floor = thresholds.noise_floor(climbed.found[0].excess)
     for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
-        if promise < thresholds.memory_promise:
+        if promise < thresholds.shape_promise:
             break
-        first = _remembering(before, structure, way, floor, thresholds)
+        first = explained_by(before, structure, way, floor, thresholds)
         if first is not None:
             found = [first, *onward(first, climbed.ladder)]
             ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
@@ -163,16 +160,44 @@ def climb_remembering(
     return None
 
 
-def _remembering(
+def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
+    """The fit whose residuals show best what a model lacks; None where none leaves more than noise.
+
+    Over the shortest segments anything is a curve; over the longest ones no start is good.
+
+    Parameters
+    ----------
+    found : sequence of Fitted
+        Over segments of growing length.
+    thresholds : Thresholds
+        Up to which excess a model explains a log.
+    """
+    left = [fitted for fitted in found if fitted.excess > thresholds.sensor_excess]
+    longer = (fitted for fitted in left if fitted.duration >= _TURNING)
+    return next(longer, left[-1] if left else None)
+
+
+def explained_by(
     before: Fitted,
     structure: Structure,
     way: Mapping[str, float],
     floor: float,
     thresholds: Thresholds,
 ) -> Fitted | None:
-    """A fit with memory, if its first steps take away most of what one without leaves beyond noise.
+    """A wider fit, if its first steps take away most of what one without leaves beyond noise.
 
-    The floor is the excess that is noise.
+    Parameters
+    ----------
+    before : Fitted
+        Without.
+    structure : Structure
+        With more terms.
+    way : mapping of str to float
+        Where the steps begin.
+    floor : float
+        The excess that is noise.
+    thresholds : Thresholds
+        How much is most.
     """
     segments = [before.problem.segments]
     try:
@@ -181,7 +206,7 @@ def _remembering(
         )
     except ConvergenceError:
         return None
-    if before.excess - found.excess < thresholds.memory_share * (before.excess - floor):
+    if before.excess - found.excess < thresholds.shape_share * (before.excess - floor):
         return None
     states = found.minimum.point.initial_states
     try:
@@ -193,15 +218,15 @@ def _remembering(
     return None if drives else found
 
 
-def promised_by_memory(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
-    """Share of the residuals beyond noise that the first step with memory promises to take away.
+def promised(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
+    """Share of the residuals beyond noise that the first step with more terms promises to take.
 
     Parameters
     ----------
     fitted : Fitted
-        Without memory.
+        Without them.
     structure : Structure
-        The same with it.
+        The same with them.
     way : mapping of str to float
         Where that step begins.
     """
@@ -240,7 +265,7 @@ def with_best_hold(
     best, reason, tied = best_hold(found[-1], holds, thresholds)
     # A model that explains the log is best over its longest segments; the others do not matter.
     explained = best.excess <= thresholds.sensor_excess
-    found = [best] if explained and best is not found[-1] else _climbed_like(best, found, ladder)
+    found = [best] if explained and best is not found[-1] else climbed_like(best, found, ladder)
     refined = with_steps_refined(found)
     return Climb(refined, tuple(ladder), free_length, tuple(holds), reason, tied)
 
@@ -278,8 +303,18 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     return (fit_like(found.structure, found) or found) if fitted.data.refinement > 1 else found
 
 
-def _climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments]) -> list[Fitted]:
-    """A climb over the same segments as another, with the hold of a fit to the last of them."""
+def climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments]) -> list[Fitted]:
+    """A climb over the same segments as another, with the structure of a fit to the last of them.
+
+    Parameters
+    ----------
+    best : Fitted
+        That fit.
+    found : list of Fitted
+        The other climb.
+    ladder : sequence of Segments
+        All lengths.
+    """
     if best is found[-1]:
         return found
     states = found[0].minimum.point.initial_states

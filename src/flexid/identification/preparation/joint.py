@@ -115,7 +115,7 @@ class Joint:
         smooth = self.smooth.with_constants({SMOOTHING: max(_SMOOTHING_SHARE * last, 1e-6)})
         if self.kind == "rigid":
             return replace(self, smooth=smooth)
-        sides = [self._both_sides(recording) for recording in recordings]
+        sides = [self.both_sides(recording) for recording in recordings]
         deflection = _root_mean_square([np.subtract(*positions.T) for positions, _ in sides])
         widths = {
             STRIBECK_VELOCITY: max(_STRIBECK_SHARE * last, 1e-6),
@@ -130,6 +130,17 @@ class Joint:
         extended = self.extended.with_constants(widths)
         return replace(self, extended=extended, remembering=self.remembering.with_constants(widths))
 
+    def constants_of(self, coefficients: Collection[str]) -> dict[str, float]:
+        """The constants that the regressors of some coefficients have."""
+        regressors = [
+            regressor
+            for row in self.extended.rows
+            for name, regressor in row.regressors.items()
+            if name in coefficients
+        ]
+        constants = self.extended.constants
+        return {name: v for name, v in constants.items() if any(name in r for r in regressors)}
+
     @property
     def with_shapes_in_least_squares(self) -> "Joint":
         """The same whose least squares may seek the terms of the extended model, too."""
@@ -137,8 +148,8 @@ class Joint:
         widths = {name: known[name] for name in self.shaped.constants if name in known}
         return replace(self, smooth=self.shaped.with_constants(widths))
 
-    def _both_sides(self, recording: Samples) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities of link and motor, shape (n, 2) each."""
+    def both_sides(self, recording: Samples) -> tuple[FloatArray, FloatArray]:
+        """Positions and velocities of link and motor, shape (n, 2) each, of a recording of both."""
         if self.kind == "flexible":
             return recording.positions, _velocities(recording)
         motor = recording.inputs[:, :1], recording.inputs[:, 1:]

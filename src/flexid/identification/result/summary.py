@@ -3,7 +3,12 @@
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Choices
+from flexid.models.flexible_joint import BEND_DEFLECTION, RIPPLE_NUMBER
 
+_SOUGHT = {
+    "torque_ripple": (RIPPLE_NUMBER, "{:.5g} periods in a turn"),
+    "bent_spring": (BEND_DEFLECTION, "beyond {:.3g} rad"),
+}
 _HOLDS = {"zero": "held between samples", "linear": "on straight lines", "cubic": "smoothly"}
 
 
@@ -27,7 +32,7 @@ def summary(choices: Choices, model: Kind, *, asked: bool = False) -> tuple[str,
 
 
 def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
-    named = ", ".join(choices.terms) or "no further term"
+    named = ", ".join(_term(name, choices) for name in choices.terms) or "no further term"
     why = "as the settings say" if asked else "since the log has no input"
     alone = f"the link alone, {why}, with " if model == "link" else ""
     sentence = f"Model: {alone}{named}"
@@ -40,6 +45,14 @@ def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
         most = max(gone, key=lambda e: abs(e.value) / e.std)
         sentence += f", of those left out {most.name} was {_deviations(most.value, most.std)}"
     return sentence + "."
+
+
+def _term(name: str, choices: Choices) -> str:
+    """A term, with the constant of its shape where that was sought."""
+    if name not in _SOUGHT:
+        return name
+    constant, words = _SOUGHT[name]
+    return f"{name} ({words.format(choices.shapes[constant])})"
 
 
 def _deviations(value: float, std: float) -> str:

@@ -14,13 +14,14 @@ import numpy as np
 from scipy.special import fdtrc
 
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.scaled_inverse import least_with, scaled_inverse
 from flexid.identification.full_model.climbing import Climb, best_hold
-from flexid.identification.full_model.fitting import fit_like, onward
+from flexid.identification.full_model.fitting import climb, fit_like, onward
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
-from flexid.identification.structure.gap import as_wide_as_its_gap
+from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, free_information, settled
 from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
@@ -106,7 +107,7 @@ def choose_structure(
     asked_over = wider.duration
     if asked.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
-    structure, evidence = eliminate(wider, kept, thresholds)
+    structure, evidence = _leanest(wider, kept, thresholds)
     for _ in range(_ROUNDS):
         # What is left may be fitted over longer segments, and these show more.
         leaner = fit_like(structure, wider)
@@ -121,7 +122,7 @@ def choose_structure(
         best = longer
         if len(wider.problem.segments) != len(longer.problem.segments):
             break  # the wider model does not follow; what it said of shorter segments stands
-        structure, evidence = eliminate(wider, kept, thresholds)
+        structure, evidence = _leanest(wider, kept, thresholds)
     fitted = best if best.structure is structure else fit_like(structure, best)
     while fitted is not None:
         # Far from where it was expanded a quadratic form is none; the leaner fit has its own.
@@ -134,7 +135,7 @@ def choose_structure(
         structure, fitted = best.structure, best
     if fitted.structure.timing.hold != wider.structure.timing.hold:
         asked = climbed
-    fitted = as_wide_as_its_gap(fitted)
+    fitted = settled(fitted)
     if asked.tied and fitted.duration > asked_over:  # longer segments distinguish more
         fitted, reason, tied = best_hold(fitted, asked.holds, thresholds)
         asked = replace(asked, hold_reason=reason, tied=tied)
@@ -161,7 +162,7 @@ def _rivals(
     # Those of other lengths climbed without bounds.
     if fitted.excess > thresholds.sensor_excess and not fitted.structure.bounds:
         rivals += [other for other in found if other.duration != fitted.duration]
-    return tuple(map(as_wide_as_its_gap, rivals))
+    return tuple(map(settled, rivals))
 
 
 def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted | None:
@@ -192,7 +193,8 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
     Where the usual terms leave more than noise, and these explain most of it, the hold was chosen
     among fits of which none explained the log. It is asked again.
     """
-    shapes = best.structure.joint.shapes - best.structure.joint.remembered
+    joint = best.structure.joint
+    shapes = joint.shapes - joint.remembered - SOUGHT_COEFFICIENTS
     if not shapes:
         return best, climbed
     extended = replace(best.structure, absent=best.structure.absent - shapes)
@@ -200,6 +202,8 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
     shorter = [other for other in climbed.found if other.duration < best.duration]
     for narrow in (best, *reversed(shorter)):
         wider = fit_like(extended, narrow, ROUGH)
+        if wider is None and narrow.excess <= thresholds.sensor_excess:
+            wider = _as_far_as_it_leads(extended, narrow)
         # One that is worse has ended at a bound.
         if wider is not None and wider.excess <= _NO_WORSE * narrow.excess:
             break
@@ -207,13 +211,26 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
         return best, climbed
     if narrow.excess - wider.excess < _TAKEN * (narrow.excess - 1.0):
         return wider, climbed
-    wider = as_wide_as_its_gap(wider)
+    wider = settled(wider)
     if best.excess <= thresholds.sensor_excess or len(climbed.holds) == 1:
         return wider, climbed
     held, reason, tied = best_hold(wider, climbed.holds, thresholds)
     if held is not wider:
-        held = as_wide_as_its_gap(held)
+        held = settled(held)
     return held, replace(climbed, hold_reason=reason, tied=tied)
+
+
+def _as_far_as_it_leads(structure: Structure, fitted: Fitted) -> Fitted | None:
+    """A wider structure where the steps need not end: the log may not tell some terms apart.
+
+    None where they lead astray.
+    """
+    segments, states = [fitted.problem.segments], fitted.minimum.point.initial_states
+    try:
+        (found,) = climb(structure, fitted.data, fitted.by_name, segments, states, insist=False)
+    except ConvergenceError:
+        return None
+    return found
 
 
 def relative_deviation(fitted: Fitted) -> float:
@@ -242,8 +259,32 @@ def best_length(found: Sequence[Fitted]) -> Fitted:
 _ALIKE = 1.05  # ratio of widths that two lengths may differ by at random
 
 
-def eliminate(
+def _leanest(
     full: Fitted, kept: Collection[str], thresholds: Thresholds
+) -> tuple[Structure, tuple[TermEvidence, ...]]:
+    """Take terms away; of terms that the log does not distinguish, those that explain it leanest.
+
+    The less usual ones go first, unless what is left if the usual ones do so explains the log, and
+    does so as well with fewer terms, or far better with as many.
+    """
+    found = eliminate(full, kept, thresholds)
+    other = eliminate(full, kept, thresholds, usual_first=True)
+    structures = found[0], other[0]
+    if structures[0].absent == structures[1].absent:
+        return found
+    usual, unusual = (fit_like(structure, full, ROUGH) for structure in structures)
+    # Where neither explains the log, which of them fails less says nothing.
+    if unusual is None or unusual.excess > thresholds.sensor_excess:
+        return found
+    if usual is None:
+        return other
+    saved = usual.minimum.equations.cost - unusual.minimum.equations.cost
+    worth = thresholds.exchange_fall * (1 + len(unusual.names) - len(usual.names))
+    return other if saved > worth * max(1.0, unusual.excess) else found
+
+
+def eliminate(
+    full: Fitted, kept: Collection[str], thresholds: Thresholds, *, usual_first: bool = False
 ) -> tuple[Structure, tuple[TermEvidence, ...]]:
     """Take terms away while one is left that chance explains.
 
@@ -255,6 +296,8 @@ def eliminate(
         What stays in any case.
     thresholds : Thresholds
         Probabilities below which a term is no chance.
+    usual_first : bool, optional
+        Of terms that the log does not distinguish, whether the usual ones go first, not the others.
     """
     joint = full.structure.joint
     names = full.names
@@ -293,8 +336,10 @@ def eliminate(
         }
         if not candidates:
             break
-        # Of terms that the log does not distinguish the less usual ones go first.
-        gone = max(free or candidates, key=lambda i: (base[i] in joint.shapes, ratio[i], i))
+        gone = max(
+            free or candidates,
+            key=lambda i: ((base[i] in joint.shapes) != usual_first, ratio[i], i),
+        )
         left[groups[gone]] = False
         left[[b == joint.grips.get(base[gone]) for b in base]] = False
         tests |= {names[i]: replace(tests[names[i]], kept=False) for i in groups[gone]}
@@ -334,7 +379,7 @@ class _Quadratic:
         middle = float(np.median(factors[usable])) if usable.any() else 1.0
         freedom = np.array(full.fit.degrees_of_freedom)
         return cls(
-            full.information,
+            free_information(full),
             full.values,
             # Few blocks may agree by chance; the sensors' noise is there in any case.
             np.maximum(np.where(usable, factors, middle), 1.0),

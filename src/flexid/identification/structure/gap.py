@@ -225,7 +225,7 @@ def climb_gapped(climbed: Climb, progress: Progress, thresholds: Thresholds) -> 
     last = as_wide_as_its_gap(best[-1])
     as_long = [f for f in climbed.found if f.duration <= last.duration] or climbed.found[:1]
     before = as_long[-1].excess
-    if half_gap(last) <= 0.0 or before - last.excess < thresholds.memory_share * (before - floor):
+    if half_gap(last) <= 0.0 or before - last.excess < thresholds.shape_share * (before - floor):
         return None
     found = [last, *onward(last, climbed.ladder)]
     ladder = [s for s in climbed.ladder if len(s) <= len(last.problem.segments)]

@@ -1,6 +1,6 @@
 """What the logs and the settings leave to be found, and the structure that predicts best."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from flexid.estimators.channel_timing import INPUT, Timing
@@ -13,6 +13,8 @@ from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.elimination import Choice, choose_structure
 from flexid.identification.structure.gap import climb_gapped
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
+from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS
+from flexid.identification.structure.sought_shape import climb_asked_for, climb_with
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.progress import Progress
@@ -73,10 +75,14 @@ class Job:
         absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
         given, bounds = self.stated.given, self.stated.bounds
         base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
-        base = base.without(self.left_out)
+        base = base.without(self.left_out | SOUGHT_COEFFICIENTS)
         duration = settings.segment_duration
         durations = () if duration == "auto" else (duration,)
-        return climb_full(base, training, self.holds, durations, progress, thresholds)
+        climbed = climb_full(base, training, self.holds, durations, progress, thresholds)
+        for shape in SOUGHT:
+            if not shape.coefficients.isdisjoint(self.kept):
+                climbed = climb_asked_for(shape, climbed, progress, thresholds)
+        return climbed
 
     @property
     def holds(self) -> Sequence[Hold]:
@@ -192,18 +198,32 @@ def _predicting(
         progress("the usual terms alone as a rival")
         rival = choose_structure(climb, job.kept, False, progress, thresholds)
         rival, other = _preferred(rival, whole, recordings, thresholds)
-        if misprediction(validation) >= misprediction(other):
+        leaner = len(choice.fitted.names) < len(rival.fitted.names)
+        allowed = thresholds.generous_gain if leaner else 0.0  # what is leaner has paid already
+        if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
-    remembering = climb_remembering(climb, choice.found, progress, thresholds)
-    for other in (remembering, _gapped(climb, choice, progress, thresholds)):
-        if other is None:
-            continue
+    for other in _beside(climb, choice, progress, thresholds):
         rival = choose_structure(other, job.kept, True, progress, thresholds)
         rival, its = _preferred(rival, whole, recordings, thresholds)
         saved = misprediction(validation) - misprediction(its)
         if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
             choice, validation = rival, its
+            if choice.fitted.excess <= thresholds.sensor_excess:
+                break  # nothing is left to explain
     return choice, validation
+
+
+def _beside(
+    climb: Climb, choice: Choice, progress: Progress, thresholds: Thresholds
+) -> Iterator[Climb]:
+    """Climbs with what no fit without leads to, each as far as it explains what is left."""
+    if remembering := climb_remembering(climb, choice.found, progress, thresholds):
+        yield remembering
+    for shape in SOUGHT:
+        if found := climb_with(shape, climb, choice.found, progress, thresholds):
+            yield found
+    if gapped := _gapped(climb, choice, progress, thresholds):
+        yield gapped
 
 
 def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:

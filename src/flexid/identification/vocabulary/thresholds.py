@@ -60,6 +60,13 @@ class Thresholds:
         "fall of the residuals' weighted sum of squares, over their mean square, and of what a "
         "delay costs, up to which one hold is no better: chance gives 9 in one log of 400",
     )
+    exchange_fall: float = _threshold(
+        9.0,
+        "1",
+        "fall of the residuals' weighted sum of squares, over their variance, that a coefficient "
+        "more has to bring, and what is left with unusual terms in place of usual ones: chance "
+        "gives 9 in one log of 400",
+    )
     friction_sign: float = _threshold(
         4.0, "standard deviations", "below zero, up to which a negative friction is none"
     )
@@ -69,17 +76,19 @@ class Thresholds:
         "mean square of residuals over the sensors' noise that may be an error of that noise: an "
         "encoder's steps are no white noise where the joint hardly moves",
     )
-    memory_promise: float = _threshold(
+    shape_promise: float = _threshold(
         0.15,
         "1",
-        "share of the residuals beyond noise that a first step with hysteresis of the spring must "
-        "promise to take away, for it to be tried: 0.3 to 1 where there is some, 0 for most others",
+        "share of the residuals beyond noise that a first step with hysteresis of the spring, with "
+        "ripple or a bend must promise to take away, for it to be tried: of hysteresis 0.3 to 1 "
+        "where there is some, 0 for most others",
     )
-    memory_share: float = _threshold(
+    shape_share: float = _threshold(
         0.7,
         "1",
         "the same of a few steps, of what exceeds the residuals of short segments, for it to be "
-        "followed up: all but 0.02 where there is some, up to half of it where a spring bends",
+        "followed up: of hysteresis all but 0.02 where there is some, up to half of it where a "
+        "spring bends",
     )
     white_growth: float = _threshold(
         0.4,

@@ -1,0 +1,56 @@
+"""A spring that bends: another stiffness beyond some deflection, as catalogues of gears have it."""
+
+import numpy as np
+
+from flexid.identification.full_model.model import Data, Structure
+from flexid.identification.preparation.joint import Joint
+from flexid.identification.structure.sought_shape import SoughtShape
+from flexid.models.flexible_joint import BEND_DEFLECTION, SHAPE_TERMS
+
+# Of the deflection's root mean square.
+_TRIED = (0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
+_BETWEEN = 0.4
+
+
+def _deflection(joint: Joint, data: Data) -> float:
+    """Root mean square of the deflection about its mean, in rad."""
+    sides = (joint.both_sides(recording)[0] for recording in data.samples)
+    return float(np.std(np.concatenate([np.subtract(*positions.T) for positions in sides])))
+
+
+def resolution(joint: Joint, data: Data) -> float:
+    """Difference of two deflections at which a spring may bend, in rad.
+
+    Parameters
+    ----------
+    joint : Joint
+        With a spring.
+    data : Data
+        Its recordings.
+    """
+    return _BETWEEN * _deflection(joint, data)
+
+
+def deflections(structure: Structure, data: Data) -> list[float]:
+    """Deflections at which the spring may bend, in rad.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of a joint with a spring.
+    data : Data
+        Its recordings.
+    """
+    return [share * _deflection(structure.joint, data) for share in _TRIED]
+
+
+_TERM = SHAPE_TERMS["bent_spring"]
+
+BEND = SoughtShape(
+    "a spring that bends",
+    frozenset({*_TERM.motor, *_TERM.link}),
+    BEND_DEFLECTION,
+    deflections,
+    resolution,
+)
+"""A bent spring, and the deflection at which it bends."""

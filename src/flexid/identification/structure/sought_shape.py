@@ -1,0 +1,280 @@
+"""Terms whose shape is not known: a constant of the model that is sought beside the coefficients.
+
+How many times a ripple repeats in a turn, or where a spring bends, is no coefficient of a linear
+term. A term of that kind joins the model where the usual terms leave more than noise, with the
+constant that promises to explain most of it; from there the constant goes to where the sum of
+squares is least, all else following. Its uncertainty goes into the covariance of all else.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from operator import itemgetter
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.identification.full_model.climbing import (
+    Climb,
+    climbed_like,
+    explained_by,
+    promised,
+    turning,
+    with_best_hold,
+)
+from flexid.identification.full_model.fitting import climb, fit_like, motion_at, onward
+from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.preparation.joint import Joint
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.progress import Progress
+from flexid.identification.vocabulary.thresholds import Thresholds
+
+_FOLLOWED = 2  # constants that promise most
+_AROUND = np.linspace(-0.4, 0.4, 5)  # of the resolution
+_STEP = 0.02  # of the resolution, for a derivative
+_NEAR = 5.0  # standard deviations, for a derivative where that is less
+_LARGEST = 0.5  # of the resolution, that one step may go
+_SETTLED = 0.1  # standard deviations of the constant
+_MOST_FITS = 8
+
+
+@dataclass(frozen=True)
+class SoughtShape:
+    """A term with a constant that is sought.
+
+    Parameters
+    ----------
+    words : str
+        What it describes.
+    coefficients : frozenset of str
+        Of the term, those that follow from others among them.
+    constant : str
+        The constant's name in the model.
+    candidates : callable
+        Constants that a structure and its data speak for, the most likely first.
+    resolution : callable
+        How far apart two constants are that the data of a joint distinguish at a glance.
+    """
+
+    words: str
+    coefficients: frozenset[str]
+    constant: str
+    candidates: Callable[[Structure, Data], list[float]]
+    resolution: Callable[[Joint, Data], float]
+
+    def of(self, structure: Structure) -> float:
+        """The constant of a structure."""
+        return structure.joint.extended.constants[self.constant]
+
+    def put(self, structure: Structure, value: float) -> Structure:
+        """The structure with another constant."""
+        return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
+
+    def is_in(self, fitted: Fitted) -> bool:
+        """Whether a fit sought the term."""
+        return not self.coefficients.isdisjoint(fitted.names)
+
+
+def climb_with(
+    shape: SoughtShape,
+    climbed: Climb,
+    leaner: Sequence[Fitted],
+    progress: Progress,
+    thresholds: Thresholds,
+) -> Climb | None:
+    """Fit a joint with a term more where one without leaves more than noise.
+
+    Parameters
+    ----------
+    shape : SoughtShape
+        The term.
+    climbed : Climb
+        Of the full model without.
+    leaner : sequence of Fitted
+        What was left of that model, over segments of growing length.
+    progress : callable
+        Called with each step in words.
+    thresholds : Thresholds
+        Up to which excess a model explains a log, and how much the term has to explain.
+
+    Returns
+    -------
+    Climb or None
+        None where the model without explains the log, or the term does so hardly better.
+    """
+    full = climbed.found[-1].structure
+    before = turning((*climbed.found, *leaner), thresholds)
+    if before is None or shape.coefficients.isdisjoint(full.joint.shapes):
+        return None
+    progress(shape.words)
+    floor = thresholds.noise_floor(climbed.found[0].excess)
+    for promise, structure in _promising(shape, before, full):
+        if promise < thresholds.shape_promise:
+            continue
+        first = explained_by(before, structure, before.by_name, floor, thresholds)
+        if first is not None:
+            return _climbed_on(shape, at_its_constant(shape, first), climbed, thresholds)
+    return None
+
+
+def climb_asked_for(
+    shape: SoughtShape, climbed: Climb, progress: Progress, thresholds: Thresholds
+) -> Climb:
+    """Fit a joint with a term more whatever it explains, since somebody asked for it.
+
+    Parameters
+    ----------
+    shape, climbed, progress, thresholds
+        As of `climb_with`.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is no fit with the term.
+    """
+    progress(shape.words)
+    before = turning(climbed.found, thresholds) or climbed.found[-1]
+    _, structure = max(_promising(shape, before, climbed.found[-1].structure), key=itemgetter(0))
+    (first,) = climb(structure, before.data, before.by_name, [before.problem.segments])
+    return _climbed_on(shape, at_its_constant(shape, first), climbed, thresholds)
+
+
+def _climbed_on(shape: SoughtShape, first: Fitted, climbed: Climb, thresholds: Thresholds) -> Climb:
+    """A climb from a fit over some segments, with the constant and the hold that suit it."""
+    ladder = [s for s in climbed.ladder if len(s) <= len(first.problem.segments)]
+    found = [first, *onward(first, ladder)]
+    found = climbed_like(at_its_constant(shape, found[-1]), found, ladder)
+    held = with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
+    # With another hold another constant may suit it.
+    found = climbed_like(at_its_constant(shape, held.found[-1]), [*held.found], ladder)
+    return replace(held, found=tuple(found))
+
+
+def _promising(
+    shape: SoughtShape, before: Fitted, full: Structure
+) -> Iterator[tuple[float, Structure]]:
+    """Structures with the term and the constants that promise most, the most promising first."""
+    timing = replace(full.timing, hold=before.structure.timing.hold)
+    structure = replace(full, absent=full.absent - shape.coefficients, timing=timing)
+    constants = shape.candidates(before.structure, before.data)
+    promising = [(_promised(before, shape.put(structure, value)), value) for value in constants]
+    most = sorted(promising, key=itemgetter(0), reverse=True)[:_FOLLOWED]
+    for _, value in most:
+        yield max(_near(shape, before, structure, value), key=itemgetter(0))
+
+
+def _promised(before: Fitted, structure: Structure) -> float:
+    return promised(before, structure, before.by_name)
+
+
+def _near(
+    shape: SoughtShape, before: Fitted, structure: Structure, value: float
+) -> Iterator[tuple[float, Structure]]:
+    """What constants within the resolution promise, and structures with them."""
+    resolution = shape.resolution(structure.joint, before.data)
+    for away in value + _AROUND * resolution:
+        if away > 0.0:
+            own = shape.put(structure, float(away))
+            yield _promised(before, own), own
+
+
+def at_its_constant(shape: SoughtShape, fitted: Fitted) -> Fitted:
+    """A fit with the constant for which the sum of squares is least; the same where that is worse.
+
+    Parameters
+    ----------
+    shape : SoughtShape
+        The term.
+    fitted : Fitted
+        With it or without.
+    """
+    for _ in range(_MOST_FITS):
+        if not shape.is_in(fitted):
+            return fitted
+        step, deviation = _profile(shape, fitted)
+        value = shape.of(fitted.structure) + step
+        if not abs(step) > _SETTLED * deviation or value <= 0.0:
+            return fitted
+        better = fit_like(shape.put(fitted.structure, value), fitted)
+        if better is None or better.minimum.equations.cost >= fitted.minimum.equations.cost:
+            return fitted
+        fitted = better
+    return fitted
+
+
+def _profile(shape: SoughtShape, fitted: Fitted) -> tuple[float, float]:
+    """How far the constant is from where the sum of squares is least, and its standard deviation.
+
+    Both from the parabola through three sums of squares, all else following; nan where it opens
+    downwards. The deviation is that of the sensors' noise.
+    """
+    resolution = shape.resolution(fitted.structure.joint, fitted.data)
+    step, deviation = _parabola(shape, fitted, _STEP * resolution)
+    near = _NEAR * deviation
+    if near < _STEP * resolution and abs(step) < _STEP * resolution:
+        step, deviation = _parabola(shape, fitted, near)
+    largest = _LARGEST * resolution
+    return float(np.clip(step, -largest, largest)), deviation
+
+
+def _parabola(shape: SoughtShape, fitted: Fitted, small: float) -> tuple[float, float]:
+    """As `_profile`, from sums of squares with constants so little apart."""
+    below, here, above = (_following(shape, fitted, way * small)[0] for way in (-1.0, 0.0, 1.0))
+    curvature = (below - 2.0 * here + above) / small**2
+    if not curvature > 0.0:
+        return np.nan, np.nan
+    return -(above - below) / (2.0 * small) / curvature, float(np.sqrt(2.0 / curvature))
+
+
+def _following(shape: SoughtShape, fitted: Fitted, change: float) -> tuple[float, FloatArray]:
+    """Sum of squares with another constant, and by how much values move, to first order."""
+    structure = shape.put(fitted.structure, shape.of(fitted.structure) + change)
+    states = fitted.minimum.point.initial_states
+    rest = (fitted.problem.segments, fitted.by_name, states, fitted.data.refinement)
+    problem, point = motion_at(structure, fitted.data, *rest)
+    equations = problem.equations(point)
+    step = problem.solve(equations)
+    return equations.cost - step.decrement, step.values_step
+
+
+def moved_by_constant(shape: SoughtShape, fitted: Fitted) -> FloatArray:
+    """By how much values move as the constant moves by its standard deviation, shape (k,).
+
+    Zero where the term is not sought, or the log does not show its constant.
+
+    Parameters
+    ----------
+    shape : SoughtShape
+        The term.
+    fitted : Fitted
+        With it or without.
+    """
+    return _moved(shape, fitted) if shape.is_in(fitted) else np.zeros(len(fitted.names))
+
+
+@lru_cache(maxsize=8)  # every way of taking terms away asks for it
+def _moved(shape: SoughtShape, fitted: Fitted) -> FloatArray:
+    _, deviation = _profile(shape, fitted)
+    if not 0.0 < deviation < shape.of(fitted.structure):
+        return np.zeros(len(fitted.names))
+    return _following(shape, fitted, deviation)[1] - fitted.minimum.reduced.values_step
+
+
+def with_free_constant(shape: SoughtShape, estimate: Estimate, fitted: Fitted) -> Estimate:
+    """The estimate with the uncertainty of the constant in its covariance.
+
+    Parameters
+    ----------
+    shape : SoughtShape
+        The term.
+    estimate : Estimate
+        Of the fit.
+    fitted : Fitted
+        With the term or without.
+    """
+    moved = moved_by_constant(shape, fitted)
+    if not moved.any():
+        return estimate
+    own = [place for place, name in enumerate(fitted.names) if name in shape.coefficients]
+    wider = float(np.max(estimate.deviations[own] / fitted.unit_deviations[own], initial=1.0))
+    return estimate.widened(wider**2 * np.outer(moved, moved))
