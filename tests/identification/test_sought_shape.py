@@ -247,3 +247,35 @@ def test_what_was_asked_for_and_has_no_fit_is_an_error(monkeypatch):
     settings = Settings(terms=(*PAPER_TERMS, "torque_ripple"))
     with pytest.raises(ConvergenceError):
         identify([log(made(1, 6.0, **RIPPLED))], settings)
+
+
+@pytest.mark.parametrize("shape", [RIPPLE, BEND])
+def test_where_nothing_moves_nothing_is_sought(shape):
+    """Assert that a joint at rest shows no constant, and that asking for the term is refused."""
+    plain = fitted(made(4, 4.0), {})
+    (recording,) = plain.data.samples
+    resting = replace(recording, positions=np.zeros_like(recording.positions))
+    data = replace(plain.data, samples=(resting,))
+    assert shape.candidates(plain.structure, data) == []
+    still = replace(plain, data=data)
+    climbed = Climb((still,), (still.problem.segments,), True, ("cubic",), "")
+    with pytest.raises(ConvergenceError, match=shape.words):
+        sought_shape.climb_asked_for(shape, climbed, lambda _: None, THRESHOLDS)
+
+
+def test_many_turns_need_no_more_memory():
+    """Assert that the spectrum of a motor that turns on and on is no longer than it may be."""
+    plain = fitted(made(4, 4.0), {})
+    (recording,) = plain.data.samples
+    away = np.linspace(0.0, 1e6, len(recording))[:, None]
+    turning = replace(recording, positions=recording.positions + away)
+    found = numbers(plain.structure, replace(plain.data, samples=(turning,)))
+    assert len(found) <= 5 + 8
+    assert max(found) <= 2.0**15 * 2.0 * np.pi / 1e6
+
+
+def test_a_sum_of_squares_that_overflows_moves_no_constant(monkeypatch):
+    """Assert that a constant stays where another one has no finite sum of squares."""
+    first = fitted(made(3, 4.0, **RIPPLED), {"ripple_number": 23.2}, "torque_ripple")
+    monkeypatch.setattr(sought_shape, "_following", lambda *_: (np.inf, first.values))
+    assert at_its_constant(RIPPLE, first) is first

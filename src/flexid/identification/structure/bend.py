@@ -39,9 +39,10 @@ def deflections(structure: Structure, data: Data) -> list[float]:
     structure : Structure
         Of a joint with a spring.
     data : Data
-        Its recordings.
+        Its recordings; where nothing is deflected they show none.
     """
-    return [share * _deflection(structure.joint, data) for share in _TRIED]
+    usual = _deflection(structure.joint, data)
+    return [share * usual for share in _TRIED] if usual > 0.0 else []
 
 
 _TERM = SHAPE_TERMS["bent_spring"]

@@ -23,6 +23,7 @@ _FEW = (1.0, 1.75, 2.5, 3.25, 4.0)  # periods in the range of the motion, which 
 _FEWEST = 1.0  # periods in the range of the motion: fewer are any slow function of the position
 _FINER = 8  # times the resolution of a spectrum
 _BINS = 8  # in a period of the largest number
+_MOST_BINS = 2**18  # of a spectrum, however many turns there are
 
 
 def resolution(_: Joint, data: Data) -> float:
@@ -50,8 +51,10 @@ def numbers(structure: Structure, data: Data) -> list[float]:
     structure : Structure
         Without ripple.
     data : Data
-        Of a flexible joint, with velocities.
+        Of a flexible joint, with velocities; of a motor that does not move they show none.
     """
+    if not _range(data) > 0.0:
+        return []
     apart = resolution(structure.joint, data)
     found = [few * apart for few in _FEW]
     for number in (peak for rate in _RATES for peak in _peaks(structure, data, rate)):
@@ -64,7 +67,8 @@ def _peaks(structure: Structure, data: Data, rate: float) -> list[float]:
     """Where the spectrum of what the motor's row leaves, by the position, has its largest peaks."""
     velocities = [structure.joint.both_sides(s)[1][:, _MOTOR] for s in data.samples]
     speed = float(np.sqrt(np.mean(np.concatenate(velocities) ** 2)))
-    most = min(_LARGEST, _FASTEST / (speed * data.samples[0].sample_time))
+    fastest = _FASTEST / max(speed * data.samples[0].sample_time, _FASTEST / _LARGEST)
+    most = min(fastest, _MOST_BINS / _BINS * resolution(structure.joint, data))
     bin_width = 2.0 * np.pi / (_BINS * most)
     lowest = min(s.positions[:, _MOTOR].min() for s in data.samples)
     left = np.zeros(int(_range(data) / bin_width) + 1)

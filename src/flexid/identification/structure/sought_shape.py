@@ -14,6 +14,7 @@ from operator import itemgetter
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
 from flexid.identification.full_model.climbing import (
     Climb,
     climbed_like,
@@ -51,7 +52,7 @@ class SoughtShape:
     constant : str
         The constant's name in the model.
     candidates : callable
-        Constants that a structure and its data speak for, the most likely first.
+        Constants that a structure and its data speak for; none where nothing moves.
     resolution : callable
         How far apart two constants are that the data of a joint distinguish at a glance.
     """
@@ -134,7 +135,12 @@ def climb_asked_for(
     """
     progress(shape.words)
     before = turning(climbed.found, thresholds) or climbed.found[-1]
-    _, structure = max(_promising(shape, before, climbed.found[-1].structure), key=itemgetter(0))
+    promising = [*_promising(shape, before, climbed.found[-1].structure)]
+    if not promising:
+        raise ConvergenceError(
+            "prediction error", f"nothing moves that would show {shape.words}: drop the term"
+        )
+    _, structure = max(promising, key=itemgetter(0))
     (first,) = climb(structure, before.data, before.by_name, [before.problem.segments])
     return _climbed_on(shape, at_its_constant(shape, first), climbed, thresholds)
 
@@ -220,8 +226,10 @@ def _profile(shape: SoughtShape, fitted: Fitted) -> tuple[float, float]:
 def _parabola(shape: SoughtShape, fitted: Fitted, small: float) -> tuple[float, float]:
     """As `_profile`, from sums of squares with constants so little apart."""
     below, here, above = (_following(shape, fitted, way * small)[0] for way in (-1.0, 0.0, 1.0))
+    if not np.isfinite([below, here, above]).all():
+        return np.nan, np.nan
     curvature = (below - 2.0 * here + above) / small**2
-    if not curvature > 0.0:
+    if curvature <= 0.0:
         return np.nan, np.nan
     return -(above - below) / (2.0 * small) / curvature, float(np.sqrt(2.0 / curvature))
 
