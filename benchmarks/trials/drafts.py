@@ -163,6 +163,7 @@ def truth(draft: Draft, drive: Drive, size: Size) -> dict[str, float]:
         "bend_stiffness": drive.bend_stiffness,
         "eccentricity": drive.eccentricity,
         "eccentricity_angle": -drive.eccentricity_phase,
+        "motor_stribeck_friction": drive.motor_static,
         "torque_ripple": drive.ripple_torque,
         "ripple_angle": -drive.ripple_phase,
         "torque_saturation": drive.saturation / drive.peak_torque**2,
@@ -186,6 +187,7 @@ _TERMS = {
     "half_backlash": "backlash",
     "bend_stiffness": "bent_spring",
     "eccentricity": "eccentricity",
+    "motor_stribeck_friction": "motor_stribeck",
     "torque_ripple": "torque_ripple",
     "torque_saturation": "torque_saturation",
 }

@@ -194,6 +194,12 @@ def _lugre(rng: Generator, draft: Draft) -> None:
     draft.presliding = _log(rng, 1e-4, 2e-3)
 
 
+def _stribeck(rng: Generator, draft: Draft) -> None:
+    _some_coulomb(rng, draft)
+    draft.of_torque["motor_static"] = draft.of_torque["motor_coulomb_up"] * rng.uniform(0.2, 1.0)
+    draft.base = draft.base._replace(stribeck_velocity=_log(rng, 0.02, 0.5))
+
+
 def _ripple(rng: Generator, draft: Draft) -> None:
     _some_coulomb(rng, draft)
     draft.of_torque["ripple_torque"] = _log(rng, 0.01, 0.05)
@@ -333,6 +339,13 @@ _ALL = (
         resonances=(94.0, 314.0),
     ),
     Family("lugre", "LuGre friction with Stribeck effect and presliding", False, _lugre),
+    Family(
+        "stribeck",
+        "dry friction that is 20 to 100 % more at rest, and falls off over 0.02 to 0.5 rad/s",
+        False,
+        _stribeck,
+        own_term=True,
+    ),
     Family(
         "ripple",
         "torque ripple by the motor's angle, 1 to 5 % of the torque, and Coulomb friction",

@@ -48,6 +48,7 @@ class Drive(NamedTuple):
     bristle_coulomb: float = 0.0  # N m
     bristle_static: float = 0.0  # N m
     stribeck_velocity: float = 1.0  # rad/s
+    motor_static: float = 0.0  # N m, of dry friction at rest beyond that while it slips
     ripple_torque: float = 0.0  # N m
     ripple_number: float = 0.0  # per turn of the joint
     ripple_phase: float = 0.0
@@ -148,11 +149,14 @@ def _loads(drive, state, torque):
 
 
 @njit(cache=True)
-def _friction(drive, mode, is_link):
-    """Coulomb torque of a side that slips in the direction of its mode."""
+def _friction(drive, mode, velocity, is_link):
+    """Dry friction of a side that slips in the direction of its mode."""
     if is_link:
         return -mode * drive.link_coulomb
-    return -drive.motor_coulomb_up if mode > 0 else drive.motor_coulomb_down
+    friction = -drive.motor_coulomb_up if mode > 0 else drive.motor_coulomb_down
+    if drive.motor_static > 0.0:
+        friction -= mode * drive.motor_static * np.exp(-((velocity / drive.stribeck_velocity) ** 2))
+    return friction
 
 
 @njit(cache=True)
@@ -170,8 +174,8 @@ def _derivative(drive, state, torque, link_mode, motor_mode):
     if drive.hysteresis_torque > 0.0:
         bent = abs(h) ** drive.hysteresis_power * np.sign(h)
         hysteresis = (rate - abs(rate) * bent) / drive.hysteresis_reach
-    link = 0.0 if link_mode == 0 else link + _friction(drive, link_mode, True)
-    motor = 0.0 if motor_mode == 0 else motor + _friction(drive, motor_mode, False)
+    link = 0.0 if link_mode == 0 else link + _friction(drive, link_mode, w, True)
+    motor = 0.0 if motor_mode == 0 else motor + _friction(drive, motor_mode, v, False)
     return (w, link / drive.link_inertia, v, motor / drive.motor_inertia, bristle, hysteresis)
 
 
@@ -205,8 +209,8 @@ def _step(drive, smooth, value, time, by, state, link_mode, motor_mode):
 @njit(cache=True)
 def _mode_at_rest(drive, load, is_link):
     """Stuck, or the direction in which a side at rest begins to slip."""
-    up = drive.link_coulomb if is_link else drive.motor_coulomb_up
-    down = drive.link_coulomb if is_link else drive.motor_coulomb_down
+    up = drive.link_coulomb if is_link else drive.motor_coulomb_up + drive.motor_static
+    down = drive.link_coulomb if is_link else drive.motor_coulomb_down + drive.motor_static
     if load > up:
         return 1
     return -1 if load < -down else 0

@@ -210,6 +210,24 @@ def test_derivatives_through_a_reversal(sample):
     assert found == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.parametrize(("pull", "grazes"), [(0.65, False), (0.5005, True)])
+def test_derivatives_stay_bounded_where_a_friction_that_drives_is_hardly_overcome(pull, grazes):
+    """Assert that they are exact down to a tenth of the jump of acceleration, and no larger beyond.
+
+    Where a block turns at next to no acceleration the moment of turning changes by any amount.
+    """
+    problem = problem_of(BLOCK, np.full(100, -pull), 0.01)
+    found = derivatives(problem, point_of([-0.5, 1.0], 0.0, 1e-4), 99)
+    values = np.array([0.0, 1e-4, -0.5, pull / 3.0])
+    exact = reversed_motion(TIME[99:], *(values + 1e-30j * np.eye(4)[1]))[0].imag / 1e-30
+    assert abs(exact) > 5.0
+    if grazes:
+        assert abs(exact) > 500.0
+        assert abs(found[1]) < 11.0  # (jump + a tenth of it) / (a tenth of it), for a second
+    else:
+        assert found[1] == pytest.approx(exact, rel=1e-6)
+
+
 @pytest.mark.parametrize("sample", [43, 50, 99])
 def test_derivatives_through_a_release(sample):
     """Assert that later motion depends on friction, gain and delay by when a block is let go."""

@@ -109,6 +109,7 @@ def test_thresholds_are_these():
         "shape_share": 0.7,
         "white_growth": 0.4,
         "repeated_growth": 0.8,
+        "noise_motion": 0.1,
         "lost_share": 0.007,
         "mirrored_share": 0.25,
         "row_doubt": 2.0,

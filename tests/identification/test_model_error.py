@@ -123,14 +123,17 @@ def test_noise_of_the_torque_is_no_model_error(size):
     assert error.share == 0.0
 
 
-LIMITS = replace(THRESHOLDS, sensor_excess=1.1, white_growth=0.4, repeated_growth=0.8)
+LIMITS = replace(
+    THRESHOLDS, sensor_excess=1.1, white_growth=0.4, repeated_growth=0.8, noise_motion=0.1
+)
 
 
-def rung(duration: float, excess: float) -> Fitted:
+def rung(duration: float, excess: float, unexplained: float = 0.0) -> Fitted:
     """A fit of which only the size of its residuals is known, of 10⁶ numbers and 200 states."""
     made_up = SimpleNamespace(
         duration=duration,
         excess=excess,
+        unexplained=unexplained,
         problem=SimpleNamespace(degrees_of_freedom=1_000_000),
         minimum=SimpleNamespace(point=SimpleNamespace(initial_states=np.zeros((50, 4)))),
     )
@@ -160,6 +163,18 @@ def test_growth_tells_noise_of_the_torque_from_an_error(power, share):
     assert error.excess == pytest.approx(50.0, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("unexplained", "share"), [(0.09, 0.0), (0.11, 0.0111), (0.55, 0.5), (1.0, 1.0)]
+)
+def test_residuals_as_large_as_the_deflection_are_no_noise(unexplained, share):
+    """Assert that what grows like noise of the torque is an error as far as it is all there is."""
+    rungs = [rung(0.25, 1.0), *(rung(t, 1.0 + 50.0 * t**3, unexplained) for t in (1.0, 2.0, 4.0))]
+    error = model_error(rungs[1], rungs, LIMITS)
+    assert error.growth == pytest.approx(3.0, abs=0.01)
+    assert error.share == pytest.approx(share, abs=1e-3)
+    assert (error.share > 0.0) == (unexplained > LIMITS.noise_motion)
+
+
 @pytest.mark.parametrize(("power", "share"), [(2.5, 0.0), (2.3, 1.0)])
 def test_growths_may_be_divided_by_one_threshold(power, share):
     """Assert that both ends may be one: half or twice the usual ones are."""
@@ -185,6 +200,18 @@ def test_chance_is_no_error(beyond, seen):
     """
     rungs = [rung(0.25, 1.0), rung(1.0, 1.0 + beyond), rung(2.0, 1.0 + beyond)]
     assert (model_error(rungs[1], rungs, LIMITS).share > 0.0) == seen
+
+
+def test_what_is_unexplained_is_a_share_of_the_deflection():
+    """Assert that residuals beyond noise count beside the deflection, and noise does not."""
+    right, _ = fitted(1)
+    assert right.unexplained < 1e-3
+    gapped, _ = fitted(1, half_gap=0.003)
+    segments = gapped.problem.segments
+    left = np.diff(gapped.minimum.equations.residuals[:, :2])
+    ratio = np.sqrt(np.mean(left**2)) / np.std(np.diff(segments.outputs[:, :2]))
+    assert gapped.unexplained == pytest.approx(ratio, rel=0.01)
+    assert gapped.unexplained > 0.002
 
 
 def test_error_is_what_residuals_beyond_noise_allow():

@@ -18,7 +18,7 @@ from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.preparation.settings import Settings
-from flexid.identification.structure.bend import BEND
+from flexid.identification.structure.bend import BEND, is_slack
 from flexid.identification.structure.ripple import RIPPLE, numbers
 from flexid.identification.structure.sought_shape import (
     SoughtShape,
@@ -26,6 +26,7 @@ from flexid.identification.structure.sought_shape import (
     climb_with,
     with_free_constant,
 )
+from flexid.identification.structure.stribeck import STRIBECK
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
@@ -35,6 +36,12 @@ from flexid.recording.velocities import with_velocities
 NUMBER, PHASE = 23.4, 0.8
 RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
 BENT: dict[str, Any] = {"bend": 0.3, "bend_stiffness": 40.0}
+STICKING: dict[str, Any] = {
+    "motor_coulomb_up": 1.0,
+    "motor_coulomb_down": 1.0,
+    "motor_static": 0.6,
+    "stribeck_velocity": 0.15,
+}
 NO_ERROR = ModelError(0.0, 0.0, 0.0)
 ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
 
@@ -61,6 +68,18 @@ def test_ripple_is_found_untold():
     assert parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
     assert max(found.residual_excess.values()) < 1.05
     assert "torque_ripple (23.4 periods in a turn)" in found.summary[0]
+
+
+def test_stribeck_friction_is_found_untold():
+    """Assert that the velocity is found over which friction falls off, and both its levels."""
+    found = identify([log(made(1, 12.0, **STICKING))])
+    assert found.choices.terms == (*PAPER_TERMS, "motor_coulomb", "motor_stribeck")
+    assert found.choices.shapes == {"stribeck_velocity": pytest.approx(0.15, rel=0.03)}
+    assert found.parameters["motor_stribeck_friction"].value == pytest.approx(0.6, rel=0.03)
+    assert found.parameters["motor_coulomb_friction"].value == pytest.approx(1.0, rel=1e-3)
+    assert "motor_stribeck (over 0.15" in found.summary[0]
+    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
+    assert max(found.residual_excess.values()) < 1.05
 
 
 def test_a_bend_is_found_untold():
@@ -101,23 +120,68 @@ def test_what_is_asked_for_is_sought_at_its_constant():
 
 
 @pytest.mark.parametrize(
-    ("term", "shape", "made_with", "constant", "truth"),
+    ("terms", "shape", "made_with", "constant", "truth"),
     [
-        ("torque_ripple", RIPPLE, RIPPLED, "ripple_number", NUMBER),
-        ("bent_spring", BEND, BENT, "bend_deflection", 0.3),
+        (("torque_ripple",), RIPPLE, RIPPLED, "ripple_number", NUMBER),
+        (("bent_spring",), BEND, BENT, "bend_deflection", 0.3),
     ],
 )
 @pytest.mark.parametrize("away", [0.995, 1.005])
 def test_a_constant_goes_where_the_sum_of_squares_is_least(
-    term, shape, made_with, constant, truth, away
+    terms, shape, made_with, constant, truth, away
 ):
     """Assert that it comes from either side, to within what noise makes of it."""
-    first = fitted(made(3, **made_with), {constant: away * truth}, term)
+    first = fitted(made(3, **made_with), {constant: away * truth}, *terms)
     found = at_its_constant(shape, first)
     assert found.minimum.equations.cost < first.minimum.equations.cost
     assert shape.of(found.structure) == pytest.approx(truth, rel=5e-4)
-    exact = fitted(made(3, **made_with), {constant: truth}, term)
+    exact = fitted(made(3, **made_with), {constant: truth}, *terms)
     assert found.minimum.equations.cost < exact.minimum.equations.cost + 20.0
+
+
+@pytest.mark.parametrize("away", [0.6, 1.6])
+def test_a_velocity_goes_where_the_sum_of_squares_is_least(away):
+    """Assert that it comes from as far as candidates are apart, to within what noise makes."""
+    terms = ("motor_coulomb", "motor_stribeck")
+    first = fitted(made(3, **STICKING), {"stribeck_velocity": away * 0.15}, *terms)
+    found = at_its_constant(STRIBECK, first)
+    assert STRIBECK.of(found.structure) == pytest.approx(0.15, rel=0.01)
+
+
+@pytest.mark.parametrize("velocity", [0.04, 0.11, 0.9])
+def test_candidates_for_a_velocity_lie_close(velocity, monkeypatch):
+    """Assert that others around the best are asked, in steps that grow with the velocity."""
+    asked = []
+
+    def promised(_, structure):
+        value = STRIBECK.of(structure)
+        asked.append(value)
+        return -abs(np.log(value / velocity))
+
+    monkeypatch.setattr(sought_shape, "_promised", promised)
+    plain = fitted(made(4, 4.0), {})
+    (_, best), *_ = sought_shape._promising(STRIBECK, plain, plain.structure)
+    assert STRIBECK.of(best) == pytest.approx(velocity, rel=0.15)
+    assert len(asked) == len(STRIBECK.candidates(plain.structure, plain.data)) + 2 * 5
+
+
+@pytest.mark.parametrize(
+    ("theta", "alpha", "slack"),
+    [(0.5, 0.5, True), (2.0, 0.5, False), (0.5, 2.0, False), (-3.0, -3.0, True)],
+)
+def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
+    """Assert that a hundredth of the stiffness beyond is none, in both rows that have one."""
+    values = {"theta2": theta, "theta_bend": 100.0 - theta, "alpha1": alpha}
+    values |= {"alpha_bend": 100.0 - alpha}
+
+    def of(names: set[str]) -> Fitted:
+        by_name = {name: values[name] for name in names}
+        made_up = SimpleNamespace(structure=SimpleNamespace(fixed={}), by_name=by_name)
+        return cast(Fitted, made_up)
+
+    assert is_slack(of({*values})) == slack
+    assert is_slack(of({"theta2", "theta_bend"})) == (theta < 1.0)
+    assert not is_slack(of({"theta2", "alpha1"}))
 
 
 def test_a_constant_of_nothing_stays():
@@ -249,12 +313,13 @@ def test_what_was_asked_for_and_has_no_fit_is_an_error(monkeypatch):
         identify([log(made(1, 6.0, **RIPPLED))], settings)
 
 
-@pytest.mark.parametrize("shape", [RIPPLE, BEND])
+@pytest.mark.parametrize("shape", [RIPPLE, BEND, STRIBECK])
 def test_where_nothing_moves_nothing_is_sought(shape):
     """Assert that a joint at rest shows no constant, and that asking for the term is refused."""
     plain = fitted(made(4, 4.0), {})
     (recording,) = plain.data.samples
-    resting = replace(recording, positions=np.zeros_like(recording.positions))
+    none = np.zeros_like(recording.positions)
+    resting = replace(recording, positions=none, velocities=none)
     data = replace(plain.data, samples=(resting,))
     assert shape.candidates(plain.structure, data) == []
     still = replace(plain, data=data)

@@ -231,7 +231,7 @@ def test_of_two_that_cannot_be_told_apart_the_less_usual_goes():
     """Assert that a shape that does just what a usual term does goes first, wherever it stands."""
     information = np.diag([1e4, 1e4, 1e4, 0.0, 0.0])
     information[3:, 3:] = 100.0
-    for pair in (("alpha_coulomb", "alpha_stribeck"), ("alpha_backlash", "alpha_offset")):
+    for pair in (("alpha_coulomb", "alpha_drag"), ("alpha_backlash", "alpha_offset")):
         names = ("theta2", "alpha1", "beta1", *pair)
         values = np.array([100.0, 300.0, 3.0, 0.5, 0.5])
         (usual,) = {*pair} - JOINT.shapes

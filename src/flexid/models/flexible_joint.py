@@ -69,7 +69,7 @@ SHAPE_TERMS: dict[str, Term] = {
     "motor_stribeck": Term(
         "friction of the motor that falls off its static value",
         {},
-        {"alpha_stribeck": f"-sign(x4)*exp(-abs(x4)/{STRIBECK_VELOCITY})"},
+        {"alpha_stribeck": f"-sign(x4)*exp(-(x4/{STRIBECK_VELOCITY})**2)"},
     ),
     "motor_drag": Term(
         "friction of the motor that grows with the square of its velocity",

@@ -8,13 +8,13 @@ grow, and hardly otherwise than if the recorded input had been without it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.identification.estimation.model_error import model_error, widened
 from flexid.identification.full_model.model import Fitted
+from flexid.identification.full_model.once_per_fit import once_per_fit
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -42,7 +42,7 @@ class InputNoise:
     deviations: FloatArray
 
 
-@cache
+@once_per_fit
 def input_noise(fitted: Fitted) -> InputNoise:
     """What the noise of the first input does to a fit.
 

@@ -8,7 +8,9 @@ weighted sum of squares beyond noise.
 
 Noise of the torque makes residuals large, too, without any bias. How they grow distinguishes it:
 the variance of a motion under white noise grows with the cube of the time since its known start,
-that of an error which turns round with the motion more slowly, that of a slow one faster.
+that of an error which turns round with the motion more slowly, that of a slow one faster. Whatever
+they grow like, noise does not move the joint as the torque does: of residuals as large as the
+deflection all may be an error.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -64,6 +66,8 @@ def model_error(
     between = (thresholds.white_growth, thresholds.repeated_growth)
     off = abs(growth - _WHITE)
     share = float(np.interp(off, between, (0.0, 1.0))) if np.isfinite(growth) else 1.0
+    moved_as_much = float(np.interp(fitted.unexplained, (thresholds.noise_motion, 1.0), (0.0, 1.0)))
+    share = max(share, moved_as_much)
     return ModelError(own / fitted.problem.degrees_of_freedom, growth, share)
 
 

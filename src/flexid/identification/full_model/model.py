@@ -204,6 +204,19 @@ class Fitted:
         return self.minimum.variance(self.problem)
 
     @cached_property
+    def unexplained(self) -> float:
+        """Residuals beyond the sensors' noise over the deflection, root mean squares, at most 1.
+
+        With one encoder, over the motor's motion.
+        """
+        segments, joint = self.problem.segments, self.structure.joint
+        motion = joint.channels_of(segments.outputs, segments.inputs)[:, -1]
+        residuals = self.minimum.equations.residuals
+        left = joint.channels_of(residuals, np.zeros_like(segments.inputs))[:, -1]
+        beyond = float(np.mean(left**2)) * max(0.0, 1.0 - 1.0 / self.excess)
+        return float(np.sqrt(min(1.0, beyond / float(np.var(motion))))) if beyond else 0.0
+
+    @cached_property
     def fit(self) -> PredictionErrorFit:
         """The estimate with its covariances."""
         return described(self.problem, self.minimum, self.minimum.iterations, self.duration)

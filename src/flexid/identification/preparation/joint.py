@@ -23,7 +23,6 @@ from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
     SHAPE_TERMS,
-    STRIBECK_VELOCITY,
     TERMS,
     TIES,
     flexible_joint,
@@ -46,7 +45,7 @@ _OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
 
 # Widths of shapes, relative to the root mean square of what they depend on: a quarter and four
 # times as wide describe nearly the same friction, since the log is fitted with the amplitude.
-_STRIBECK_SHARE, _BACKLASH_SHARE, _SMOOTHING_SHARE = 0.05, 0.1, 0.1
+_BACKLASH_SHARE, _SMOOTHING_SHARE = 0.1, 0.1
 _GRIP_SHARE = 0.4  # reach with which the search for a spring's hysteresis begins
 
 
@@ -117,10 +116,7 @@ class Joint:
             return replace(self, smooth=smooth)
         sides = [self.both_sides(recording) for recording in recordings]
         deflection = _root_mean_square([np.subtract(*positions.T) for positions, _ in sides])
-        widths = {
-            STRIBECK_VELOCITY: max(_STRIBECK_SHARE * last, 1e-6),
-            BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9),
-        }
+        widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9)}
         widths = {name: w for name, w in widths.items() if name in self.extended.constants}
         grip = 1.0 / max(_GRIP_SHARE * deflection, 1e-9)
         return replace(self.with_widths(widths), smooth=smooth, first_grip=grip)

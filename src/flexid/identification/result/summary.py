@@ -3,9 +3,10 @@
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Choices
-from flexid.models.flexible_joint import BEND_DEFLECTION, RIPPLE_NUMBER
+from flexid.models.flexible_joint import BEND_DEFLECTION, RIPPLE_NUMBER, STRIBECK_VELOCITY
 
 _SOUGHT = {
+    "motor_stribeck": (STRIBECK_VELOCITY, "over {:.3g} rad/s"),
     "torque_ripple": (RIPPLE_NUMBER, "{:.5g} periods in a turn"),
     "bent_spring": (BEND_DEFLECTION, "beyond {:.3g} rad"),
 }

@@ -112,8 +112,8 @@ def model_warnings(
                 f"{', '.join(taken)} better, so these are taken from it"
             )
         yield (
-            f"the residuals are {_times(error)} the sensors' noise, and do not grow as noise of "
-            f"the torque would: the drive has something that no term here describes, or the input "
+            f"the residuals are {_times(error)} the sensors' noise, and not as noise of the torque "
+            f"would make them: the drive has something that no term here describes, or the input "
             f"as recorded is not what acted; the intervals make allowance for that{alone}"
         )
 

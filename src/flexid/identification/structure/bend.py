@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexid.identification.full_model.model import Data, Structure
+from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.sought_shape import SoughtShape
 from flexid.models.flexible_joint import BEND_DEFLECTION, SHAPE_TERMS
@@ -10,6 +10,9 @@ from flexid.models.flexible_joint import BEND_DEFLECTION, SHAPE_TERMS
 # Of the deflection's root mean square.
 _TRIED = (0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
 _BETWEEN = 0.4
+
+_SPRINGS = (("theta2", "theta_bend"), ("alpha1", "alpha_bend"))  # below the bend, and what joins
+_SLACK = 0.01  # of the stiffness beyond the bend: of what is so soft below it nothing is known
 
 
 def _deflection(joint: Joint, data: Data) -> float:
@@ -55,3 +58,17 @@ BEND = SoughtShape(
     resolution,
 )
 """A bent spring, and the deflection at which it bends."""
+
+
+def is_slack(fitted: Fitted) -> bool:
+    """Whether a bent spring has no stiffness to speak of below its bend, as a spring with play has.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        With a bent spring or without.
+    """
+    values = {**fitted.structure.fixed, **fitted.by_name}
+    springs = [(values.get(below), values.get(more)) for below, more in _SPRINGS]
+    known = [(below, more) for below, more in springs if below is not None and more is not None]
+    return bool(known) and all(below <= _SLACK * (below + more) for below, more in known)

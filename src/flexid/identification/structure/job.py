@@ -10,6 +10,7 @@ from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
 from flexid.identification.preparation.stated import Stated, stated
+from flexid.identification.structure.bend import is_slack
 from flexid.identification.structure.elimination import Choice, choose_structure
 from flexid.identification.structure.gap import climb_gapped
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
@@ -220,7 +221,8 @@ def _beside(
     if remembering := climb_remembering(climb, choice.found, progress, thresholds):
         yield remembering
     for shape in SOUGHT:
-        if found := climb_with(shape, climb, choice.found, progress, thresholds):
+        found = climb_with(shape, climb, choice.found, progress, thresholds)
+        if found and not is_slack(found.found[-1]):  # which is play, a leaner term
             yield found
     if gapped := _gapped(climb, choice, progress, thresholds):
         yield gapped

@@ -12,9 +12,10 @@ from flexid.identification.structure.sought_shape import (
     moved_by_constant,
     with_free_constant,
 )
+from flexid.identification.structure.stribeck import STRIBECK
 from flexid.identification.vocabulary.estimate import Estimate
 
-SOUGHT = (RIPPLE, BEND)
+SOUGHT = (STRIBECK, RIPPLE, BEND)
 """Terms that join the model by themselves, each with a constant that is sought."""
 
 SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficients)

@@ -8,7 +8,6 @@ squares is least, all else following. Its uncertainty goes into the covariance o
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from operator import itemgetter
 
 import numpy as np
@@ -25,6 +24,7 @@ from flexid.identification.full_model.climbing import (
 )
 from flexid.identification.full_model.fitting import climb, fit_like, motion_at, onward
 from flexid.identification.full_model.model import Data, Fitted, Structure
+from flexid.identification.full_model.once_per_fit import once_per_fit
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.progress import Progress
@@ -54,7 +54,8 @@ class SoughtShape:
     candidates : callable
         Constants that a structure and its data speak for; none where nothing moves.
     resolution : callable
-        How far apart two constants are that the data of a joint distinguish at a glance.
+        How far apart two constants are, near that of a joint, which its data distinguish at a
+        glance.
     """
 
     words: str
@@ -177,7 +178,7 @@ def _near(
     shape: SoughtShape, before: Fitted, structure: Structure, value: float
 ) -> Iterator[tuple[float, Structure]]:
     """What constants within the resolution promise, and structures with them."""
-    resolution = shape.resolution(structure.joint, before.data)
+    resolution = shape.resolution(shape.put(structure, value).joint, before.data)
     for away in value + _AROUND * resolution:
         if away > 0.0:
             own = shape.put(structure, float(away))
@@ -257,11 +258,11 @@ def moved_by_constant(shape: SoughtShape, fitted: Fitted) -> FloatArray:
     fitted : Fitted
         With it or without.
     """
-    return _moved(shape, fitted) if shape.is_in(fitted) else np.zeros(len(fitted.names))
+    return _moved(fitted, shape) if shape.is_in(fitted) else np.zeros(len(fitted.names))
 
 
-@lru_cache(maxsize=8)  # every way of taking terms away asks for it
-def _moved(shape: SoughtShape, fitted: Fitted) -> FloatArray:
+@once_per_fit  # every way of taking terms away asks for it
+def _moved(fitted: Fitted, shape: SoughtShape) -> FloatArray:
     _, deviation = _profile(shape, fitted)
     if not 0.0 < deviation < shape.of(fitted.structure):
         return np.zeros(len(fitted.names))

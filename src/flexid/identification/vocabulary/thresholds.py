@@ -102,6 +102,13 @@ class Thresholds:
         "the same from which on they are an error that repeats itself in full: errors of friction "
         "and spring turn round with the motion and grow by less, one of slow torque by the fourth",
     )
+    noise_motion: float = _threshold(
+        0.1,
+        "1",
+        "residuals beyond noise over the deflection, up to which white noise of the torque may "
+        "make them: noise of 2 % makes 0.0003 to 0.005; as large as the deflection itself they are "
+        "an error in full",
+    )
     lost_share: float = _threshold(
         0.007,
         "1",

@@ -42,6 +42,10 @@ CORNER_TRIALS = 3  # of that which locates a corner
 AT_CORNER = 1e-3  # of an interval, within which a corner is stepped over
 STOPPING_SAMPLES = 3.0  # within which a row stops that counts as stuck from the start
 NEAR = 1e-9  # of an interval, to which a change is located
+# Of the jump of acceleration in a reversal, that before it counts as at least. A friction that
+# brakes leaves it no smaller than the jump; next to none is left by one that drives, on which a fit
+# may try: derivatives by the moment of turning then hold for no change at all, and drown the rest.
+GRAZING = 0.1
 
 # What moves the model over one interval, beside its state: each input's start and change with their
 # derivatives by the delay; the mode of each row, and whether it can stick; coefficients, constants;
@@ -172,6 +176,9 @@ def change_mode(x, derivatives, row, place, motion, alone):
         rates_at(x, place, motion, rate)
         for i in range(N_STATES):
             jump[i] -= rate[i]
+        least = GRAZING * abs(jump[velocity])
+        if abs(before) < least:
+            before = -old * least
         for j in range(1, n):
             later = -z[velocity * WIDTH + j] / before
             for i in range(N_ROWS):
