@@ -214,6 +214,25 @@ def test_what_is_unexplained_is_a_share_of_the_deflection():
     assert gapped.unexplained > 0.002
 
 
+@pytest.mark.parametrize(("size", "expected"), [(0.0, 1.0), (0.1, 1.0), (1.0, 0.3), (1e-9, 1.0)])
+def test_what_is_unexplained_of_a_small_deflection_is_all(size, expected):
+    """Assert that residuals are at most all of the motion, also of a joint that never bends."""
+    found, _ = fitted(1)
+    time = np.arange(len(found.problem.segments.outputs)) / 100.0
+    outputs = np.zeros_like(found.problem.segments.outputs)
+    outputs[:, 0] = size * np.sin(time)
+    residuals = np.zeros_like(outputs)
+    residuals[:, 1] = 0.3 * np.sin(time)
+    segments = replace(found.problem.segments, outputs=outputs)
+    equations = replace(found.minimum.equations, residuals=residuals)
+    far = replace(
+        found,
+        problem=replace(found.problem, segments=segments),
+        minimum=replace(found.minimum, equations=replace(equations, cost=1e9)),
+    )
+    assert far.unexplained == pytest.approx(expected, rel=0.01)
+
+
 def test_error_is_what_residuals_beyond_noise_allow():
     """Assert that the whole allowance is the deviation for unit noise by the root of their sum.
 

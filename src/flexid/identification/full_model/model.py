@@ -209,12 +209,15 @@ class Fitted:
 
         With one encoder, over the motor's motion.
         """
+        if self.excess <= 1.0:
+            return 0.0
         segments, joint = self.problem.segments, self.structure.joint
         motion = joint.channels_of(segments.outputs, segments.inputs)[:, -1]
         residuals = self.minimum.equations.residuals
         left = joint.channels_of(residuals, np.zeros_like(segments.inputs))[:, -1]
-        beyond = float(np.mean(left**2)) * max(0.0, 1.0 - 1.0 / self.excess)
-        return float(np.sqrt(min(1.0, beyond / float(np.var(motion))))) if beyond else 0.0
+        beyond = float(np.mean(left**2)) * (1.0 - 1.0 / self.excess)
+        moved = float(np.var(motion))
+        return float(np.sqrt(beyond / moved)) if beyond < moved else 1.0
 
     @cached_property
     def fit(self) -> PredictionErrorFit:
