@@ -77,10 +77,10 @@ class Thresholds:
         "encoder's steps are no white noise where the joint hardly moves",
     )
     shape_promise: float = _threshold(
-        0.15,
+        0.1,
         "1",
         "share of the residuals beyond noise that a first step with hysteresis of the spring, with "
-        "ripple or a bend must promise to take away, for it to be tried: of hysteresis 0.3 to 1 "
+        "ripple or a bend must promise to take away, for it to be tried: of hysteresis 0.1 to 1 "
         "where there is some, 0 for most others",
     )
     shape_share: float = _threshold(
