@@ -5,7 +5,7 @@ sample later, on the average, than what runs on. Over short segments one hold pa
 with another delay; the longest segments decide, and where these do not, the holds are tied.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
@@ -30,6 +30,7 @@ from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.recording.recording import Hold
 
 _SHORT = 0.5  # s of segments up to which any hold will do
+_SETTLED_FROM = 0.5  # of that share, from which on it is worth what else belongs to the first steps
 _TURNING = 0.5  # s of segments in which most springs turn round: these show a hysteresis best
 # Of the grip that suits the motion, to begin with.
 _GRIPS = (4.0, 2.0, 1.0, 0.5, 0.25)
@@ -177,12 +178,17 @@ def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
     return next(longer, left[-1] if left else None)
 
 
+def _as_it_is(fitted: Fitted) -> Fitted:
+    return fitted
+
+
 def explained_by(
     before: Fitted,
     structure: Structure,
     way: Mapping[str, float],
     floor: float,
     thresholds: Thresholds,
+    settled: Callable[[Fitted], Fitted] = _as_it_is,
 ) -> Fitted | None:
     """A wider fit, if its first steps take away most of what one without leaves beyond noise.
 
@@ -198,6 +204,8 @@ def explained_by(
         The excess that is noise.
     thresholds : Thresholds
         How much is most.
+    settled : callable, optional
+        What belongs to the first steps beside them.
     """
     segments = [before.problem.segments]
     try:
@@ -206,9 +214,14 @@ def explained_by(
         )
     except ConvergenceError:
         return None
-    if before.excess - found.excess < thresholds.shape_share * (before.excess - floor):
+    beyond = before.excess - floor
+    if before.excess - found.excess < _SETTLED_FROM * thresholds.shape_share * beyond:
+        return None
+    found = settled(found)
+    if before.excess - found.excess < thresholds.shape_share * beyond:
         return None
     states = found.minimum.point.initial_states
+    structure = found.structure
     try:
         (found,) = climb(structure, before.data, found.by_name, segments, states, insist=False)
     except ConvergenceError:  # in steps that suit where it is now it may diverge

@@ -8,6 +8,7 @@ squares is least, all else following. Its uncertainty goes into the covariance o
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import itemgetter
 
 import numpy as np
@@ -113,9 +114,11 @@ def climb_with(
     for promise, structure in _promising(shape, before, full):
         if promise < thresholds.shape_promise:
             continue
-        first = explained_by(before, structure, before.by_name, floor, thresholds)
+        first = explained_by(
+            before, structure, before.by_name, floor, thresholds, partial(at_its_constant, shape)
+        )
         if first is not None:
-            return _climbed_on(shape, at_its_constant(shape, first), climbed, thresholds)
+            return _climbed_on(shape, first, climbed, thresholds)
     return None
 
 
