@@ -492,6 +492,47 @@ def test_an_amplitude_goes_with_its_width():
     assert found.parameters["joint_stiffness"].compared
 
 
+def with_ripple(estimate, number_of_periods, origin):
+    """The same with a ripple that counts from somewhere."""
+    ripple = number(0.5, 0.02, 30.0, name="torque_ripple")
+    ripple = replace(ripple, slopes={"alpha_ripple_sine": 1.0})
+    coefficient = replace(
+        estimate.coefficients["alpha1"],
+        name="alpha_ripple_sine",
+        slopes={"alpha_ripple_sine": 1.0},
+    )
+    shapes = {"ripple_number": number_of_periods, "ripple_origin": origin}
+    return replace(
+        estimate,
+        parameters={**estimate.parameters, ripple.name: ripple},
+        coefficients={**estimate.coefficients, "alpha_ripple_sine": coefficient},
+        choices=replace(estimate.choices, shapes=shapes),
+    )
+
+
+@pytest.mark.parametrize(
+    ("number_of_periods", "origin", "words"),
+    [
+        (23.6, 6.28, ""),
+        (24.0, 6.28, "it rests on a ripple_number of 23.4 in A and of 24 in B"),
+        (23.4, 0.0, "it rests on a ripple_origin of 6.28 in A and of 0 in B"),
+        (23.4, -6.28, "it rests on a ripple_origin of 6.28 in A and of -6.28 in B"),
+        (23.4, 12.56, "it rests on a ripple_origin of 6.28 in A and of 12.6 in B"),
+    ],
+)
+def test_a_ripple_is_compared_with_the_same(number_of_periods, origin, words):
+    """Assert that another number of periods, and another place to count from, make another."""
+    rng = np.random.default_rng(9)
+    a = with_ripple(drawn(rng), 23.4, 6.28)
+    found = compare_estimates(a, with_ripple(drawn(rng), number_of_periods, origin))
+    ripple = found.parameters["torque_ripple"]
+    assert ripple.compared == (not words)
+    assert ripple.reason.startswith(words)
+    assert ("ripple origin" in found.settings) == (origin != 6.28)
+    other = ("23.4", f"{number_of_periods:g}")
+    assert found.settings.get("ripple number", ("23.4", "23.4")) == other
+
+
 def with_gap(estimate, gap, width):
     """The same with play of a gap, found with a shape of a width."""
     play = replace(

@@ -1,5 +1,6 @@
 """Which grip of a hysteresis is tried, and when: on made-up fits."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -59,6 +60,14 @@ def tried(monkeypatch):
     return grips
 
 
+def first_steps(excess: float, values: Mapping[str, float] | None = None) -> Any:
+    """A fit after a few steps."""
+    point = SimpleNamespace(initial_states="there")
+    minimum = SimpleNamespace(point=point)
+    by_name = dict(values or {})
+    return SimpleNamespace(excess=excess, structure=WITHOUT, by_name=by_name, minimum=minimum)
+
+
 def test_the_grip_that_promises_more_is_tried_first(tried):
     """Assert that grips from a quarter of what suits the motion to four times are tried in turn."""
     assert tried({1.0: 0.8, 0.25: 0.5}) == [1.0, 0.25]
@@ -85,13 +94,7 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
     def climb(structure, data, start, segments, states=None, *, insist, iterations=None):
         asked.append((iterations, start, states))
         excess = 1.5 if iterations else 1.0
-        return [
-            SimpleNamespace(
-                excess=excess,
-                by_name={"excess": excess},
-                minimum=SimpleNamespace(point=SimpleNamespace(initial_states="there")),
-            )
-        ]
+        return [first_steps(excess, {"excess": excess})]
 
     monkeypatch.setattr(climbing, "climb", climb)
     before: Any = SimpleNamespace(
@@ -112,8 +115,7 @@ def test_what_diverges_on_its_way_is_given_up(monkeypatch):
     def climb(*_, insist, iterations=None):
         if iterations is None:
             raise ConvergenceError("prediction error", "diverges")
-        point = SimpleNamespace(initial_states="there")
-        return [SimpleNamespace(excess=1.5, by_name={}, minimum=SimpleNamespace(point=point))]
+        return [first_steps(1.5)]
 
     monkeypatch.setattr(climbing, "climb", climb)
     before: Any = SimpleNamespace(
@@ -127,8 +129,7 @@ def test_noise_need_not_be_taken_away(monkeypatch, floor, follows):
     """Assert that what short segments leave, too, is none of what memory has to explain."""
 
     def climb(*_, insist, iterations=None):
-        point = SimpleNamespace(initial_states="there")
-        return [SimpleNamespace(excess=1.12, by_name={}, minimum=SimpleNamespace(point=point))]
+        return [first_steps(1.12)]
 
     monkeypatch.setattr(climbing, "climb", climb)
     before: Any = SimpleNamespace(
@@ -176,9 +177,7 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
     (name,) = JOINT.grips
 
     def climb(*_, insist, iterations=None):
-        point = SimpleNamespace(initial_states="there")
-        minimum = SimpleNamespace(point=point)
-        return [SimpleNamespace(excess=1.0, by_name={name: size}, minimum=minimum)]
+        return [first_steps(1.0, {name: size})]
 
     monkeypatch.setattr(climbing, "climb", climb)
     before: Any = SimpleNamespace(

@@ -1,5 +1,6 @@
-"""Terms whose constant is sought, ripple of the torque and a spring that bends: on made logs."""
+"""Terms whose constant is sought: ripple, springs that bend, friction that falls off."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -35,6 +36,10 @@ from flexid.recording.velocities import with_velocities
 
 NUMBER, PHASE = 23.4, 0.8
 RIPPLED: dict[str, Any] = {"ripple_torque": 0.3, "ripple_number": NUMBER, "ripple_phase": PHASE}
+RIPPLE_COEFFICIENTS = {
+    "alpha_ripple_sine": np.cos(PHASE) * 0.3 / 0.3,
+    "alpha_ripple_cosine": np.sin(PHASE) * 0.3 / 0.3,
+}
 BENT: dict[str, Any] = {"bend": 0.3, "bend_stiffness": 40.0}
 STICKING: dict[str, Any] = {
     "motor_coulomb_up": 1.0,
@@ -46,14 +51,20 @@ NO_ERROR = ModelError(0.0, 0.0, 0.0)
 ENOUGH, TOO_LITTLE = THRESHOLDS.shape_promise + 0.001, THRESHOLDS.shape_promise - 0.001
 
 
-def fitted(recording: Recording, constants: dict[str, float], *terms: str) -> Fitted:
+def fitted(
+    recording: Recording,
+    constants: dict[str, float],
+    *terms: str,
+    given: Mapping[str, float] | None = None,
+) -> Fitted:
     """The paper's model with some more terms of given shapes, fitted over segments of 1 s."""
     recording = with_velocities(recording)
     joint = flexible()
     data = data_of(joint, [recording], (0,))
     joint = joint.scaled(data.samples).with_widths(constants)
     on = {c for term in (*PAPER_TERMS, *terms) for c in joint.terms[term]}
-    structure = Structure(joint, frozenset(joint.optional - on), Timing("cubic"))
+    absent = frozenset(joint.optional - on)
+    structure = Structure(joint, absent, Timing("cubic"), dict(given or {}))
     return fit_to(structure, data, COEFFICIENTS, 1.0)[0]
 
 
@@ -61,13 +72,30 @@ def test_ripple_is_found_untold():
     """Assert that the number of periods is found, and size and phase with it, and all else."""
     found = identify([log(made(1, 12.0, **RIPPLED))])
     assert found.choices.terms == (*PAPER_TERMS, "torque_ripple")
-    assert found.choices.shapes == {"ripple_number": pytest.approx(NUMBER, abs=0.02)}
+    number = pytest.approx(NUMBER, abs=0.02)
+    assert found.choices.shapes == {"ripple_number": number, "ripple_origin": 0.0}
     parameters = found.parameters
     assert parameters["torque_ripple"].value == pytest.approx(0.3, rel=1e-3)
     assert parameters["ripple_angle"].value == pytest.approx(-PHASE, abs=0.01)
     assert parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-4)
     assert max(found.residual_excess.values()) < 1.05
     assert "torque_ripple (23.4 periods in a turn)" in found.summary[0]
+
+
+def test_a_ripple_far_from_zero_counts_from_where_it_is():
+    """Assert that thirty turns away nothing is less known, and that the angle says whence."""
+    near = identify([log(made(1, 12.0, **RIPPLED))])
+    far = identify([log(turned(made(1, 12.0, **RIPPLED), -30))])
+    origin = -30.0 * 2.0 * np.pi
+    assert far.choices.shapes["ripple_origin"] == pytest.approx(origin)
+    assert f"its angle counted from {origin:.5g} rad" in far.summary[0]
+    assert far.choices.shapes["ripple_number"] == pytest.approx(
+        near.choices.shapes["ripple_number"], abs=1e-3
+    )
+    for name in ("ripple_angle", "torque_ripple", "motor_inertia"):
+        a, b = near.parameters[name], far.parameters[name]
+        assert b.value == pytest.approx(a.value, abs=a.std)
+        assert b.std == pytest.approx(a.std, rel=0.2)
 
 
 def test_stribeck_friction_is_found_untold():
@@ -184,6 +212,51 @@ def test_a_bend_without_stiffness_below_is_play(theta, alpha, slack):
     assert not is_slack(of({"theta2", "alpha1"}))
 
 
+@pytest.mark.parametrize(
+    ("terms", "shape", "made_with", "constant", "truth", "given"),
+    [
+        (("torque_ripple",), RIPPLE, RIPPLED, "ripple_number", NUMBER, RIPPLE_COEFFICIENTS),
+        (("bent_spring",), BEND, BENT, "bend_deflection", 0.3, {"alpha_bend": 40.0 / 0.3}),
+    ],
+)
+def test_a_constant_is_sought_where_the_coefficients_are_given(
+    terms, shape, made_with, constant, truth, given
+):
+    """Assert that what a user knows of a size leaves the constant free, and in the intervals."""
+    first = fitted(made(3, **made_with), {constant: 0.995 * truth}, *terms, given=given)
+    found = at_its_constant(shape, first)
+    assert shape.of(found.structure) == pytest.approx(truth, rel=5e-4)
+    estimate = widened(found, NO_ERROR)
+    free = with_free_constant(shape, estimate, found)
+    assert (free.deviations > estimate.deviations).any()
+
+
+@pytest.mark.parametrize("known", [{}, {"motor_inertia": 0.3}])
+def test_a_stiffness_that_is_known_contradicts_nothing(known):
+    """Assert that a bend of a known stiffness is found where it is, with or without an inertia."""
+    settings = Settings(known={"bend_stiffness": 40.0, **known})
+    found = identify([log(made(2, 12.0, **BENT))], settings)
+    assert found.choices.shapes["bend_deflection"] == pytest.approx(0.3, rel=1e-3)
+    assert found.parameters["joint_stiffness"].value == pytest.approx(100.0, rel=1e-3)
+    assert {p.verdict for p in found.parameters.values()} == {"determined"}
+    assert not any("contradicts" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("preload", [0.0, 3.0, -3.0])
+def test_a_preload_moves_where_a_bend_is_looked_for(preload):
+    """Assert that candidates lie within what the deflection reaches, on both sides of its mean."""
+    plain = fitted(made(4, 4.0), {})
+    (recording,) = plain.data.samples
+    moved = replace(recording, positions=recording.positions + np.array([preload, 0.0]))
+    data = replace(plain.data, samples=(moved,))
+    deflection = np.abs(np.subtract(*moved.positions.T))
+    found = np.array(BEND.candidates(plain.structure, data))
+    reached = (found > deflection.min()) & (found < deflection.max())
+    assert np.count_nonzero(reached) >= 5
+    below = found < abs(np.mean(np.subtract(*moved.positions.T)))
+    assert np.count_nonzero(below) == (6 if preload else 0)
+
+
 def test_a_constant_of_nothing_stays():
     """Assert that a fit without the term is returned as it is, and its estimate as well."""
     plain = fitted(made(3), {})
@@ -224,8 +297,8 @@ def test_the_interval_knows_that_the_number_was_sought():
     given, free = [], []
     for seed in range(10, 22):
         recording = turned(made(seed, 6.0, **RIPPLED), 3)
-        first = fitted(recording, {"ripple_number": NUMBER + 1e-3}, "torque_ripple")
-        found = at_its_constant(RIPPLE, first)
+        constants = {"ripple_number": NUMBER + 1e-3, "ripple_origin": 0.0}
+        found = at_its_constant(RIPPLE, fitted(recording, constants, "torque_ripple"))
         estimate = widened(found, NO_ERROR)
         own = [found.names.index(name) for name in ("alpha_ripple_sine", "alpha_ripple_cosine")]
         off = found.values[own] - truth

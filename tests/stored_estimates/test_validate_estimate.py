@@ -140,8 +140,10 @@ def test_shapes_need_their_widths(log):
     for name in ("alpha_backlash", "theta_backlash"):
         document["coefficients"][name] = {"value": 0.0}
     document["choices"]["terms"].append("backlash")
-    with pytest.raises(SettingError, match="backlash_width"):
-        validate_estimate(document, [log])
+    for shapes in ({}, {"backlash_width": 0.0}, {"backlash_width": -1e-4}):
+        document["choices"]["shapes"] = shapes
+        with pytest.raises(SettingError, match="backlash_width"):
+            validate_estimate(document, [log])
     document["choices"]["shapes"] = {"backlash_width": 1e-4}
     found = validate_estimate(document, [log])
     plain = validate_estimate(stored(), [log])
@@ -240,7 +242,7 @@ def with_value(value, *keys):
         (with_value("spline", "choices", "hold"), "hold"),
         (with_value(1e9, "choices", "input_delay", "value"), "input_delay"),
         (with_value(-1.0, "choices", "coulomb_velocity"), "coulomb_velocity"),
-        (with_value({"a": 0.0}, "choices", "shapes"), "shapes"),
+        (with_value({"a": "wide"}, "choices", "shapes"), "shapes"),
         (with_value(3, "coefficients"), "coefficients"),
         (with_value([], "choices"), "choices"),
     ],

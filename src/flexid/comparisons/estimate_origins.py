@@ -122,7 +122,7 @@ def _facts(estimate: Identification) -> dict[str, str]:
     if choices.coulomb_velocity is not None:
         facts["coulomb velocity"] = f"{choices.coulomb_velocity:.4g} rad/s"
     for name, width in used_widths(estimate).items():
-        facts[name.replace("_", " ")] = f"{width:.4g} {CONSTANT_UNITS[name]}"
+        facts[name.replace("_", " ")] = f"{width:.4g} {CONSTANT_UNITS[name]}".removesuffix(" 1")
     return facts | _columns(provenance)
 
 

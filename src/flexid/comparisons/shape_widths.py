@@ -5,29 +5,36 @@ another width gives another amplitude. The width of play follows from the gap it
 have other widths.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import ValueEstimate
-from flexid.models.flexible_joint import BACKLASH_WIDTH, RIPPLE_NUMBER, SHAPE_TERMS, SHAPES
+from flexid.models.flexible_joint import (
+    BACKLASH_WIDTH,
+    RIPPLE_NUMBER,
+    RIPPLE_ORIGIN,
+    SHAPE_TERMS,
+    SHAPES,
+)
 
 ALIKE = 2.0
 """Ratio of two widths beyond which what rests on them is not compared."""
 
-_SAME_RIPPLE = 1.02  # ratio of two numbers of periods, beyond which ripples are different ones
+# Beyond which ripples are different ones; whole turns from which their angles count are or are not.
+_ALIKE = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9}
 
 
 @cache
-def _constants() -> Mapping[str, str]:
-    """The constant that is the width, of each coefficient that has one."""
+def _constants() -> Sequence[tuple[str, str]]:
+    """Coefficients that have a width, and the constant that it is."""
     regressors = [r for t in SHAPE_TERMS.values() for r in (*t.link.items(), *t.motor.items())]
-    return {c: shape for c, r in regressors for shape in SHAPES if shape in r}
+    return [(c, shape) for c, r in regressors for shape in SHAPES if shape in r]
 
 
 def used_widths(estimate: Identification) -> Mapping[str, float]:
     """Widths that something in an estimate rests on, by the name of the constant."""
-    used = {shape for c, shape in _constants().items() if c in estimate.coefficients}
+    used = {shape for c, shape in _constants() if c in estimate.coefficients}
     return {name: width for name, width in estimate.choices.shapes.items() if name in used}
 
 
@@ -40,12 +47,11 @@ def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
         Two estimates.
     """
     found = {}
-    for coefficient, shape in _constants().items():
-        widths = [estimate.choices.shapes.get(shape) for estimate in (a, b)]
-        first, second = (w if w is not None and w > 0.0 else None for w in widths)
+    for coefficient, shape in _constants():
+        first, second = (estimate.choices.shapes.get(shape) for estimate in (a, b))
         if first is None or second is None:
             continue
-        alike = _SAME_RIPPLE if shape == RIPPLE_NUMBER else ALIKE
+        alike = _ALIKE.get(shape, ALIKE)
         if _apart(first, second, alike) and not (_own_width(shape, a) and _own_width(shape, b)):
             found[coefficient] = (
                 f"it rests on a {shape} of {first:.3g} in A and of {second:.3g} in B, which was "
@@ -55,7 +61,8 @@ def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
 
 
 def _apart(first: float, second: float, alike: float) -> bool:
-    return max(first, second) > alike * min(first, second)
+    least, most = sorted((abs(first), abs(second)))
+    return most > alike * least or first * second < 0.0
 
 
 def _own_width(shape: str, estimate: Identification) -> bool:

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
-from flexid.models.flexible_joint import CONSTANT_UNITS
+from flexid.models.flexible_joint import CONSTANT_UNITS, SQUARES
 from flexid.models.parametric_system import ParametricSystem, Row
 from flexid.models.terms import SMOOTHING
 
@@ -66,7 +66,7 @@ def source_of_identification(result: "Identification") -> ExportSource:
 
     found = described(result, 0).coefficients
     values = {name: v for name, v in found.items() if "[" not in name}
-    given = given_coefficients(result) & {*values}
+    given = (given_coefficients(result) | SQUARES) & {*values}
     joint = joint_of(result.model)
     for name in joint.grips.keys() & values.keys():
         term = joint.of_coefficient(name) or name

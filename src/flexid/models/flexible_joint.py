@@ -57,6 +57,9 @@ STRIBECK_VELOCITY = "stribeck_velocity"
 BACKLASH_WIDTH = "backlash_width"
 BEND_DEFLECTION = "bend_deflection"
 RIPPLE_NUMBER = "ripple_number"
+RIPPLE_ORIGIN = "ripple_origin"
+
+_RIPPLING = f"{RIPPLE_NUMBER}*(x3 - {RIPPLE_ORIGIN})"
 
 # Twice the deflection over the width, cut off at 2: a spring less its stiffness times half the gap
 # times half of this is a dead zone, if the width is half the gap.
@@ -90,8 +93,8 @@ SHAPE_TERMS: dict[str, Term] = {
         "torque that repeats with the motor's position, many times in a turn",
         {},
         {
-            "alpha_ripple_sine": f"sin({RIPPLE_NUMBER}*x3)",
-            "alpha_ripple_cosine": f"cos({RIPPLE_NUMBER}*x3)",
+            "alpha_ripple_sine": f"sin({_RIPPLING})",
+            "alpha_ripple_cosine": f"cos({_RIPPLING})",
         },
     ),
     "eccentricity": Term(
@@ -129,8 +132,10 @@ SHAPE_TERMS: dict[str, Term] = {
 }
 """Terms for what a drive may have beside those of `TERMS`; each stands for a family of shapes."""
 
-SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER)
-"""Constants of these terms: how wide their shapes are, in rad/s and rad, and periods in a turn."""
+SHAPES = (STRIBECK_VELOCITY, BACKLASH_WIDTH, BEND_DEFLECTION, RIPPLE_NUMBER, RIPPLE_ORIGIN)
+"""Constants of these terms: how wide their shapes are, and from where a ripple counts."""
+
+_ANY_SHAPE = dict.fromkeys(SHAPES, 1.0) | {RIPPLE_ORIGIN: 0.0}  # until a log says which
 
 CONSTANT_UNITS = {
     SMOOTHING: "rad/s",
@@ -138,6 +143,7 @@ CONSTANT_UNITS = {
     BACKLASH_WIDTH: "rad",
     BEND_DEFLECTION: "rad",
     RIPPLE_NUMBER: "1",
+    RIPPLE_ORIGIN: "rad",
 }
 """Unit of each constant that a term may bring."""
 
@@ -157,6 +163,9 @@ TIES: dict[str, tuple[str, str, str]] = {
 Those of one spring, which acts on both sides: a/Jl = (a/Jr) theta2/alpha1. And the squares of an
 eccentricity, per motor inertia.
 """
+
+SQUARES = frozenset(name for name, (first, *_) in TIES.items() if name[:5] == first[:5])
+"""Those that follow from others of their own row: too small to be sought each for itself."""
 
 COEFFICIENT_UNITS: dict[str, str] = {
     "theta1": "1/s^2",
@@ -254,6 +263,6 @@ def flexible_joint(
             declared_row("motor", "x3", "x4", motor, known),
         ),
         constants=model_constants(link | motor, known, coulomb_velocity)
-        | {shape: 1.0 for shape in SHAPES if any(shape in r for r in (link | motor).values())},
+        | {s: w for s, w in _ANY_SHAPE.items() if any(s in r for r in (link | motor).values())},
         memories=tuple(term.memory for term in chosen if term.memory),
     )

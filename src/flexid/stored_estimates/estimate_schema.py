@@ -36,7 +36,7 @@ class StoredChoices(_Part):
     input_delay: StoredDelay
     link_delay: StoredDelay
     coulomb_velocity: Positive | None = None
-    shapes: dict[str, Positive] = {}
+    shapes: dict[str, Number] = {}
 
 
 class StoredInput(_Part):

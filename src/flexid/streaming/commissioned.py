@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from flexid.comparisons.angles import ANGLES, difference
 from flexid.errors import SettingError
-from flexid.models.flexible_joint import SHAPE_TERMS
+from flexid.models.flexible_joint import SHAPE_TERMS, SQUARES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -130,7 +130,7 @@ def commissioned(result: "Identification") -> Commissioned:
         raise SettingError("estimate", "determines nothing that a stream could be compared with")
     alignment = choices.alignment
     late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
-    names = given_coefficients(result)
+    names = given_coefficients(result) | SQUARES
     given = {name: c.value for name, c in result.coefficients.items() if name in names}
     unknown = [name for name, value in given.items() if not isfinite(value)]
     if unknown:

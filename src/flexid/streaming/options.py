@@ -12,7 +12,7 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.preparation.stated import Stated, stated
-from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, TERMS, flexible_joint
+from flexid.models.flexible_joint import SHAPE_TERMS, SHAPES, SQUARES, TERMS, flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
 from flexid.models.row_alone import row_alone
@@ -159,8 +159,9 @@ class WatchOptions:
 
     @property
     def given(self) -> Mapping[str, float]:
-        """Coefficients that are known exactly."""
-        return self.stated.given
+        """Coefficients that are known exactly, and those too small to be sought."""
+        too_small = {c for t in self.terms for c in USABLE_TERMS[t].coefficients if c in SQUARES}
+        return dict.fromkeys(sorted(too_small & {*self.joint.units}), 0.0) | {**self.stated.given}
 
     @property
     def n_encoders(self) -> int:

@@ -19,7 +19,7 @@ from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_le
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure
-from flexid.models.flexible_joint import DISSIPATIVE
+from flexid.models.flexible_joint import DISSIPATIVE, SQUARES
 
 RATES = (20.0, 60.0, 7.0, 200.0)
 """Of the filters of least squares, in 1/s."""
@@ -168,7 +168,7 @@ def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
     smooth = joint.smooth
     absent = structure.absent
     given = {c: v for c, v in structure.fixed.items() if c in smooth.coefficients}
-    off = {c: 0.0 for c in smooth.coefficients if c in absent}
+    off = {c: 0.0 for c in smooth.coefficients if c in absent | SQUARES}
     # Where the source of a tie is off, so is what follows from it.
     off |= {
         c: 0.0

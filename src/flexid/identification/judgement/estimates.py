@@ -1,5 +1,6 @@
 """Intervals and verdicts: from an estimate to coefficients and physical parameters."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -108,7 +109,7 @@ def _tied(
         if a not in known or b not in known or d not in known:
             continue
         unit = _unit(joint.units[name], input_unit)
-        tied = propagated(Product(name, unit, {a: 1, b: 1, d: -1}), values, estimate)
+        tied = propagated(Product(name, unit, {**Counter((a, b)), d: -1}), values, estimate)
         judged = verdict(tied.value, tied.interval, thresholds=thresholds)
         if np.isfinite(tied.std) and known[a].verdict == "determined":  # be it as none
             judged = ("determined", "")

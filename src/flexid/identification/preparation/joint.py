@@ -22,6 +22,7 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import (
     BACKLASH_WIDTH,
     COEFFICIENT_UNITS,
+    RIPPLE_ORIGIN,
     SHAPE_TERMS,
     TERMS,
     TIES,
@@ -37,10 +38,12 @@ from flexid.models.physical import (
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
 from flexid.models.row_alone import row_alone
 from flexid.models.terms import SMOOTHING, with_dry_friction
+from flexid.recording.checks import TURN
 from flexid.recording.recording import Recording
 
 Kind = Literal["flexible", "link", "rigid"]
 
+_MOTOR = 1  # of both sides
 _OFFSET_TERMS = ("link_offset", "motor_offset", "offset")
 
 # Widths of shapes, relative to the root mean square of what they depend on: a quarter and four
@@ -117,6 +120,7 @@ class Joint:
         sides = [self.both_sides(recording) for recording in recordings]
         deflection = _root_mean_square([np.subtract(*positions.T) for positions, _ in sides])
         widths = {BACKLASH_WIDTH: max(_BACKLASH_SHARE * deflection, 1e-9)}
+        widths[RIPPLE_ORIGIN] = _nearest_turn([positions[:, _MOTOR] for positions, _ in sides])
         widths = {name: w for name, w in widths.items() if name in self.extended.constants}
         grip = 1.0 / max(_GRIP_SHARE * deflection, 1e-9)
         return replace(self.with_widths(widths), smooth=smooth, first_grip=grip)
@@ -311,6 +315,12 @@ def joint_of(kind: Kind) -> Joint:
 def _velocities(recording: Samples) -> FloatArray:
     assert recording.velocities is not None
     return recording.velocities
+
+
+def _nearest_turn(parts: Sequence[FloatArray]) -> float:
+    """Position in rad, of whole turns, next to the middle of some motion."""
+    middle = 0.5 * (max(float(x.max()) for x in parts) + min(float(x.min()) for x in parts))
+    return TURN * round(middle / TURN)
 
 
 def _root_mean_square(parts: Sequence[FloatArray]) -> float:

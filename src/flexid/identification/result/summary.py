@@ -3,7 +3,12 @@
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Choices
-from flexid.models.flexible_joint import BEND_DEFLECTION, RIPPLE_NUMBER, STRIBECK_VELOCITY
+from flexid.models.flexible_joint import (
+    BEND_DEFLECTION,
+    RIPPLE_NUMBER,
+    RIPPLE_ORIGIN,
+    STRIBECK_VELOCITY,
+)
 
 _SOUGHT = {
     "motor_stribeck": (STRIBECK_VELOCITY, "over {:.3g} rad/s"),
@@ -53,7 +58,10 @@ def _term(name: str, choices: Choices) -> str:
     if name not in _SOUGHT:
         return name
     constant, words = _SOUGHT[name]
-    return f"{name} ({words.format(choices.shapes[constant])})"
+    told = words.format(choices.shapes[constant])
+    if name == "torque_ripple" and (origin := choices.shapes[RIPPLE_ORIGIN]):
+        told += f", its angle counted from {origin:.5g} rad"
+    return f"{name} ({told})"
 
 
 def _deviations(value: float, std: float) -> str:

@@ -7,7 +7,7 @@ from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.sought_shape import SoughtShape
 from flexid.models.flexible_joint import BEND_DEFLECTION, SHAPE_TERMS
 
-# Of the deflection's root mean square.
+# Of the deflection's standard deviation; counted from its mean, which a preload moves.
 _TRIED = (0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
 _BETWEEN = 0.4
 
@@ -15,10 +15,11 @@ _SPRINGS = (("theta2", "theta_bend"), ("alpha1", "alpha_bend"))  # below the ben
 _SLACK = 0.01  # of the stiffness beyond the bend: of what is so soft below it nothing is known
 
 
-def _deflection(joint: Joint, data: Data) -> float:
-    """Root mean square of the deflection about its mean, in rad."""
+def _deflection(joint: Joint, data: Data) -> tuple[float, float]:
+    """Mean of the deflection, and its standard deviation, in rad."""
     sides = (joint.both_sides(recording)[0] for recording in data.samples)
-    return float(np.std(np.concatenate([np.subtract(*positions.T) for positions in sides])))
+    every = np.concatenate([np.subtract(*positions.T) for positions in sides])
+    return float(np.mean(every)), float(np.std(every))
 
 
 def resolution(joint: Joint, data: Data) -> float:
@@ -31,7 +32,7 @@ def resolution(joint: Joint, data: Data) -> float:
     data : Data
         Its recordings.
     """
-    return _BETWEEN * _deflection(joint, data)
+    return _BETWEEN * _deflection(joint, data)[1]
 
 
 def deflections(structure: Structure, data: Data) -> list[float]:
@@ -44,8 +45,11 @@ def deflections(structure: Structure, data: Data) -> list[float]:
     data : Data
         Its recordings; where nothing is deflected they show none.
     """
-    usual = _deflection(structure.joint, data)
-    return [share * usual for share in _TRIED] if usual > 0.0 else []
+    mean, usual = _deflection(structure.joint, data)
+    if not usual > 0.0:
+        return []
+    beyond = [abs(mean) + share * usual for share in _TRIED]
+    return beyond + [d for share in _TRIED if (d := abs(mean) - share * usual) > 0.0]
 
 
 _TERM = SHAPE_TERMS["bent_spring"]

@@ -74,8 +74,9 @@ class SoughtShape:
         return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
 
     def is_in(self, fitted: Fitted) -> bool:
-        """Whether a fit sought the term."""
-        return not self.coefficients.isdisjoint(fitted.names)
+        """Whether a fit has the term, its coefficients sought, given or at a bound."""
+        structure = fitted.structure
+        return bool((self.coefficients & structure.joint.shapes) - structure.absent)
 
 
 def climb_with(
@@ -252,7 +253,7 @@ def _following(shape: SoughtShape, fitted: Fitted, change: float) -> tuple[float
 def moved_by_constant(shape: SoughtShape, fitted: Fitted) -> FloatArray:
     """By how much values move as the constant moves by its standard deviation, shape (k,).
 
-    Zero where the term is not sought, or the log does not show its constant.
+    Zero where the fit has not the term, or the log does not show its constant.
 
     Parameters
     ----------

@@ -1,0 +1,90 @@
+"""An eccentric gear, whose second order follows from the first: to the report and beyond it."""
+
+import numpy as np
+import pytest
+from made_joint import log, made
+
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.unknowns import Unknowns
+from flexid.exports.source import source_of_identification
+from flexid.identification.full_model.model import Structure, data_of
+from flexid.identification.full_model.starting import smooth_unknowns
+from flexid.identification.identify import identify
+from flexid.identification.preparation.joint import flexible
+from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
+from flexid.recording.velocities import with_velocities
+from flexid.stored_estimates.rebuilt import described, rebuilt
+from flexid.streaming.choices import Choices
+from flexid.streaming.commissioned import commissioned
+from flexid.streaming.health import Health
+from flexid.streaming.session import Session
+
+SIZE, PHASE = 0.02, 0.6  # rad
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """Return a motion with such a gear."""
+    return made(3, 12.0, eccentricity=SIZE, eccentricity_phase=PHASE)
+
+
+@pytest.fixture(scope="module")
+def found(recording):
+    """Return what is identified of it, told nothing."""
+    return identify([log(recording)])
+
+
+def test_it_is_found_untold(found):
+    """Assert that size and angle are those of the gear."""
+    assert found.choices.terms == (*PAPER_TERMS, "eccentricity")
+    assert found.parameters["eccentricity"].value == pytest.approx(SIZE, rel=1e-3)
+    assert found.parameters["eccentricity_angle"].value == pytest.approx(-PHASE, abs=1e-3)
+
+
+def test_what_follows_is_reported_as_it_follows(found):
+    """Assert that a coefficient that is a square is one, and that its model is built of it."""
+    values = {name: c.value for name, c in found.coefficients.items()}
+    for name, (a, b, d) in TIES.items():
+        if name in values:
+            assert values[name] == pytest.approx(values[a] * values[b] / values[d], rel=1e-9)
+    assert values.keys() >= SQUARES
+    again = rebuilt(described(found, 0))
+    assert set(again.unknowns.names) == {c for c in values if c not in TIES}
+
+
+def test_least_squares_seeks_no_square(recording):
+    """Assert that columns which nothing but a square tells apart are not sought."""
+    joint = flexible()
+    joint = joint.scaled(data_of(joint, [with_velocities(recording)], (0,)).samples)
+    structure = Structure(joint.with_shapes_in_least_squares, frozenset(), Timing("cubic"))
+    unknowns = smooth_unknowns(structure, (0,))
+    assert not SQUARES & {*unknowns.names}
+    assert {"alpha_ecc_sine", "alpha_ecc_cosine"} <= {*unknowns.names}
+
+
+def test_what_is_exported_knows_the_squares(found):
+    """Assert that an exported estimator has them in its known part, with the estimate's values."""
+    source = source_of_identification(found)
+    assert not SQUARES & {*source.system.coefficients}
+    assert source.system.constants.keys() >= SQUARES
+    assert Unknowns(source.system).names == source.system.coefficients
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_stream_learns_such_a_gear(recording, found, told):
+    """Assert that least squares finds the drive with the estimate, and with the term alone."""
+    choices = (
+        Choices(estimate=commissioned(found))
+        if told
+        else Choices((*PAPER_TERMS, "eccentricity"), "linear")
+    )
+    step = recording.sample_time
+    options = choices.options("flexible", "N m", step, from_deflection=False)
+    assert options.given.keys() >= SQUARES
+    session = Session(options)
+    time = step * np.arange(len(recording.motor_position))
+    positions = np.column_stack((recording.link_position, recording.motor_position))
+    session.feed(np.column_stack((time, positions, recording.input)))
+    assert session.health.health is Health.CONVERGED
+    assert session.departures == ()
+    assert session.parameters["eccentricity"].value == pytest.approx(SIZE, rel=0.05)
