@@ -120,6 +120,17 @@ def test_a_bend_is_found_untold():
     assert "bent_spring (beyond 0.3 rad)" in found.summary[0]
 
 
+def test_what_is_left_beside_one_shape_is_sought_again():
+    """Assert that a ripple is found beside a bend that had to be found first."""
+    found = identify([log(made(3, 12.0, **RIPPLED, **BENT))])
+    assert found.choices.terms == (*PAPER_TERMS, "torque_ripple", "bent_spring")
+    assert found.choices.shapes["bend_deflection"] == pytest.approx(0.3, rel=1e-3)
+    assert found.choices.shapes["ripple_number"] == pytest.approx(NUMBER, abs=0.02)
+    assert found.parameters["torque_ripple"].value == pytest.approx(0.3, rel=1e-3)
+    assert found.parameters["bend_stiffness"].value == pytest.approx(40.0, rel=1e-2)
+    assert max(found.residual_excess.values()) < 1.1
+
+
 def test_a_bend_of_the_link_alone():
     """Assert that a bend is found without the motor's row."""
     found = identify([log(made(2, 12.0, **BENT))], Settings(model="link"))
@@ -410,6 +421,25 @@ def test_many_turns_need_no_more_memory():
     found = numbers(plain.structure, replace(plain.data, samples=(turning,)))
     assert len(found) <= 5 + 8
     assert max(found) <= 2.0**15 * 2.0 * np.pi / 1e6
+
+
+def test_a_constant_that_is_hardly_known_widens_in_proportion(monkeypatch):
+    """Assert that values move by as many steps as its deviation has, and no constant below zero."""
+    first = fitted(made(3, 4.0, **RIPPLED), {"ripple_number": 20.0}, "torque_ripple")
+    asked = []
+
+    def following(_, fitted, change):
+        asked.append(change)
+        return 0.0, fitted.minimum.reduced.values_step + change
+
+    monkeypatch.setattr(sought_shape, "_following", following)
+    for deviation, change in ((2.0, 2.0), (15.0, 10.0), (400.0, 10.0)):
+        monkeypatch.setattr(sought_shape, "_profile", lambda *_, d=deviation: (0.0, d))
+        moved = sought_shape.moved_by_constant(RIPPLE, replace(first))
+        assert moved == pytest.approx([deviation] * len(first.names))
+        assert asked.pop() == pytest.approx(change)
+    monkeypatch.setattr(sought_shape, "_profile", lambda *_: (0.0, np.nan))
+    assert not sought_shape.moved_by_constant(RIPPLE, replace(first)).any()
 
 
 def test_a_sum_of_squares_that_overflows_moves_no_constant(monkeypatch):

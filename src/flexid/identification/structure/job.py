@@ -203,14 +203,17 @@ def _predicting(
         allowed = thresholds.generous_gain if leaner else 0.0  # what is leaner has paid already
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
-    for other in _beside(climb, choice, progress, thresholds):
-        rival = choose_structure(other, job.kept, True, progress, thresholds)
-        rival, its = _preferred(rival, whole, recordings, thresholds)
-        saved = misprediction(validation) - misprediction(its)
-        if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
-            choice, validation = rival, its
-            if choice.fitted.excess <= thresholds.sensor_excess:
-                break  # nothing is left to explain
+    best: Climb | None = climb
+    while best is not None:
+        climb, best = best, None
+        for other in _beside(climb, choice, progress, thresholds):
+            rival = choose_structure(other, job.kept, True, progress, thresholds)
+            rival, its = _preferred(rival, whole, recordings, thresholds)
+            saved = misprediction(validation) - misprediction(its)
+            if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
+                choice, validation, best = rival, its, other
+                if choice.fitted.excess <= thresholds.sensor_excess:
+                    return choice, validation  # nothing is left to explain
     return choice, validation
 
 
@@ -218,9 +221,14 @@ def _beside(
     climb: Climb, choice: Choice, progress: Progress, thresholds: Thresholds
 ) -> Iterator[Climb]:
     """Climbs with what no fit without leads to, each as far as it explains what is left."""
-    if remembering := climb_remembering(climb, choice.found, progress, thresholds):
+    full = climb.found[-1]
+    if full.structure.joint.remembered <= full.structure.absent and (
+        remembering := climb_remembering(climb, choice.found, progress, thresholds)
+    ):
         yield remembering
     for shape in SOUGHT:
+        if shape.is_in(full):
+            continue
         found = climb_with(shape, climb, choice.found, progress, thresholds)
         if found and not is_slack(found.found[-1]):  # which is play, a leaner term
             yield found

@@ -38,6 +38,7 @@ _NEAR = 5.0  # standard deviations, for a derivative where that is less
 _LARGEST = 0.5  # of the resolution, that one step may go
 _SETTLED = 0.1  # standard deviations of the constant
 _MOST_FITS = 8
+_FARTHEST = 0.5  # of a constant, over which values are taken to move in proportion
 
 
 @dataclass(frozen=True)
@@ -268,9 +269,11 @@ def moved_by_constant(shape: SoughtShape, fitted: Fitted) -> FloatArray:
 @once_per_fit  # every way of taking terms away asks for it
 def _moved(fitted: Fitted, shape: SoughtShape) -> FloatArray:
     _, deviation = _profile(shape, fitted)
-    if not 0.0 < deviation < shape.of(fitted.structure):
+    if not deviation > 0.0:
         return np.zeros(len(fitted.names))
-    return _following(shape, fitted, deviation)[1] - fitted.minimum.reduced.values_step
+    change = min(deviation, _FARTHEST * shape.of(fitted.structure))  # and no constant below zero
+    moved = _following(shape, fitted, change)[1] - fitted.minimum.reduced.values_step
+    return moved * (deviation / change)
 
 
 def with_free_constant(shape: SoughtShape, estimate: Estimate, fitted: Fitted) -> Estimate:
