@@ -255,6 +255,13 @@ def _spring_other(rng: Generator, draft: Draft) -> None:
     draft.base = draft.base._replace(bend_stiffness=float(gain) * draft.base.joint_stiffness)
 
 
+def _two_at_once(rng: Generator, draft: Draft) -> None:
+    springs = _backlash, _spring_other  # no spring has both
+    beside = (_stribeck, _ripple, _eccentricity, springs[rng.integers(2)])
+    for place in rng.choice(len(beside), 2, replace=False):
+        beside[place](rng, draft)
+
+
 _SHORT = (6.0, 20.0)  # s, of a log
 
 _ALL = (
@@ -397,6 +404,13 @@ _ALL = (
         "a spring that bends to another stiffness",
         False,
         _spring_other,
+        own_term=True,
+    ),
+    Family(
+        "two_at_once",
+        "two of: friction that falls off, ripple, an eccentric gear, play or a bend of the spring",
+        False,
+        _two_at_once,
         own_term=True,
     ),
 )

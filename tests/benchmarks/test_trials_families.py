@@ -132,3 +132,22 @@ def test_half_the_step_changes_nothing_that_an_encoder_shows(family):
         apart = np.abs(whole.states - half.states)[:, (0, 2)]
         assert np.ptp(whole.link) > 0.2
         assert apart.max() < 1e-9
+
+
+def test_two_at_once_are_two():
+    """Assert that each draft has two of what there is, each of it in some, and no spring twice."""
+    seen: dict[str, int] = {}
+    for draft in drafts("two_at_once"):
+        drive, shares = draft.base, draft.of_torque
+        having = {
+            "stribeck": "motor_static" in shares,
+            "ripple": "ripple_torque" in shares,
+            "eccentricity": drive.eccentricity > 0.0,
+            "play": drive.half_gap > 0.0,
+            "bend": drive.bend_stiffness != 0.0,
+        }
+        assert sum(having.values()) == 2
+        assert not (having["play"] and having["bend"])
+        for name, there in having.items():
+            seen[name] = seen.get(name, 0) + there
+    assert min(seen.values()) > DRAFTS / 10
