@@ -1,6 +1,6 @@
 """Terms whose constant is sought: ripple, springs that bend, friction that falls off."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,7 +13,7 @@ import flexid.identification.structure.sought_shape as sought_shape
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.model_error import widened
-from flexid.identification.full_model.climbing import Climb
+from flexid.identification.full_model.climbing import Climb, leaves_more
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
@@ -349,7 +349,13 @@ def tried(monkeypatch):
     What a first step promises depends on the constant; `holding` is the one whose steps hold it.
     """
 
-    def constants(promises: dict[float, float], holding: float | None = None, excess: float = 9.0):
+    def constants(
+        promises: dict[float, float],
+        holding: float | None = None,
+        excess: float = 9.0,
+        chosen: Sequence[Any] = (),
+        follows: bool = True,
+    ):
         begun = []
         shape = SoughtShape(
             "a shape", BEND.coefficients, BEND.constant, lambda *_: [*promises], lambda *_: 0.0
@@ -364,8 +370,8 @@ def tried(monkeypatch):
         monkeypatch.setattr(sought_shape, "at_its_constant", lambda _, fit: fit)
         climbed = Climb((over(4, excess),), cast(Any, (range(4),)), True, ("cubic",), "")
         monkeypatch.setattr(sought_shape, "_climbed_on", lambda *_: climbed)
-        found = climb_with(shape, climbed, (), lambda _: None, THRESHOLDS)
-        assert (found is not None) == (holding in begun)
+        found = climb_with(shape, climbed, (), chosen, lambda _: None, THRESHOLDS)
+        assert (found is not None) == (follows and holding in begun)
         return begun
 
     return constants
@@ -383,6 +389,15 @@ def test_little_promise_is_not_followed(tried):
     assert tried({0.1: ENOUGH, 0.2: TOO_LITTLE}) == [0.1]
     assert tried({0.1: 0.9}, excess=THRESHOLDS.sensor_excess - 0.001) == []
     assert tried({0.1: 0.9}, excess=THRESHOLDS.sensor_excess + 0.001) == [0.1]
+
+
+def test_what_leaves_more_than_the_chosen_is_not_followed(tried):
+    """Assert that something else which explains the same segments better ends the search."""
+    promises = {0.1: 0.3, 0.2: 0.9, 0.3: 0.5}
+    for chosen, follows in ((over(4, 8.9), False), (over(4, 9.1), True), (over(2, 8.9), True)):
+        assert tried(promises, holding=0.2, chosen=[chosen], follows=follows) == [0.2]
+    assert leaves_more(over(4, 1.11), [over(4, 1.0)], THRESHOLDS)
+    assert not leaves_more(over(4, 1.09), [over(4, 1.0)], THRESHOLDS)  # which is noise
 
 
 def test_what_was_asked_for_and_has_no_fit_is_an_error(monkeypatch):

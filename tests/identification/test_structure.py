@@ -437,7 +437,7 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
         fitted = SimpleNamespace(names=range(7 if with_shapes and fewer else 8), excess=1.0)
         structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
         return SimpleNamespace(
-            structure=structure, fitted=fitted, found=(), with_shapes=with_shapes
+            structure=structure, fitted=fitted, found=(), with_shapes=with_shapes, climbed=climb
         )
 
     monkeypatch.setattr(job, "choose_structure", chosen)

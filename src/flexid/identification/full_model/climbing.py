@@ -231,6 +231,24 @@ def explained_by(
     return None if drives else found
 
 
+def leaves_more(fitted: Fitted, chosen: Sequence[Fitted], thresholds: Thresholds) -> bool:
+    """Whether a fit leaves more than noise, and more than others over the same segments.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        To be judged.
+    chosen : sequence of Fitted
+        The others, over segments of several lengths.
+    thresholds : Thresholds
+        Up to which excess residuals are noise.
+    """
+    if fitted.excess <= thresholds.sensor_excess:
+        return False
+    length = len(fitted.problem.segments)
+    return any(f.excess < fitted.excess for f in chosen if len(f.problem.segments) == length)
+
+
 def promised(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
     """Share of the residuals beyond noise that the first step with more terms promises to take.
 

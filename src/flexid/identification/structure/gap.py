@@ -7,7 +7,7 @@ Play as large as the deflection cannot be added to a fit without it, which leads
 has a start of its own, by least squares, whose width settles on positions alone.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.full_model.beginning import FIRST_ITERATIONS
-from flexid.identification.full_model.climbing import Climb, with_best_hold
+from flexid.identification.full_model.climbing import Climb, leaves_more, with_best_hold
 from flexid.identification.full_model.fitting import (
     climb,
     fit_like,
@@ -186,13 +186,17 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     return estimate.turned(np.eye(len(moved)) + np.outer(moved, gradient) / left)
 
 
-def climb_gapped(climbed: Climb, progress: Progress, thresholds: Thresholds) -> Climb | None:
+def climb_gapped(
+    climbed: Climb, chosen: Sequence[Fitted], progress: Progress, thresholds: Thresholds
+) -> Climb | None:
     """Fit a joint with play where one without leaves more than noise.
 
     Parameters
     ----------
     climbed : Climb
         Of the full model without.
+    chosen : sequence of Fitted
+        What explains the log best so far, over segments of growing length.
     progress : callable
         Called with each step in words.
     thresholds : Thresholds
@@ -201,7 +205,8 @@ def climb_gapped(climbed: Climb, progress: Progress, thresholds: Thresholds) -> 
     Returns
     -------
     Climb or None
-        None where the model without explains the log, or no start with play does so far better.
+        None where the model without explains the log, no start with play does so far better, or
+        something else does so better.
     """
     full, data = climbed.found[-1].structure, climbed.found[-1].data
     play = PLAY & full.joint.shapes
@@ -226,6 +231,8 @@ def climb_gapped(climbed: Climb, progress: Progress, thresholds: Thresholds) -> 
     as_long = [f for f in climbed.found if f.duration <= last.duration] or climbed.found[:1]
     before = as_long[-1].excess
     if half_gap(last) <= 0.0 or before - last.excess < thresholds.shape_share * (before - floor):
+        return None
+    if leaves_more(last, chosen, thresholds):
         return None
     found = [last, *onward(last, climbed.ladder)]
     ladder = [s for s in climbed.ladder if len(s) <= len(last.problem.segments)]

@@ -1,11 +1,12 @@
 """What the logs and the settings leave to be found, and the structure that predicts best."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.climbing import Climb, climb_full, climb_remembering
-from flexid.identification.full_model.model import LINK, Data, Structure
+from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import SplitRecordings
 from flexid.identification.preparation.settings import Settings, check_against, check_for
@@ -15,7 +16,11 @@ from flexid.identification.structure.elimination import Choice, choose_structure
 from flexid.identification.structure.gap import climb_gapped
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS
-from flexid.identification.structure.sought_shape import climb_asked_for, climb_with
+from flexid.identification.structure.sought_shape import (
+    SoughtShape,
+    climb_asked_for,
+    climb_with,
+)
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.progress import Progress
@@ -203,37 +208,47 @@ def _predicting(
         allowed = thresholds.generous_gain if leaner else 0.0  # what is leaner has paid already
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
-    best: Climb | None = climb
-    while best is not None:
-        climb, best = best, None
-        for other in _beside(climb, choice, progress, thresholds):
+    tried: Climb | None = None
+    while choice.climbed is not tried:
+        tried = choice.climbed
+        for find in _beside(choice, progress, thresholds):
+            if (other := find(choice)) is None:
+                continue
             rival = choose_structure(other, job.kept, True, progress, thresholds)
             rival, its = _preferred(rival, whole, recordings, thresholds)
             saved = misprediction(validation) - misprediction(its)
             if saved > _least_gain(rival.fitted.excess, choice.fitted.excess, thresholds):
-                choice, validation, best = rival, its, other
+                choice, validation = rival, its
                 if choice.fitted.excess <= thresholds.sensor_excess:
                     return choice, validation  # nothing is left to explain
     return choice, validation
 
 
 def _beside(
-    climb: Climb, choice: Choice, progress: Progress, thresholds: Thresholds
-) -> Iterator[Climb]:
-    """Climbs with what no fit without leads to, each as far as it explains what is left."""
+    choice: Choice, progress: Progress, thresholds: Thresholds
+) -> Iterator[Callable[[Choice], Climb | None]]:
+    """What to try where a choice leaves more than noise, each given what is chosen so far."""
+    climb, left = choice.climbed, choice.found
     full = climb.found[-1]
-    if full.structure.joint.remembered <= full.structure.absent and (
-        remembering := climb_remembering(climb, choice.found, progress, thresholds)
-    ):
-        yield remembering
+    if full.structure.joint.remembered <= full.structure.absent:
+        yield lambda _: climb_remembering(climb, left, progress, thresholds)
     for shape in SOUGHT:
-        if shape.is_in(full):
-            continue
-        found = climb_with(shape, climb, choice.found, progress, thresholds)
-        if found and not is_slack(found.found[-1]):  # which is play, a leaner term
-            yield found
-    if gapped := _gapped(climb, choice, progress, thresholds):
-        yield gapped
+        if not shape.is_in(full):
+            yield partial(_seeking, shape, climb, left, progress, thresholds)
+    yield lambda chosen: _gapped(climb, chosen, progress, thresholds)
+
+
+def _seeking(
+    shape: SoughtShape,
+    climb: Climb,
+    left: Sequence[Fitted],
+    progress: Progress,
+    thresholds: Thresholds,
+    chosen: Choice,
+) -> Climb | None:
+    """A climb with a shape whose constant is sought, unless it stands for play, a leaner term."""
+    found = climb_with(shape, climb, left, chosen.found, progress, thresholds)
+    return None if found is None or is_slack(found.found[-1]) else found
 
 
 def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
@@ -246,12 +261,12 @@ def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
 
 
 def _gapped(
-    climb: Climb, choice: Choice, progress: Progress, thresholds: Thresholds
+    climb: Climb, chosen: Choice, progress: Progress, thresholds: Thresholds
 ) -> Climb | None:
     """A climb with play, where what was chosen does not explain the log."""
-    if choice.fitted.excess <= thresholds.sensor_excess:
+    if chosen.fitted.excess <= thresholds.sensor_excess:
         return None
-    return climb_gapped(climb, progress, thresholds)
+    return climb_gapped(climb, chosen.found, progress, thresholds)
 
 
 def _preferred(

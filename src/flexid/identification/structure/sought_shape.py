@@ -19,6 +19,7 @@ from flexid.identification.full_model.climbing import (
     Climb,
     climbed_like,
     explained_by,
+    leaves_more,
     promised,
     turning,
     with_best_hold,
@@ -84,6 +85,7 @@ def climb_with(
     shape: SoughtShape,
     climbed: Climb,
     leaner: Sequence[Fitted],
+    chosen: Sequence[Fitted],
     progress: Progress,
     thresholds: Thresholds,
 ) -> Climb | None:
@@ -97,6 +99,8 @@ def climb_with(
         Of the full model without.
     leaner : sequence of Fitted
         What was left of that model, over segments of growing length.
+    chosen : sequence of Fitted
+        What explains the log best so far, over segments of growing length.
     progress : callable
         Called with each step in words.
     thresholds : Thresholds
@@ -105,7 +109,8 @@ def climb_with(
     Returns
     -------
     Climb or None
-        None where the model without explains the log, or the term does so hardly better.
+        None where the model without explains the log, the term does so hardly better, or something
+        else does so better.
     """
     full = climbed.found[-1].structure
     before = turning((*climbed.found, *leaner), thresholds)
@@ -120,7 +125,8 @@ def climb_with(
             before, structure, before.by_name, floor, thresholds, partial(at_its_constant, shape)
         )
         if first is not None:
-            return _climbed_on(shape, first, climbed, thresholds)
+            worse = leaves_more(first, chosen, thresholds)
+            return None if worse else _climbed_on(shape, first, climbed, thresholds)
     return None
 
 
