@@ -196,7 +196,7 @@ def climb_gapped(
     climbed : Climb
         Of the full model without.
     chosen : sequence of Fitted
-        What explains the log best so far, over segments of growing length.
+        Of the full model that what is chosen so far was taken from.
     progress : callable
         Called with each step in words.
     thresholds : Thresholds

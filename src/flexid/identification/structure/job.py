@@ -247,7 +247,7 @@ def _seeking(
     chosen: Choice,
 ) -> Climb | None:
     """A climb with a shape whose constant is sought, unless it stands for play, a leaner term."""
-    found = climb_with(shape, climb, left, chosen.found, progress, thresholds)
+    found = climb_with(shape, climb, left, chosen.climbed.found, progress, thresholds)
     return None if found is None or is_slack(found.found[-1]) else found
 
 
@@ -266,7 +266,7 @@ def _gapped(
     """A climb with play, where what was chosen does not explain the log."""
     if chosen.fitted.excess <= thresholds.sensor_excess:
         return None
-    return climb_gapped(climb, chosen.found, progress, thresholds)
+    return climb_gapped(climb, chosen.climbed.found, progress, thresholds)
 
 
 def _preferred(

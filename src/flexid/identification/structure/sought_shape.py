@@ -100,7 +100,7 @@ def climb_with(
     leaner : sequence of Fitted
         What was left of that model, over segments of growing length.
     chosen : sequence of Fitted
-        What explains the log best so far, over segments of growing length.
+        Of the full model that what is chosen so far was taken from.
     progress : callable
         Called with each step in words.
     thresholds : Thresholds
