@@ -211,3 +211,12 @@ def test_a_gap_as_large_as_the_deflection(true_gap, fits_seen: list[FinalFits]):
     place = found.fit.names.index("alpha_backlash")
     assert free.deviations[place] > 1.02 * fixed.deviations[place]
     assert found.fit.deviations[place] >= 0.999 * free.deviations[place]
+
+
+def test_a_gap_beside_what_ended_at_a_bound():
+    """Assert that a gap is found, and its interval, where a bound stops another value."""
+    settings = Settings(bounds={"motor_viscous_friction": (0.0, 0.199)})
+    found = identify([log(made(1, 12.0, half_gap=0.01))], settings).parameters
+    assert found["motor_viscous_friction"].value == pytest.approx(0.199)
+    assert found["half_backlash"].value == pytest.approx(0.01, rel=0.05)
+    assert found["half_backlash"].std > 0.0

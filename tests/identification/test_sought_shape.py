@@ -56,6 +56,7 @@ def fitted(
     constants: dict[str, float],
     *terms: str,
     given: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> Fitted:
     """The paper's model with some more terms of given shapes, fitted over segments of 1 s."""
     recording = with_velocities(recording)
@@ -64,7 +65,7 @@ def fitted(
     joint = joint.scaled(data.samples).with_widths(constants)
     on = {c for term in (*PAPER_TERMS, *terms) for c in joint.terms[term]}
     absent = frozenset(joint.optional - on)
-    structure = Structure(joint, absent, Timing("cubic"), dict(given or {}))
+    structure = Structure(joint, absent, Timing("cubic"), dict(given or {}), dict(bounds or {}))
     return fit_to(structure, data, COEFFICIENTS, 1.0)[0]
 
 
@@ -240,6 +241,20 @@ def test_a_constant_is_sought_where_the_coefficients_are_given(
     estimate = widened(found, NO_ERROR)
     free = with_free_constant(shape, estimate, found)
     assert (free.deviations > estimate.deviations).any()
+
+
+@pytest.mark.parametrize("bounded", ["alpha_bend", "alpha1"])
+def test_a_constant_is_sought_where_something_ended_at_a_bound(bounded):
+    """Assert that the coefficient stays there, and that what moves is what was sought."""
+    truth = {"alpha_bend": 40.0 / 0.3, "alpha1": 100.0 / 0.3}[bounded]
+    bounds = {bounded: (0.0, 0.9 * truth)}
+    first = fitted(made(3, **BENT), {"bend_deflection": 0.3}, "bent_spring", bounds=bounds)
+    found = at_its_constant(BEND, first)
+    assert found.at_bound == {bounded: pytest.approx(0.9 * truth)}
+    assert found.minimum.equations.cost < first.minimum.equations.cost
+    moved = sought_shape.moved_by_constant(BEND, found)
+    assert moved.shape == (len(found.names),)
+    assert np.isfinite(moved).all()
 
 
 @pytest.mark.parametrize("known", [{}, {"motor_inertia": 0.3}])

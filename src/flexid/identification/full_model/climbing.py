@@ -315,8 +315,7 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     hold : Hold
         Another than its own, or there is none.
     """
-    # What ended at a bound stays there.
-    structure = replace(fitted.structure, fixed={**fitted.structure.fixed, **fitted.at_bound})
+    structure = fitted.ended
     before = structure.timing.hold
     if hold == before:
         return None

@@ -198,6 +198,11 @@ class Fitted:
         """Values of all that was sought, those at a bound among them."""
         return {**self.at_bound, **dict(zip(self.names, self.values.tolist(), strict=True))}
 
+    @property
+    def ended(self) -> Structure:
+        """The structure with what ended at a bound fixed there."""
+        return replace(self.structure, fixed={**self.structure.fixed, **self.at_bound})
+
     @cached_property
     def excess(self) -> float:
         """Mean square of the residuals over that of the sensors' noise: 1 for a right model."""

@@ -175,7 +175,7 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     deviation = _deviation(fitted)
     if not is_dead_zone(fitted) or not 0.0 < deviation < half_gap(fitted):
         return estimate
-    wider = _as_wide(fitted.structure, width_of(fitted.structure) + deviation)
+    wider = _as_wide(fitted.ended, width_of(fitted.structure) + deviation)
     segments, states = fitted.problem.segments, fitted.minimum.point.initial_states
     rest = (segments, fitted.by_name, states, fitted.data.refinement)
     problem, point = motion_at(wider, fitted.data, *rest)

@@ -248,7 +248,7 @@ def _parabola(shape: SoughtShape, fitted: Fitted, small: float) -> tuple[float, 
 
 def _following(shape: SoughtShape, fitted: Fitted, change: float) -> tuple[float, FloatArray]:
     """Sum of squares with another constant, and by how much values move, to first order."""
-    structure = shape.put(fitted.structure, shape.of(fitted.structure) + change)
+    structure = shape.put(fitted.ended, shape.of(fitted.structure) + change)
     states = fitted.minimum.point.initial_states
     rest = (fitted.problem.segments, fitted.by_name, states, fitted.data.refinement)
     problem, point = motion_at(structure, fitted.data, *rest)
