@@ -1,9 +1,12 @@
 """An eccentric gear, whose second order follows from the first: to the report and beyond it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_joint import log, made
 
+from flexid.errors import SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.unknowns import Unknowns
 from flexid.exports.source import source_of_identification
@@ -68,6 +71,20 @@ def test_what_is_exported_knows_the_squares(found):
     assert not SQUARES & {*source.system.coefficients}
     assert source.system.constants.keys() >= SQUARES
     assert Unknowns(source.system).names == source.system.coefficients
+
+
+def test_other_terms_than_the_estimates(found):
+    """Assert that what an estimate knows of a term is forgotten with the term."""
+    choices = Choices(PAPER_TERMS, estimate=commissioned(found))
+    assert not choices.options("flexible", "N m", 2e-3, from_deflection=False).given
+
+
+def test_a_square_without_a_value_is_not_exported(found):
+    """Assert that no estimator is made of what has no value."""
+    none = replace(found.coefficients["alpha_ecc_product"], value=np.nan)
+    coefficients = found.coefficients | {"alpha_ecc_product": none}
+    with pytest.raises(SettingError, match="alpha_ecc_product"):
+        source_of_identification(replace(found, coefficients=coefficients))
 
 
 @pytest.mark.parametrize("told", [True, False])

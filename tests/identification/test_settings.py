@@ -61,11 +61,6 @@ def test_what_cannot_be_used_is_refused(case):
 OTHER_TERMS = {
     "rigid term": (flexible, {"terms": ("viscous",)}, "no term of the flexible joint"),
     "flexible term": (rigid, {"terms": ("motor_viscous",)}, "no term of the rigid joint"),
-    "smooth ripple": (
-        flexible,
-        {"terms": ("gravity", "torque_ripple"), "coulomb_velocity": 0.1},
-        "torque_ripple goes with dry friction only",
-    ),
     "inertia of the motor alone": (rigid, {"known": {"motor_inertia": 0.3}}, "motor and link"),
 }
 

@@ -185,7 +185,7 @@ def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str, tm
 def test_what_was_given_needs_a_value(result):
     """Assert that a given coefficient without a value is refused."""
     beta = replace(result.coefficients["beta1"], value=np.nan, std=0.0)
-    with pytest.raises(SettingError, match="was given beta1, and has no value"):
+    with pytest.raises(SettingError, match="has no value of beta1"):
         commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
 
 

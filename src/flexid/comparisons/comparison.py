@@ -160,7 +160,7 @@ def _differences(
     known: tuple[Values, Values],
     reported: tuple[Values, Values],
     logs: Sharing,
-    unlike: Mapping[str, str],
+    unlike: Mapping[tuple[str, str], str],
 ) -> dict[str, Difference]:
     """Differences of all that either model has, by name.
 
@@ -172,7 +172,7 @@ def _differences(
         What each model has.
     logs : Sharing
         Whether both were made from the same logs.
-    unlike : mapping of str to str
+    unlike : mapping of tuple to str
         Coefficients whose shapes are of unlike widths, and why that forbids to compare them.
     """
     names = dict.fromkeys([*reported[0], *reported[1]])

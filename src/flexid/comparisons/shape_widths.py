@@ -1,4 +1,4 @@
-"""Widths of shapes that two estimates took: constants of the model, chosen for each log.
+"""Constants of shapes that two estimates took: widths, chosen for each log, and the like.
 
 The amplitude of a shape, such as that of Stribeck friction, goes with its width: of the same drive
 another width gives another amplitude. The width of play follows from the gap itself, and other gaps
@@ -21,6 +21,7 @@ from flexid.models.flexible_joint import (
 ALIKE = 2.0
 """Ratio of two widths beyond which what rests on them is not compared."""
 
+_WHEREVER = frozenset({"torque_ripple"})  # however a ripple counts
 # Beyond which ripples are different ones; whole turns from which their angles count are or are not.
 _ALIKE = {RIPPLE_NUMBER: 1.02, RIPPLE_ORIGIN: 1.0 + 1e-9}
 
@@ -33,13 +34,13 @@ def _constants() -> Sequence[tuple[str, str]]:
 
 
 def used_widths(estimate: Identification) -> Mapping[str, float]:
-    """Widths that something in an estimate rests on, by the name of the constant."""
+    """Constants of shapes that something in an estimate rests on, by name."""
     used = {shape for c, shape in _constants() if c in estimate.coefficients}
     return {name: width for name, width in estimate.choices.shapes.items() if name in used}
 
 
-def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
-    """Why what rests on a coefficient cannot be compared, by coefficient.
+def unlike_width(a: Identification, b: Identification) -> Mapping[tuple[str, str], str]:
+    """Why what rests on a coefficient cannot be compared, by coefficient and constant.
 
     Parameters
     ----------
@@ -53,8 +54,8 @@ def unlike_width(a: Identification, b: Identification) -> Mapping[str, str]:
             continue
         alike = _ALIKE.get(shape, ALIKE)
         if _apart(first, second, alike) and not (_own_width(shape, a) and _own_width(shape, b)):
-            found[coefficient] = (
-                f"it rests on a {shape} of {first:.3g} in A and of {second:.3g} in B, which was "
+            found[coefficient, shape] = (
+                f"it rests on a {shape} of {first:.5g} in A and of {second:.5g} in B, which was "
                 f"chosen for each log"
             )
     return found
@@ -73,7 +74,12 @@ def _own_width(shape: str, estimate: Identification) -> bool:
     return not _apart(gap.value, estimate.choices.shapes[shape], ALIKE)
 
 
-def reason_of(unlike: Mapping[str, str], *values: ValueEstimate | None) -> str:
+def reason_of(unlike: Mapping[tuple[str, str], str], *values: ValueEstimate | None) -> str:
     """Why values of one number cannot be compared; empty where no width speaks against it."""
-    rested_on = {c for value in values if value is not None for c in value.slopes}
-    return next((unlike[c] for c in unlike if c in rested_on), "")
+    there = [value for value in values if value is not None]
+    rested_on = {c for value in there for c in value.slopes}
+    wherever = {value.name for value in there} <= _WHEREVER
+    for (coefficient, shape), reason in unlike.items():
+        if coefficient in rested_on and not (shape == RIPPLE_ORIGIN and wherever):
+            return reason
+    return ""

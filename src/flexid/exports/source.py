@@ -76,6 +76,9 @@ def source_of_identification(result: "Identification") -> ExportSource:
             f"with --terms {','.join(t for t in result.choices.terms if t != term)}, and export "
             "that estimate",
         )
+    without = sorted(name for name in given if not isfinite(values[name]))
+    if without:
+        raise SettingError(without[0], "has no value in the estimate: identify once more")
     constants = {name: values[name] for name in sorted(given)} | {**result.choices.shapes}
     if result.choices.coulomb_velocity is not None:
         constants[SMOOTHING] = result.choices.coulomb_velocity

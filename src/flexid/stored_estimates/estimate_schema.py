@@ -2,12 +2,25 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from flexid.models.flexible_joint import RIPPLE_ORIGIN
 
 _LONGEST_DELAY = 10.0  # s
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _widths(shapes: dict[str, float]) -> dict[str, float]:
+    for name, width in shapes.items():
+        if width <= 0.0 and name != RIPPLE_ORIGIN:
+            raise ValueError(f"{name} is {width:g}: give a positive number")
+    return shapes
+
+
+Shapes = Annotated[dict[str, Number], AfterValidator(_widths)]
+"""Constants of shapes."""
 
 
 class _Part(BaseModel):
@@ -36,7 +49,7 @@ class StoredChoices(_Part):
     input_delay: StoredDelay
     link_delay: StoredDelay
     coulomb_velocity: Positive | None = None
-    shapes: dict[str, Number] = {}
+    shapes: Shapes = {}
 
 
 class StoredInput(_Part):

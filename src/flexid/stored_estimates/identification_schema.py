@@ -6,6 +6,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from flexid.identification.result.identification import Estimator
 from flexid.identification.vocabulary.evidence import Verdict
+from flexid.stored_estimates.estimate_schema import Shapes
 from flexid.stored_estimates.provenance_schema import StoredProvenance
 
 _LARGEST = 1e50  # of what a drive may be described by, in SI units
@@ -178,7 +179,7 @@ class StoredChoices(_Part):
     estimator: Estimator
     segment_duration: float | None
     term_evidence: list[StoredTermEvidence]
-    shapes: dict[str, float]
+    shapes: Shapes
     segment_evidence: list[StoredSegmentEvidence]
 
 

@@ -15,7 +15,6 @@ from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.model import LINK, Data, Structure
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.result.identification import Identification
-from flexid.models.flexible_joint import RIPPLE_ORIGIN
 from flexid.recording.recording import Hold
 
 _SAME = 1e-6  # relative difference of a tied coefficient to what it follows from that is rounding
@@ -38,7 +37,7 @@ class Described:
     coulomb_velocity : float or None
         Velocity in rad/s over which friction is smoothed; None where it is dry.
     shapes : mapping of str to float
-        Widths of shapes, by the name of the model's constant.
+        Constants of shapes, by name.
     """
 
     model: Kind
@@ -198,9 +197,6 @@ def _with_constants(joint: Joint, described: Described, values: Mapping[str, flo
     if missing:
         raise SettingError(missing[0], "is missing, without which its term says nothing")
     widths = {name: described.shapes[name] for name in sorted(wanted)}
-    for name, width in widths.items():
-        if width <= 0.0 and name != RIPPLE_ORIGIN:
-            raise SettingError(name, f"is {width:g}: give a positive number")
     return joint.with_widths(widths) if widths else joint
 
 

@@ -9,7 +9,7 @@ from flexid.errors import SettingError
 from flexid.estimators.filter_rate import FASTEST, SLOWEST
 from flexid.models.terms import COULOMB_VELOCITY
 from flexid.streaming.commissioned import Commissioned
-from flexid.streaming.options import KINDS, RATES, USUAL_TERMS, WatchOptions
+from flexid.streaming.options import KINDS, RATES, USABLE_TERMS, USUAL_TERMS, WatchOptions
 
 
 @dataclass(frozen=True)
@@ -111,9 +111,12 @@ class Choices:
             rate = min(max(made.filter_rate, slowest / sample_time), fastest / sample_time)
         asked = (self.coulomb_velocity, made.coulomb_velocity, COULOMB_VELOCITY)
         hold = made.hold if self.hold == "auto" and kind != "link" else self.hold
+        terms = made.terms if self.terms is None else self.terms
+        off = [USABLE_TERMS[t] for t in made.terms if t in USABLE_TERMS and t not in terms]
+        gone = {coefficient for term in off for coefficient in term.coefficients}
         return WatchOptions(
             sample_time,
-            made.terms if self.terms is None else self.terms,
+            terms,
             kind,
             hold,  # type: ignore[arg-type] - WatchOptions checks it
             rate,
@@ -122,7 +125,7 @@ class Choices:
             input_unit,
             from_deflection,
             made.shapes,
-            {**made.given, **self.known},
+            {**{c: v for c, v in made.given.items() if c not in gone}, **self.known},
             self.known_deviations,
             made.reference,
             motor_turn,

@@ -46,7 +46,7 @@ class Commissioned:
     given : mapping of str to float
         Coefficients that were not estimated.
     shapes : mapping of str to float
-        Widths of shapes, constants of the model.
+        Constants of shapes, by name.
     coulomb_velocity : float or None
         In rad/s; None where friction was dry.
     reference : mapping of str to tuple of float
@@ -135,7 +135,7 @@ def commissioned(result: "Identification") -> Commissioned:
     unknown = [name for name, value in given.items() if not isfinite(value)]
     if unknown:
         raise SettingError(
-            "estimate", f"was given {unknown[0]}, and has no value of it: identify once more"
+            "estimate", f"has no value of {unknown[0]}, which is not sought: identify once more"
         )
     return Commissioned(
         result.model,

@@ -62,7 +62,7 @@ class WatchOptions:
     from_deflection : bool, optional
         Whether the link's position comes as the joint's deflection.
     shapes : mapping of str to float, optional
-        Widths of the shapes of unusual terms.
+        Constants of the shapes of unusual terms, by name.
     known : mapping of str to float, optional
         Physical parameters or coefficients, as in `Settings`.
     known_deviations : mapping of str to float, optional

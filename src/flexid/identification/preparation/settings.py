@@ -124,11 +124,6 @@ def check_for(joint: Joint, settings: Settings) -> None:
                 "terms",
                 f"{term!r} is no term of {what}; it has {', '.join(terms)}",
             )
-    smooth = settings.coulomb_velocity != "auto"
-    if smooth and (dry := [t for t in chosen if {*terms[t]} & joint.shapes]):
-        raise SettingError(
-            "terms", f"{dry[0]} goes with dry friction only: leave it or coulomb-velocity"
-        )
     if joint.kind == "rigid" and "motor_inertia" in settings.known:
         raise SettingError(
             "known",

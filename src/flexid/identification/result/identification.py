@@ -51,7 +51,7 @@ class Choices:
     segment_evidence : tuple of SegmentEvidence
         What each length of the segments gives.
     shapes : mapping of str to float
-        Widths of the shapes of unusual terms, where there are such: constants of the model.
+        Constants of the shapes of unusual terms, by name, where there are such.
     """
 
     terms: tuple[str, ...]

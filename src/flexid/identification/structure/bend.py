@@ -8,8 +8,9 @@ from flexid.identification.structure.sought_shape import SoughtShape
 from flexid.models.flexible_joint import BEND_DEFLECTION, SHAPE_TERMS
 
 # Of the deflection's standard deviation; counted from its mean, which a preload moves.
-_TRIED = (0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
+_TRIED = (0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0)
 _BETWEEN = 0.4
+_LEAST = 0.2  # a bend at less passes for friction
 
 _SPRINGS = (("theta2", "theta_bend"), ("alpha1", "alpha_bend"))  # below the bend, and what joins
 _SLACK = 0.01  # of the stiffness beyond the bend: of what is so soft below it nothing is known
@@ -48,8 +49,8 @@ def deflections(structure: Structure, data: Data) -> list[float]:
     mean, usual = _deflection(structure.joint, data)
     if not usual > 0.0:
         return []
-    beyond = [abs(mean) + share * usual for share in _TRIED]
-    return beyond + [d for share in _TRIED if (d := abs(mean) - share * usual) > 0.0]
+    tried = {abs(mean) + way * share * usual for share in _TRIED for way in (-1.0, 1.0)}
+    return sorted(deflection for deflection in tried if deflection >= _LEAST * usual)
 
 
 _TERM = SHAPE_TERMS["bent_spring"]

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from flexid.errors import SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.climbing import Climb, climb_full, climb_remembering
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
@@ -130,7 +131,13 @@ def job_of(recordings: SplitRecordings, settings: Settings) -> Job:
     shortest = min(len(recording) * recording.sample_time for recording in recordings.recorded)
     check_against(settings, recordings.recorded[0].sample_time, shortest)
     deflection = recordings.recorded[0].link_from_deflection
-    return Job(joint, input_unit, stated(settings, joint, input_unit), settings, deflection)
+    job = Job(joint, input_unit, stated(settings, joint, input_unit), settings, deflection)
+    if settings.coulomb_velocity != "auto" and (dry := sorted(job.kept & joint.shapes)):
+        raise SettingError(
+            "coulomb-velocity",
+            f"{joint.of_coefficient(dry[0])} goes with dry friction only: leave one of them",
+        )
+    return job
 
 
 def _kind(recording: Recording) -> Kind:

@@ -76,9 +76,13 @@ class SoughtShape:
         return replace(structure, joint=structure.joint.with_widths({self.constant: value}))
 
     def is_in(self, fitted: Fitted) -> bool:
-        """Whether a fit has the term, its coefficients sought, given or at a bound."""
-        structure = fitted.structure
-        return bool((self.coefficients & structure.joint.shapes) - structure.absent)
+        """Whether a fit has the term, its coefficients sought or given.
+
+        One at a bound is none of these: the constant would take up what the bound forbids.
+        """
+        joint = fitted.structure.joint
+        leading = (self.coefficients & joint.shapes) - joint.ties.keys()
+        return bool(leading - fitted.structure.absent - fitted.at_bound.keys())
 
 
 def climb_with(
@@ -298,5 +302,6 @@ def with_free_constant(shape: SoughtShape, estimate: Estimate, fitted: Fitted) -
     if not moved.any():
         return estimate
     own = [place for place, name in enumerate(fitted.names) if name in shape.coefficients]
+    own = own or [*range(len(fitted.names))]  # where they are given
     wider = float(np.max(estimate.deviations[own] / fitted.unit_deviations[own], initial=1.0))
     return estimate.widened(wider**2 * np.outer(moved, moved))
