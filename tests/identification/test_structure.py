@@ -40,6 +40,7 @@ class _Quadratic:
     sought: tuple[str, ...] = ()
     margin: float = 10.0  # s
     structure: Structure = field(init=False)
+    at_bound: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         base = {name.partition("[")[0] for name in self.names}
