@@ -213,7 +213,7 @@ def at_its_constant(shape: SoughtShape, fitted: Fitted) -> Fitted:
     for _ in range(_MOST_FITS):
         if not shape.is_in(fitted):
             return fitted
-        step, deviation = _profile(shape, fitted)
+        step, deviation = _profile(fitted, shape)
         value = shape.of(fitted.structure) + step
         if not abs(step) > _SETTLED * deviation or value <= 0.0:
             return fitted
@@ -224,24 +224,26 @@ def at_its_constant(shape: SoughtShape, fitted: Fitted) -> Fitted:
     return fitted
 
 
-def _profile(shape: SoughtShape, fitted: Fitted) -> tuple[float, float]:
+@once_per_fit  # a fit that is settled is asked again
+def _profile(fitted: Fitted, shape: SoughtShape) -> tuple[float, float]:
     """How far the constant is from where the sum of squares is least, and its standard deviation.
 
     Both from the parabola through three sums of squares, all else following; nan where it opens
     downwards. The deviation is that of the sensors' noise.
     """
     resolution = shape.resolution(fitted.structure.joint, fitted.data)
-    step, deviation = _parabola(shape, fitted, _STEP * resolution)
+    here, _ = _following(shape, fitted, 0.0)
+    step, deviation = _parabola(shape, fitted, here, _STEP * resolution)
     near = _NEAR * deviation
     if near < _STEP * resolution and abs(step) < _STEP * resolution:
-        step, deviation = _parabola(shape, fitted, near)
+        step, deviation = _parabola(shape, fitted, here, near)
     largest = _LARGEST * resolution
     return float(np.clip(step, -largest, largest)), deviation
 
 
-def _parabola(shape: SoughtShape, fitted: Fitted, small: float) -> tuple[float, float]:
-    """As `_profile`, from sums of squares with constants so little apart."""
-    below, here, above = (_following(shape, fitted, way * small)[0] for way in (-1.0, 0.0, 1.0))
+def _parabola(shape: SoughtShape, fitted: Fitted, here: float, small: float) -> tuple[float, float]:
+    """As `_profile`, from sums of squares here and with constants so little apart."""
+    below, above = (_following(shape, fitted, way * small)[0] for way in (-1.0, 1.0))
     if not np.isfinite([below, here, above]).all():
         return np.nan, np.nan
     curvature = (below - 2.0 * here + above) / small**2
@@ -278,7 +280,7 @@ def moved_by_constant(shape: SoughtShape, fitted: Fitted) -> FloatArray:
 
 @once_per_fit  # every way of taking terms away asks for it
 def _moved(fitted: Fitted, shape: SoughtShape) -> FloatArray:
-    _, deviation = _profile(shape, fitted)
+    _, deviation = _profile(fitted, shape)
     if not deviation > 0.0:
         return np.zeros(len(fitted.names))
     change = min(deviation, _FARTHEST * shape.of(fitted.structure))  # and no constant below zero
