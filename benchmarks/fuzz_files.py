@@ -193,3 +193,15 @@ def log_json_mcap() -> tuple[bytes, ...]:
         writer.finish()
         files.append(buffer.getvalue())
     return tuple(files)
+
+
+SEEDS = {
+    "Parquet": lambda: (*log_parquet() * 10, *strange_parquet()),
+    "MATLAB": log_matlab,
+    "HDF5": log_hdf5,
+    "MDF": log_mdf,
+    "MCAP": lambda: (*log_json_mcap(), *log_bag2("MCAP")),
+    "ROS 1 bag": log_bag1,
+    "ROS 2 bag": lambda: log_bag2("SQLITE3"),
+}
+"""Files by the name of their format, in `flexid.readers.formats`."""

@@ -29,12 +29,14 @@ def main() -> None:
     place = Path(folder)
     with atheris.instrument_imports(include=_READERS, enable_loader_override=False):
         from benchmarks.fuzz import tried
+        from benchmarks.fuzz_inside import readers_inside
         from benchmarks.fuzz_targets import Targets
 
         target = Targets(Path(estimate).read_bytes())[name]
         path = place / f"input{target.suffix}"
-        for seed in target.seeds:  # so that what is imported when it is needed is counted, too
-            tried(target, path, seed)
+        with readers_inside():
+            for seed in target.seeds:  # so that what is imported when it is needed is counted, too
+                tried(target, path, seed)
     corpus = place / "corpus"
     corpus.mkdir(exist_ok=True)
     for number, seed in enumerate(target.seeds):
@@ -54,7 +56,8 @@ def main() -> None:
             (place / "tally.json").write_text(json.dumps(tally))
 
     atheris.Setup([sys.argv[0], str(corpus), *options], one)
-    atheris.Fuzz()
+    with readers_inside():
+        atheris.Fuzz()
 
 
 if __name__ == "__main__":

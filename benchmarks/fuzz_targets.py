@@ -16,6 +16,8 @@ import polars as pl
 
 from benchmarks import fuzz_files
 
+Read = Callable[[Path], object]
+Seeds = Callable[[], tuple[bytes, ...]]
 ROOT = Path(__file__).parents[1]
 
 
@@ -33,12 +35,15 @@ class Target:
         Reads a path.
     words : sequence of bytes
         Of the format, for insertion.
+    is_apart : bool
+        Whether a child process reads it.
     """
 
     suffix: str
     seeds: tuple[bytes, ...]
     read: Callable[[Path], object]
     words: tuple[bytes, ...] = ()
+    is_apart: bool = False
 
 
 _TOML = (b"=", b"[", b"]", b"[[a]]", b"{", b"}", b'"""', b"= {", b"= [1, 'a']")
@@ -81,6 +86,7 @@ class Targets(Mapping[str, Target]):
 
 
 def _logs() -> dict[str, Callable[[], Target]]:
+    from flexid.readers.formats import FORMATS
     from flexid.recording import read_log
     from flexid.recording.stream import LogStream
 
@@ -97,25 +103,16 @@ def _logs() -> dict[str, Callable[[], Target]]:
             b"Logger 3\n\n" + text.replace(b"\n", b"\ns,rad,rad,Nm\n", 1),
         )
 
-    def parquets() -> tuple[bytes, ...]:
-        return (*fuzz_files.log_parquet() * 10, *fuzz_files.strange_parquet())
+    def apart(suffix: str, seeds: Seeds, read: Read = read_log) -> Callable[[], Target]:
+        return lambda: Target(suffix, seeds(), read, (), is_apart=True)
 
-    return {
-        "log, text": lambda: Target(".csv", texts(), read_log, _HEADER),
-        "log, Parquet": lambda: Target(".parquet", parquets(), read_log),
-        "log, stream": lambda: Target(".parquet", parquets(), stream),
-        "log, MATLAB": lambda: Target(".mat", fuzz_files.log_matlab(), read_log),
-        "log, MATLAB 7.3": lambda: Target(".mat", fuzz_files.log_hdf5(is_matlab=True), read_log),
-        "log, HDF5": lambda: Target(".h5", fuzz_files.log_hdf5(), read_log),
-        "log, MDF": lambda: Target(".mf4", fuzz_files.log_mdf(), read_log),
-        "log, MCAP": lambda: Target(".mcap", _mcaps(), read_log),
-        "log, ROS 1 bag": lambda: Target(".bag", fuzz_files.log_bag1(), read_log),
-        "log, ROS 2 bag": lambda: Target(".db3", fuzz_files.log_bag2("SQLITE3"), read_log),
-    }
-
-
-def _mcaps() -> tuple[bytes, ...]:
-    return (*fuzz_files.log_json_mcap(), *fuzz_files.log_bag2("MCAP"))
+    found = {"log, text": lambda: Target(".csv", texts(), read_log, _HEADER)}
+    for one in FORMATS:
+        seeds = fuzz_files.SEEDS.get(one.name, lambda one=one: (*one.magic, b"anything"))
+        found[f"log, {one.name}"] = apart(one.suffixes[0], seeds)
+    found["log, MATLAB 7.3"] = apart(".mat", lambda: fuzz_files.log_hdf5(is_matlab=True))
+    found["log, stream"] = apart(".parquet", fuzz_files.SEEDS["Parquet"], stream)
+    return found
 
 
 def _descriptions() -> dict[str, Callable[[], Target]]:
@@ -225,8 +222,8 @@ def _streams() -> dict[str, Callable[[], Target]]:
 
     return {
         "watch, text": lambda: Target(".csv", (fuzz_files.log_text(),), watch, _HEADER),
-        "watch, MCAP": lambda: Target(".mcap", _mcaps(), replay),
-        "watch, HDF5": lambda: Target(".h5", fuzz_files.log_hdf5(), replay),
+        "watch, MCAP": lambda: Target(".mcap", fuzz_files.SEEDS["MCAP"](), replay, (), True),
+        "watch, HDF5": lambda: Target(".h5", fuzz_files.SEEDS["HDF5"](), replay, (), True),
         "watch, checkpoint": lambda: Target(".json", (checkpoint(),), restore, _JSON),
     }
 

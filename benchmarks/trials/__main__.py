@@ -1,7 +1,7 @@
 """Blind trials: logs of random drives, identified blindly and scored against the truth.
 
-    python -m benchmarks.trials [--seeds N] [--first-seed K] [--family F ...] [--with-structure]
-                                [--jobs J] [--out FILE]
+    python -m benchmarks.trials [--seeds N] [--first-seed K] [--family F ...] [--realistic]
+                                [--with-structure] [--jobs J] [--out FILE]
     python -m benchmarks.trials --merge FILE ... [--out FILE] [--page docs/trials.md]
 
 in the root of a clone. Seeds below 1000 are for development; those from 1000 on are for reports.
@@ -17,6 +17,7 @@ from benchmarks.trials import run
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.options import add_log_options, logs_of
 from benchmarks.trials.page import BLOCK, render, terminal
+from benchmarks.trials.realistic.families import REALISTIC
 
 
 def main() -> None:
@@ -26,7 +27,12 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_log_options(parser, 10, list(FAMILIES))
+    add_log_options(parser, 10, [*FAMILIES, *REALISTIC])
+    parser.add_argument(
+        "--realistic",
+        action="store_true",
+        help="the realistic families, where no family is named; no log has --with-structure there",
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument(
         "--with-structure",
@@ -42,7 +48,8 @@ def main() -> None:
         if options.out:
             options.out.write_text(run.text(results), encoding="utf-8")
     else:
-        tasks = [(*log, options.with_structure) for log in logs_of(options, FAMILIES)]
+        families = REALISTIC if options.realistic else FAMILIES
+        tasks = [(*log, options.with_structure) for log in logs_of(options, families)]
         command = " ".join(["python -m benchmarks.trials", *sys.argv[1:]])
         results = run.run(tasks, options.jobs, command, options.out)
     print(terminal(results))

@@ -74,7 +74,7 @@ class Law(NamedTuple):
     derivative: float = 0.0
     integral: float = 0.0
     smoothing: float = 1.0  # share of a new velocity in the filtered one
-    count: float = 0.0
+    count: float = 0.0  # pyright: ignore[reportIncompatibleMethodOverride]
     zero: float = 0.0
 
 
@@ -283,7 +283,7 @@ def _advance(drive, smooth, value, time, end, state, link_mode, motor_mode, long
 
 
 @njit(cache=True)
-def _controlled(law, course, position, sample, memory):
+def controlled(law, course, position, sample, memory):
     """The controller's torque, and what it keeps: summed error, speed, and what it read."""
     summed, speed, before = memory
     read = position + course[2]
@@ -358,7 +358,7 @@ def simulate(
             states[reads] = state[0], state[1], state[2], state[3]
             if law.proportional > 0.0:
                 sample = times[reads] - times[reads - 1] if reads > 0 else 0.0
-                held[reads], memory = _controlled(law, course[reads], state[2], sample, memory)
+                held[reads], memory = controlled(law, course[reads], state[2], sample, memory)
             reads += 1
         if links < count and link_times[links] <= time:
             link[links] = state[0]

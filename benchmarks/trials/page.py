@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.report import markdown
+from benchmarks.trials import cells
 from benchmarks.trials.families import FAMILIES
-from benchmarks.trials.score import ANGLES, Claim, FamilyScore, Share, Spread, claims, scores
+from benchmarks.trials.realistic import page as realistic
+from benchmarks.trials.score import ANGLES, Claim, FamilyScore, Spread, claims, scores
 
 RESULTS = Path(__file__).parents[1] / "trials.json"
 PAGE = Path(__file__).parents[2] / "docs" / "trials.md"
@@ -21,9 +23,10 @@ Column = tuple[str, Callable[[FamilyScore], str]]
 
 def render(results: Results) -> str:
     """Everything that was measured, as Markdown; failures first."""
-    found = scores(results["records"])
+    clean, with_sins = _kinds(results)
+    found = scores(clean)
     parts = ["### How it was run", "", *_how(results), ""]
-    for title, about, columns in _TABLES:
+    for title, about, columns in _TABLES if found else ():
         parts += [f"### {title}", "", about, ""]
         for in_class, heading in ((True, "in the model class"), (False, "outside it")):
             chosen = [one for one in found if one.in_class is in_class]
@@ -31,26 +34,43 @@ def render(results: Results) -> str:
                 headings = [heading, *(name for name, _ in columns)]
                 lines = [[one.family, *(cell(one) for _, cell in columns)] for one in chosen]
                 parts += [*markdown(headings, lines), ""]
-    parts += ["### Each log that is confidently wrong", "", *_wrong(results["records"]), ""]
+    if found:
+        parts += ["### Each log that is confidently wrong", "", *_wrong(clean), ""]
+    if with_sins:
+        parts += realistic.render(with_sins)
     parts += ["### Each log without a result", "", *_failed(results["records"]), ""]
     return "\n".join(parts)
 
 
 def terminal(results: Results) -> str:
     """The tables without the lists of families, for a terminal."""
-    found = scores(results["records"])
+    clean, with_sins = _kinds(results)
+    found = scores(clean)
     parts = []
-    for title, _, columns in _TABLES:
+    for title, _, columns in _TABLES if found else ():
         headings = [title, *(name for name, _ in columns)]
         lines = [[one.family, *(cell(one) for _, cell in columns)] for one in found]
-        widths = [max(map(len, column)) for column in zip(headings, *lines, strict=True)]
-        parts += [
-            "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
-            for line in (headings, *lines)
-        ]
-        parts.append("")
-    parts += _wrong(results["records"])
+        parts += [*_aligned(headings, lines), ""]
+    if found:
+        parts += _wrong(clean)
+    if with_sins:
+        parts += ["", *_aligned(*realistic.table(with_sins))]
     return "\n".join(parts)
+
+
+def _kinds(results: Results) -> tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]]:
+    """Records of the usual families, and of the realistic ones."""
+    clean = [record for record in results["records"] if not record.get("realistic")]
+    return clean, [record for record in results["records"] if record.get("realistic")]
+
+
+def _aligned(headings: list[str], lines: list[list[str]]) -> list[str]:
+    """A table for a terminal."""
+    widths = [max(map(len, column)) for column in zip(headings, *lines, strict=True)]
+    return [
+        "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+        for line in (headings, *lines)
+    ]
 
 
 def families() -> str:
@@ -63,18 +83,10 @@ def families() -> str:
     return "\n".join(markdown(["family", "what it has", "in the model class"], lines))
 
 
-def _percent(value: float, digits: int = 2) -> str:
-    return f"{100.0 * value:.{digits}g}" if isfinite(value) else "–"
-
-
-def _share(share: Share) -> str:
-    return f"{share.percent:.1f} % of {share.whole}" if share.whole else "–"
-
-
 def _coverage(one: FamilyScore) -> str:
     share = one.coverage["all"]
     if not isfinite(one.coverage_deviation):
-        return _share(share)
+        return cells.share(share)
     return f"{share.percent:.1f} ± {100.0 * one.coverage_deviation:.1f} % of {share.whole}"
 
 
@@ -82,23 +94,11 @@ def _spread(spread: Spread) -> str:
     values = (spread.middle, spread.high, spread.largest)
     if not all(isfinite(value) for value in values):
         return "–"
-    return " / ".join(_percent(value) for value in values)
-
-
-def _number(value: float) -> str:
-    return f"{value:.2f}" if isfinite(value) else "–"
-
-
-def _seconds(spread: Spread) -> str:
-    return f"{spread.middle:.1f} / {spread.largest:.1f}" if isfinite(spread.middle) else "–"
+    return " / ".join(cells.percent(value) for value in values)
 
 
 def _counts(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items()) or "–"
-
-
-def _failures(one: FamilyScore) -> str:
-    return f"{one.failed} ({one.refused})" if one.failed else "0"
 
 
 _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
@@ -111,8 +111,8 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
             ("logs", lambda one: str(one.logs)),
             ("confidently wrong, core", lambda one: str(one.wrong_core)),
             ("confidently wrong, any", lambda one: str(one.wrong)),
-            ("no result", _failures),
-            ("core determined", lambda one: _share(one.core_determined)),
+            ("no result", lambda one: cells.failures(one.failed, one.refused)),
+            ("core determined", lambda one: cells.share(one.core_determined)),
         ),
     ),
     (
@@ -123,11 +123,11 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
         "hold and delays given; median.",
         (
             ("all", _coverage),
-            ("determined", lambda one: _share(one.coverage["determined"])),
-            ("determined core", lambda one: _share(one.coverage["core"])),
-            ("removed", lambda one: _share(one.coverage["removed"])),
-            ("delays", lambda one: _share(one.coverage["delay"])),
-            ("width", lambda one: _number(one.sharpness)),
+            ("determined", lambda one: cells.share(one.coverage["determined"])),
+            ("determined core", lambda one: cells.share(one.coverage["core"])),
+            ("removed", lambda one: cells.share(one.coverage["removed"])),
+            ("delays", lambda one: cells.share(one.coverage["delay"])),
+            ("width", lambda one: cells.number(one.sharpness)),
         ),
     ),
     (
@@ -140,7 +140,7 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
             ("error", lambda one: _spread(one.error)),
             ("given", lambda one: _spread(one.given_error)),
             ("least squares, given", lambda one: _spread(one.least_squares_error)),
-            ("seconds", lambda one: _seconds(one.seconds)),
+            ("seconds", lambda one: cells.seconds(one.seconds)),
         ),
     ),
     (
@@ -157,8 +157,12 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
 
 
 def _how(results: Results) -> list[str]:
-    seeds = [record["seed"] for record in results["records"]]
-    lines = [f"Seeds {min(seeds)} to {max(seeds)} of each family, {len(seeds)} logs.", ""]
+    lines = []
+    for kind, records in zip(("", "realistic "), _kinds(results), strict=True):
+        if records:
+            seeds = [record["seed"] for record in records]
+            seen = f"Seeds {min(seeds)} to {max(seeds)} of each {kind}family, {len(seeds)} logs."
+            lines += [seen, ""]
     for about in results["runs"]:
         minutes = about.get("seconds", 0) / 60.0
         lines.append(

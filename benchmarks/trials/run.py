@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.report import processor
+from benchmarks.trials.families import FAMILIES
+from benchmarks.trials.realistic.families import REALISTIC
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _OFTEN = 20  # logs between two writes of the file
@@ -43,7 +45,7 @@ def run(tasks: Sequence[Task], jobs: int, command: str, out: Path | None) -> Res
     -------
     Results
     """
-    about = {
+    about: dict[str, Any] = {
         "command": command,
         "date": str(datetime.datetime.now(datetime.UTC).date()),
         "flexid": version("flexid"),
@@ -98,23 +100,26 @@ def _records(tasks: Sequence[Task], jobs: int) -> Iterator[dict[str, Any]]:
 
 
 def _one(task: Task) -> dict[str, Any]:
+    from benchmarks.trials.realistic.record import recorded as recorded_realistic
     from benchmarks.trials.record import recorded
 
-    return recorded(*task)
+    family, seed, _ = task
+    return recorded_realistic(family, seed) if family in REALISTIC else recorded(*task)
 
 
 def _outcome(future: Future[dict[str, Any]], task: Task) -> dict[str, Any]:
     error = future.exception()
     if error is None:
         return future.result()
-    from benchmarks.trials.families import FAMILIES
-
     family, seed, _ = task  # the generator failed, or the whole process
+    if family in REALISTIC:
+        known: dict[str, Any] = {"realistic": True, "core": []}
+    else:
+        known = {"in_class": FAMILIES[family].in_class, "terms": []}
     return {
         "family": family,
         "seed": seed,
-        "in_class": FAMILIES[family].in_class,
-        "terms": [],
+        **known,
         "truth": {},
         "error": f"{type(error).__name__}: {error}"[:400],
         "refused": False,

@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
+from flexid.errors import ConvergenceError
 from flexid.identification.identify import identify
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.identification.preparation.settings import Settings
@@ -84,6 +85,10 @@ def print_identified(found: Identification) -> None:
         f"{0 if found.supports() else 1}; residuals {residuals} times noise; "
         f"free run {format_fits(found.validation.fit_percent)}"
     )
+    if found.disturbances is not None:
+        for name, share in found.disturbances.shares.items():
+            print(f"    unexplained, {name}: {100.0 * share:.0f} %")
+    print("   ", found.warnings[0])
 
 
 def deflection_figure(recordings: dict[int, Recording]) -> None:
@@ -133,8 +138,11 @@ def main() -> None:
             label = f"log {name}, axis {axis}"
             delays[label] = regressed_delays(recording)
             print_axis(label, recording, delays[label])
-            print_identified(identify([read[axis]]))
-            print_identified(identify([read[axis]], Settings(link_delay=DELAY)))
+            for settings in (Settings(), Settings(link_delay=DELAY)):
+                try:
+                    print_identified(identify([read[axis]], settings))
+                except ConvergenceError as error:
+                    print(f"    {error}")
         if name == "A":
             deflection_figure(recordings)
     delay_figure(delays)

@@ -5,6 +5,7 @@ from random import Random
 
 import pytest
 from benchmarks.fuzz import fuzz, mutated, tried
+from benchmarks.fuzz_inside import readers_inside
 from benchmarks.fuzz_table import GUIDED, Tally
 from benchmarks.fuzz_targets import Target, Targets, made_estimate
 from hypothesis import HealthCheck, given, settings
@@ -12,19 +13,18 @@ from hypothesis import strategies as st
 
 from flexid.errors import RecordingError
 
-# MDF is read in a process of its own, which takes seconds: it is left to the command.
-NAMES = ("log, text", "log, Parquet", "log, MATLAB", "log, MATLAB 7.3", "log, HDF5")
-NAMES += ("log, MCAP", "log, ROS 1 bag", "log, ROS 2 bag")
-NAMES += ("column map", "drive file", "experiment file", "model file")
-NAMES += (
+TEXTS = ("log, text", "column map", "drive file", "experiment file", "model file")
+TEXTS += (
     "estimate",
     "estimate, compared",
     "estimate for a design",
     "watch, text",
-    "watch, MCAP",
-    "watch, HDF5",
     "watch, checkpoint",
 )
+# A process for each file takes a while: the command tries more of them.
+APART = ("log, Parquet", "log, MATLAB", "log, MATLAB 7.3", "log, HDF5", "log, MDF", "log, MCAP")
+APART += ("log, ROS 1 bag", "log, ROS 2 bag", "log, stream", "watch, MCAP", "watch, HDF5")
+STRANGE = ("log, Parquet", "log, stream")  # of which not all are to be read
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def readers() -> Targets:
     return Targets(made_estimate())
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "log, Parquet"])
+@pytest.mark.parametrize("name", [name for name in (*TEXTS, *APART) if name not in STRANGE])
 def test_what_is_mutated_is_read(name: str, readers: Targets, tmp_path: Path) -> None:
     """Assert that the files are good before they are mutated."""
     target = readers[name]
@@ -41,19 +41,42 @@ def test_what_is_mutated_is_read(name: str, readers: Targets, tmp_path: Path) ->
         assert tried(target, tmp_path / f"seed{target.suffix}", seed) == ""
 
 
-@pytest.mark.parametrize("name", NAMES)
-@settings(
+MANY = settings(
     max_examples=60,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
+
+
+@pytest.mark.parametrize("name", TEXTS)
+@MANY
 @given(seed=st.integers(0, 2**32))
 def test_any_mutation(name: str, readers: Targets, tmp_path: Path, seed: int) -> None:
     """Assert that a mutated file is read, or refused in one line."""
     target = readers[name]
     content = mutated(Random(seed), target)
     assert tried(target, tmp_path / f"input{target.suffix}", content) in ("", None)
+
+
+@pytest.mark.parametrize("name", APART)
+@settings(MANY, max_examples=6)
+@given(seed=st.integers(0, 2**32))
+def test_any_mutation_in_a_child(name: str, readers: Targets, tmp_path: Path, seed: int) -> None:
+    """Assert that a mutated file is read, or refused in one line, whatever its reader does."""
+    target = readers[name]
+    content = mutated(Random(seed), target)
+    assert tried(target, tmp_path / f"input{target.suffix}", content) in ("", None)
+
+
+@pytest.mark.parametrize("name", ["log, HDF5", "log, ROS 1 bag", "watch, MCAP"])
+def test_readers_inside(name: str, readers: Targets, tmp_path: Path) -> None:
+    """Assert that the fuzzer's short cut reads what the child does, and refuses what it does."""
+    target = readers[name]
+    path = tmp_path / f"input{target.suffix}"
+    with readers_inside():
+        assert tried(target, path, target.seeds[0]) == ""
+        assert tried(target, path, target.seeds[0][:99]) is None
 
 
 @pytest.mark.parametrize(

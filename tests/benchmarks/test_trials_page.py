@@ -13,6 +13,7 @@ from benchmarks.trials.page import (
     render,
     terminal,
 )
+from benchmarks.trials.realistic import page as realistic
 from benchmarks.trials.run import merged, read, text
 
 ABOUT = {
@@ -57,8 +58,10 @@ def test_the_page_is_the_results():
 
 
 def test_the_page_lists_the_families():
-    """Assert that the page says of each family what it has."""
-    assert families() in PAGE.read_text(encoding="utf-8")
+    """Assert that the page says of each family what it has, realistic ones too."""
+    page = PAGE.read_text(encoding="utf-8")
+    assert families() in page
+    assert realistic.families() in page
 
 
 def test_a_wrong_log_is_listed_with_its_numbers():

@@ -49,6 +49,15 @@ def test_full_disk_is_one_sentence():
     ]
 
 
+@pytest.mark.skipif(os.name != "posix", reason="a shell that closes streams")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_is_no_defect(closed: str):
+    """Assert that a command works where nobody listens."""
+    command = f'"{sys.executable}" -m flexid derive flexible-joint {closed}'
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_identification_starts_light(examples: Path):
     """Assert that a second identification imports none of the packages that are slow to start."""
     command = [sys.executable, "-c", IDENTIFY, "identify", str(examples / "flexible_joint.csv")]

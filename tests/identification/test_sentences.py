@@ -1,7 +1,6 @@
 """Sentences about a result: no number in them is rounded until it says nothing."""
 
-from types import SimpleNamespace
-from typing import Any, cast
+import pickle
 
 import numpy as np
 import pytest
@@ -9,8 +8,13 @@ import pytest
 from flexid.identification.judgement.estimates import widest
 from flexid.identification.preparation.alignment import Delay
 from flexid.identification.result.summary import _delay
-from flexid.identification.result.warnings import model_warnings
-from flexid.identification.vocabulary.evidence import CoefficientEstimate, ModelError
+from flexid.identification.result.warnings import model_warnings, validation_warnings
+from flexid.identification.vocabulary.evidence import (
+    CoefficientEstimate,
+    Disturbances,
+    ModelError,
+)
+from flexid.recording.caution import Caution, Rank, cautions, ranked
 
 
 @pytest.mark.parametrize(
@@ -46,12 +50,32 @@ def test_a_model_error_that_changes_no_number_is_no_alarm(excess, widest, said, 
     assert bool(list(model_warnings(ModelError(excess, 1.0, 1.0), kind, widest))) == said
 
 
-@pytest.mark.parametrize("taken", [False, True])
-def test_where_a_number_comes_from_is_always_said(taken):
-    """Assert that an error too small for an alarm does not hide that the link's row was taken."""
-    row = cast(Any, SimpleNamespace(taken=taken, alone=("theta2",)))
-    said = list(model_warnings(ModelError(0.09, 1.0, 1.0), "flexible", 0.009, row))
-    assert [("taken from it" in sentence) for sentence in said] == [True] * taken
+@pytest.mark.parametrize(("share", "said"), [(0.019, 0), (0.021, 1)])
+def test_what_is_unexplained_is_said_from_two_per_cent_on(share, said):
+    """Assert that the balance of which most is unexplained is named with its share."""
+    shares = Disturbances({"link": 0.001, "motor": share}, 0.01)
+    nothing = ModelError(0.0, 0.0, 0.0)
+    sentences = list(model_warnings(nothing, "flexible", 0.1, shares))
+    assert len(sentences) == said
+    assert all("2 % of the motor's acceleration" in sentence for sentence in sentences)
+
+
+def test_a_free_run_that_fails_is_one_sentence():
+    """Assert that all channels that are not repeated stand together, and those at rest too."""
+    fits = {"link_position": 12.3, "motor_position": -np.inf, "deflection": np.nan}
+    weak, still = validation_warnings({**fits, "other": 99.0})
+    assert "the model repeats link_position 12 %, motor_position not: it lacks" in weak
+    assert still.startswith("deflection hardly moves in the held-out part")
+    assert list(validation_warnings({"link_position": 99.0})) == []
+
+
+def test_warnings_come_in_the_order_in_which_to_act():
+    """Assert that wrong data come first and notes last, and that equals stay in their order."""
+    said = ["note", *(Caution(rank.name, rank) for rank in reversed(Rank)), "last"]
+    assert ranked(said) == ("DATA", "SCALE", "MODEL", "MOTION", "note", "NOTE", "last")
+    kept = pickle.loads(pickle.dumps(said[1:2]))  # as between processes
+    assert (kept[0], kept[0].rank) == ("NOTE", Rank.NOTE)
+    assert cautions(Rank.MODEL, ["new", Caution("old", Rank.DATA)])[1].rank == Rank.DATA
 
 
 def test_the_widest_interval_counts_by_what_it_means():

@@ -40,6 +40,8 @@ REFUSED = {
     "bound that is none": ({"bounds": {"alpha2": (nan, 1.0)}}, "not below"),
     "unknown hold": ({"hold": "first"}, "'first' is none of"),
     "coulomb velocity of zero": ({"coulomb_velocity": 0.0}, "coulomb-velocity"),
+    "coulomb velocity of next to nothing": ({"coulomb_velocity": 1e-300}, "outside 1e-06 to 100"),
+    "huge coulomb velocity": ({"coulomb_velocity": 101.0}, "outside 1e-06 to 100 rad/s"),
     "negative filter rate": ({"filter_rate": -3.0}, "filter-rate"),
     "infinite segments": ({"segment_duration": inf}, "segment-duration"),
     "word for a number": ({"segment_duration": "long"}, "segment-duration"),

@@ -446,7 +446,9 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
     monkeypatch.setattr(job, "misprediction", lambda with_shapes: worse if with_shapes else 0.0)
     monkeypatch.setattr(job, "_beside", lambda *_: ())
     own: Any = SimpleNamespace(
-        climbed=lambda *_: None, settings=SimpleNamespace(terms="auto"), kept=()
+        climbed=lambda *_: SimpleNamespace(found=()),
+        settings=SimpleNamespace(terms="auto"),
+        kept=(),
     )
     nothing: Any = None
     rest = (nothing, nothing, nothing, lambda _: None, THRESHOLDS)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from joint_log import csv_text, joint_columns
 
 from flexid.errors import RecordingError
-from flexid.recording import limits, read_log, table
+from flexid.recording import limits, read_log, series
 from flexid.recording.stream import LogStream
 
 GOOD = csv_text(joint_columns(60)).encode()
@@ -196,8 +196,16 @@ BYTES_CASES = {
     "gzip": (gzip.compress(GOOD), "log.csv.gz", ["packed by gzip", "unpack it"]),
     "workbook": (b"PK\x03\x04" + b"\0" * 99, "log.xlsx", ["workbooks", "save the sheet as CSV"]),
     "parquet named csv": (b"PAR1....PAR1", "log.csv", ["Parquet", "rename it", ".parquet"]),
-    "csv named parquet": (GOOD, "log.parquet", ["no readable Parquet file", "name it .csv"]),
-    "torn parquet": (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", ["no readable Parquet"]),
+    "csv named parquet": (
+        GOOD,
+        "log.parquet",
+        ["no Parquet file that can be read", "name it .csv"],
+    ),
+    "torn parquet": (
+        b"PAR1" + b"\1" * 50 + b"PAR1",
+        "log.parquet",
+        ["no Parquet file that can be read"],
+    ),
     "torn utf-16": (b"\xff\xfe" + b"\x00\xdc" * 9, "log.csv", ["damaged UTF-16", "as UTF-8"]),
     "latin-1": (
         GOOD.replace(b"\n0.005,", b"\n\xb5,"),
@@ -268,27 +276,54 @@ def test_huge_file(tmp_path: Path) -> None:
 
 def test_too_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Assert that a small Parquet file with too many rows is refused before it is unpacked."""
-    monkeypatch.setattr(table, "MOST_ROWS", 1000)
+    monkeypatch.setattr(series, "MOST_ROWS", 1000)
     path = tmp_path / "log.parquet"
-    pl.DataFrame({"time": np.zeros(5000)}).write_parquet(path)
-    assert "5000 rows, more than the 1000" in refusal(path)
+    pl.DataFrame(joint_columns(5000)).write_parquet(path)
+    message = refusal(path)
+    assert "5000 rows, more than the 1000" in message
+    assert "--stream" in message
 
 
-@pytest.mark.parametrize(("most", "columns"), [(10**9, 10_001), (999, 20)])
+@pytest.mark.parametrize(("most", "columns", "rows"), [(10**9, 10_006, 1), (299, 6, 50)])
 def test_parquet_of_more_than_memory_holds(
-    most: int, columns: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    most: int, columns: int, rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Assert that a file of very many cells is refused before they are unpacked."""
     monkeypatch.setattr(limits, "MOST_CELLS", most)
     path = tmp_path / "log.parquet"
-    pl.DataFrame({f"c{k}": np.zeros(50) for k in range(columns)}).write_parquet(path)
-    words = f"there are {columns} columns of 50 rows, more than are read at once"
+    more = {f"c{k}": np.zeros(50) for k in range(columns - 6)}
+    pl.DataFrame({**joint_columns(50), **more}).write_parquet(path)
+    words = f"there are {columns} columns of {rows} rows, more than are read at once"
     assert words in refusal(path)
     with pytest.raises(RecordingError, match=words):
         LogStream(path, None, 50)
     text = path.with_suffix(".csv")
     pl.read_parquet(path).write_csv(text)
-    assert words in refusal(text)
+    assert f"there are {columns} columns of 50 rows, more than are read" in refusal(text)
+
+
+def test_columns_that_are_not_read(tmp_path: Path) -> None:
+    """Assert that what is in other columns, however much, takes no memory."""
+    big = pl.Series("big", np.zeros((60, 50_000)))
+    pl.DataFrame({**joint_columns(60), "big": big}).write_parquet(tmp_path / "log.parquet")
+    assert len(read_log(tmp_path / "log.parquet").recordings[0]) == 60
+
+
+@pytest.mark.parametrize("count", [-1, 63, 127])
+def test_a_page_that_promises_too_much(count: int, tmp_path: Path) -> None:
+    """Assert that a page that promises 2^61 values, which ends Polars, ends nothing here."""
+    path = tmp_path / "log.parquet"
+    names = ("time", "motor_position", "motor_torque")
+    draw = np.random.default_rng(1)
+    pl.DataFrame({name: draw.normal(size=100) for name in names}).write_parquet(path)
+    number = bytes([0xC8, 0x01])  # 100, as Thrift writes it
+    value = (count << 1) ^ (count >> 63)
+    other = bytes([value & 127 | 128, value >> 7 & 127])
+    path.write_bytes(path.read_bytes().replace(number, other, 1))
+    words = "the file cannot be read on from there"
+    assert words in refusal(path)
+    with pytest.raises(RecordingError, match=words):
+        LogStream(path, None, 50)
 
 
 def test_parquet_types(tmp_path: Path) -> None:
@@ -367,7 +402,7 @@ def test_any_number(tmp_path: Path, cells: list[tuple[int, int, float]]) -> None
     read_or_refuse(tmp_path, "log.csv", csv_text(columns).encode())
 
 
-@settings(FUZZ, max_examples=40)
+@settings(FUZZ, max_examples=20)
 @given(start=st.integers(4, 10_000), patch=st.binary(min_size=1, max_size=3))
 def test_any_parquet_mutation(tmp_path: Path, start: int, patch: bytes) -> None:
     """Assert that a damaged Parquet file raises nothing but a `RecordingError`."""

@@ -76,14 +76,6 @@ REFUSED: dict[str, tuple[Columns, list[str]]] = {
     ),
     "velocity in rpm": (changed(link_velocity=times(30.0 / np.pi)), ["9.55 times", "[rpm]"]),
     "velocity backwards": (changed(link_velocity=times(-1.0)), ["-1 times", "scale it by -1"]),
-    "another scale": (
-        changed(link_velocity=times(1.7)),
-        ["column 'link_velocity'", "not the derivative", "slope 1.7", "leave it out"],
-    ),
-    "another signal": (
-        changed(link_velocity=lambda v: np.random.default_rng(8).standard_normal(len(v))),
-        ["not the derivative"],
-    ),
     "jump": (
         positions_only(changed(motor_position=lambda q: q + 4.0 * (np.arange(len(q)) > 300))),
         ["column 'motor_position'", "jumps by", "at 1.505 s", "no whole turn", "outlier"],
@@ -134,7 +126,7 @@ WARNED: dict[str, tuple[Columns, list[str]]] = {
     ),
     "slightly wrong velocity": (
         changed(motor_velocity=times(1.08)),
-        ["column 'motor_velocity'", "1.08 times", "check its scale"],
+        ["column 'motor_velocity'", "by 8 % RMS, as if it were scaled by 1.08", "leave it out"],
     ),
 }
 
@@ -262,9 +254,9 @@ def test_an_encoder_of_one_count_is_no_jump(tmp_path: Path) -> None:
     """Assert that a position all of whose steps are as large as its range does not jump."""
     columns = {
         "time": SLOW,
-        "link_position": 1e-3 * (np.arange(len(SLOW)) % 2),
+        "link_position": 1e-3 * (np.arange(len(SLOW)) // 7 % 2),
         "motor_position": np.sin(SLOW),
-        "motor_torque": np.cos(SLOW),
+        "motor_torque": 3.0 * np.cos(SLOW),
     }
     warnings = read_log(write_csv(tmp_path, columns)).warnings
     assert not any("jumps" in warning for warning in warnings)

@@ -221,6 +221,7 @@ def test_letter_case(tmp_path: Path) -> None:
         ('column = "u", ', "", ["key 'motor_voltage'", "exactly one of 'column' and 'sum'"]),
         ('column = "u"', 'column = "u", sum = ["u"]', ["exactly one of 'column' and 'sum'"]),
         ('column = "u"', "sum = []", ["exactly one of 'column' and 'sum'"]),
+        ('column = "u"', 'sum = ["u", "u"]', ["'sum' has 'u' twice", "with a scale"]),
         ('column = "u"', "sum = [3]", ["key 'motor_voltage.sum.0'", "neither a column name"]),
         ('"t [ms]"', "3", ["key 'time'", "neither a column name nor a table"]),
         ("motor_voltage", "motor_volts", ["key 'motor_volts'", "did you mean 'motor_voltage'?"]),

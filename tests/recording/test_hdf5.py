@@ -10,7 +10,7 @@ import pytest
 from joint_log import joint_columns
 from test_matlab import CHANNELS, assert_is_the_log, refusal
 
-from flexid.recording import outside, read_log
+from flexid.recording import read_log
 
 COLUMNS = joint_columns(100)
 
@@ -123,12 +123,6 @@ def test_too_large(tmp_path: Path):
         for name in COLUMNS:
             file.create_dataset(name, (10**12,), "f8", chunks=(1000,))
     assert "more than are read at once" in refusal(tmp_path / "log.h5")
-
-
-def test_without_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that where h5py is not installed the extra is named."""
-    monkeypatch.setattr(outside, "find_spec", lambda _: None)
-    assert "pip install 'flexid[hdf5]'" in refusal(written(tmp_path / "log.h5"))
 
 
 def test_damaged_files(tmp_path: Path):

@@ -181,7 +181,7 @@ def test_files_that_cannot_be_streamed(tmp_path: Path):
     path = written(tmp_path / "log.parquet", table())
     cut = tmp_path / "cut.parquet"
     cut.write_bytes(path.read_bytes()[:-1000])
-    assert "no readable Parquet file" in refusal(cut)
+    assert "no Parquet file that can be read" in refusal(cut)
     text = tmp_path / "log.csv"
     text.write_text("time\n")
     assert "only a Parquet file can be streamed" in refusal(text)
@@ -198,7 +198,7 @@ def test_a_damaged_middle(tmp_path: Path):
     assert "the file cannot be read on from there" in refusal(path)
     raw[middle : middle + 60_000] = bytes(60_000)
     path.write_bytes(raw)
-    assert "no readable Parquet file" in refusal(path)
+    assert "the file cannot be read on from there" in refusal(path)
 
 
 def test_wrong_units(tmp_path: Path):

@@ -12,8 +12,8 @@ from joint_log import joint_columns
 from test_matlab import refusal
 
 from flexid.errors import RecordingError
-from flexid.recording import mdf, outside, read_log
-from flexid.recording.formats import table_of_file, tables_of_file
+from flexid.recording import read_log
+from flexid.recording.series import table_of_file, tables_of_file
 
 COLUMNS = joint_columns(200)
 TIME = COLUMNS["time"]
@@ -140,13 +140,6 @@ def test_invalid_samples(tmp_path: Path):
     assert "1 of its 200 samples are marked as invalid" in message
 
 
-def test_without_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that where asammdf is not installed the extra is named."""
-    path = written(tmp_path / "log.mf4", encoders())
-    monkeypatch.setattr(outside, "find_spec", lambda _: None)
-    assert "pip install 'flexid[mdf]'" in refusal(path)
-
-
 def test_damaged_files(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     """Assert that files cut short or overwritten are refused, and that asammdf says nothing."""
     raw = written(tmp_path / "log.mf4", encoders()).read_bytes()
@@ -157,31 +150,3 @@ def test_damaged_files(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     (tmp_path / "log.mf4").write_bytes(raw.replace(b"##DG", b"##XX"))
     assert "no MDF file that can be read" in refusal(tmp_path / "log.mf4")
     assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize(
-    "program",
-    [
-        "import os; os.abort()",
-        "print('{')",
-        "",
-        "import os; from flexid.recording import mdf_apart as apart; "
-        "apart._read = lambda *_: os.abort(); apart.main()",
-    ],
-    ids=["dies", "says half", "says nothing", "dies later"],
-)
-def test_a_process_that_dies(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that where a file ends the process that reads it flexid goes on, with a sentence."""
-    torque = [signal("motor_torque", COLUMNS["motor_torque"])]
-    path = written(tmp_path / "log.mf4", encoders(), torque)
-    monkeypatch.setattr(mdf, "PROGRAM", program)
-    assert "no MDF file that can be read" in refusal(path)
-
-
-def test_modules_beside_a_log_are_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Assert that the folder of a log lends no module to the process that reads it."""
-    path = written(tmp_path / "a.mf4", encoders())
-    (tmp_path / "json.py").write_text("open('was_run', 'w')")
-    monkeypatch.chdir(tmp_path)
-    mdf.open_series(path).close()
-    assert not (tmp_path / "was_run").exists()

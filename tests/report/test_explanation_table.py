@@ -8,9 +8,6 @@ from made_result import made_result
 from flexid.report.explanation_table import explanation
 from flexid.report.terminal import USUAL, laid_out
 
-ROW = made_result().link_row
-assert ROW is not None
-
 
 @pytest.fixture(scope="module")
 def lines():
@@ -68,27 +65,17 @@ def test_every_other_choice_is_named(lines, words):
     assert all(word in page for word in words)
 
 
-def test_the_links_row_stands_beside_both_rows(lines):
-    """Assert that each value shows its interval by the row alone and by both rows."""
-    shown = line_with(lines, "5.0011").split()
-    assert shown == ["theta1", "5.0011", "[5.0001,", "5.0021]", "4.7", "[4.1,", "5.3]"]
-    assert "Its row alone leaves 1.1 times the sensor's noise" in " ".join(lines)
+def test_what_no_term_describes_is_shown(lines):
+    """Assert that the share of each balance stands there, and the band of the fit."""
+    assert line_with(lines, "13 %").split() == ["motor", "13", "%"]
+    assert any("one sample every 4 ms" in line for line in lines)
 
 
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        (replace(ROW, taken=True), "knows each of these better, and is reported"),
-        (replace(ROW, taken=False), "so both rows are reported"),
-        (None, None),
-    ],
-)
-def test_which_row_is_reported_is_said(row, said):
-    """Assert that the explanation says whose values are reported, and nothing where none differ."""
-    result = replace(made_result(), link_row=row)
-    page = " ".join(" ".join(line.plain for line in laid_out(explanation(result), USUAL)).split())
-    assert ("The link by itself" in page) == (row is not None)
-    assert said is None or said in page
+def test_an_exact_fit_has_no_disturbances():
+    """Assert that nothing is said of disturbances where the model explains the log."""
+    result = replace(made_result(), disturbances=None)
+    page = " ".join(line.plain for line in laid_out(explanation(result), USUAL))
+    assert "Unexplained" not in page
 
 
 def test_least_squares_stands_beside_the_estimate(lines):

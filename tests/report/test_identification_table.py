@@ -87,8 +87,17 @@ def test_what_the_model_does_without_is_bounded(printed):
     assert "Without: joint_damping below 0.0005 N m s/rad, gravity_angle, on which" in page
 
 
+def test_what_is_unexplained_is_told(printed):
+    """Assert that a fit with disturbances gives the share of each balance instead."""
+    page = printed(made_result())
+    assert "Unexplained acceleration: link 2.1 %, motor 13 %" in page
+    assert "Model error" not in page
+
+
 def test_a_model_error_is_told(printed):
     """Assert that a model error says how large it is and how much of it repeats itself."""
-    assert "Model error: none" in printed(made_result())
-    page = " ".join(printed(made_result(ModelError(16.0, 1.2, 0.72))).split())
+    exact = replace(made_result(), disturbances=None)
+    assert "Model error: none" in printed(exact)
+    wrong = replace(exact, model_error=ModelError(16.0, 1.2, 0.72))
+    page = " ".join(printed(wrong).split())
     assert "the residuals hold 4 times the sensors' noise beyond it, 72 % of that" in page

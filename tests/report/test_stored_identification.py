@@ -57,10 +57,10 @@ def test_arrays_come_back(document):
     assert (found.validation.runs, len(found.observer.time)) == ((), 0)
 
 
-def test_a_file_from_before_the_link_stood_alone_is_read(document):
+def test_a_file_from_before_disturbances_is_read(document):
     """Assert that what an earlier version did not write is not asked for."""
-    older = {key: part for key, part in document.items() if key != "link_row"}
-    assert stored_identification(read_estimate(older)).link_row is None
+    older = {key: part for key, part in document.items() if key != "disturbances"}
+    assert stored_identification(read_estimate(older)).disturbances is None
 
 
 def test_a_newer_file_is_refused(document):

@@ -52,7 +52,10 @@ def test_a_column_map_means_the_same(tmp_path: Path):
     """Assert that a map with a gear ratio, a sum and an offset gives what it gives for a log."""
     raw = [
         "t;a;b;enc;tau",
-        *(f"{k / 500};{k % 7};{k % 5};{np.sin(k / 30):.6f};{k % 11}" for k in range(300)),
+        *(
+            f"{k / 500};{200 * np.sin(k / 40):.3f};{k % 5};{np.sin(k / 30):.6f};{k % 11}"
+            for k in range(300)
+        ),
     ]
     (tmp_path / "log.csv").write_text("\n".join(raw))
     (tmp_path / "map.toml").write_text(

@@ -21,7 +21,7 @@ from flexid.cli import (
     validate,
     watch,
 )
-from flexid.cli.encoding import spell_what_cannot_be_encoded
+from flexid.cli.encoding import open_what_is_closed, spell_what_cannot_be_encoded
 from flexid.cli.exit_status import ExitStatus
 from flexid.errors import ConvergenceError, FlexidError, SimulationError
 from flexid.library.threads import in_one_thread
@@ -115,6 +115,7 @@ def _ended(code: int) -> ExitStatus:
 
 def run() -> ExitStatus:
     """Run the command line as far as its exit status."""
+    open_what_is_closed()
     spell_what_cannot_be_encoded()
     _Wanted.debug = False
     try:

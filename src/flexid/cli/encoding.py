@@ -1,8 +1,23 @@
-"""Output on terminals that do not have every character."""
+"""Output on terminals that do not have every character, and where there is no output at all."""
 
 import codecs
 import io
+import os
 import sys
+
+
+def open_what_is_closed() -> None:
+    """Open standard streams that were closed (``>&-``) on the null device.
+
+    Without it the first file that is opened takes their number, and what is printed lands in it.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:  # the lowest that is free
+        pass
+    os.close(number)
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
 
 
 def spell_what_cannot_be_encoded() -> None:

@@ -61,7 +61,7 @@ def excitation(
             (directory / "excitation.json").write_text(to_json(document), encoding="utf-8")
             save_charts([excitation_report_chart(report)], directory)
 
-        print_warnings(report.identification.warnings, errors)
+        print_warnings(report.identification.warnings, errors, "flexid identify --explain")
         hand_over(
             document,
             lambda: print_excitation(report),

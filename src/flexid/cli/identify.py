@@ -88,7 +88,7 @@ def identify(
                 page = identification_page(result, charts, as_typed(), stored, advice)
                 save_page(page, directory)
 
-        print_warnings(result.warnings, errors)
+        print_warnings(result.warnings, errors, "" if explain else "--explain")
         hand_over(document, show, write, as_json=as_json, directory=directory)
     if not result.supports(strict=strict):
         raise typer.Exit(ExitStatus.LACKING)

@@ -15,6 +15,7 @@ from flexid.cli.assignments import (
     parse_number,
 )
 from flexid.errors import SettingError
+from flexid.readers.formats import kinds
 
 if TYPE_CHECKING:
     from flexid.identification.preparation.settings import Settings
@@ -42,7 +43,7 @@ Logs = Annotated[
     list[Path],
     typer.Argument(
         metavar="LOG",
-        help="Logs of one drive: CSV, Parquet, MATLAB, HDF5, MDF, MCAP or ROS bags.",
+        help=f"Logs of one drive: {kinds()}.",
         show_default=False,
     ),
 ]

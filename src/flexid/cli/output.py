@@ -4,7 +4,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,8 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+_MOST_WARNINGS = 3  # that anybody acts on at once
 
 
 @contextmanager
@@ -92,7 +94,20 @@ def print_document(document: Mapping[str, Any]) -> None:
     typer.echo(text, nl=False)
 
 
-def print_warnings(warnings: Iterable[str], errors: "Console") -> None:
-    """Print warnings on standard error, a line each."""
-    for warning in warnings:
+def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -> None:
+    """Print warnings on standard error, a line each.
+
+    Parameters
+    ----------
+    warnings : sequence of str
+        In the order in which to act on them.
+    errors : Console
+    rest : str, optional
+        What shows those after the first three; all are printed if nothing does.
+    """
+    shown = warnings[:_MOST_WARNINGS] if rest else warnings
+    for warning in shown:
         errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
+    if len(shown) < len(warnings):
+        more = f"{len(warnings) - len(shown)} more: {rest}"
+        errors.print(more, style="yellow", markup=False, soft_wrap=True)

@@ -56,7 +56,7 @@ def validate(
             charts = (fit, residual_chart(result))
             save_page(validation_page(result, charts, as_typed()), directory)
 
-        print_warnings(result.warnings, errors)
+        print_warnings(result.warnings, errors, "--json")
         hand_over(
             document,
             lambda: print_validation(result),

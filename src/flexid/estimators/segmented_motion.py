@@ -5,7 +5,7 @@ one (its initial state). Dry friction is set-valued: see the kernel.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
@@ -36,6 +36,32 @@ _NOT_SOUGHT = -1
 
 By = Literal["everything", "states", "nothing"]
 """What a motion is differentiated by: all that is sought, initial states alone, or nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """Corrects a predicted motion, and disturbances of each row, by what was measured.
+
+    Parameters
+    ----------
+    gain : array, shape (n_segments, 2 n_rows, n_outputs)
+        Of positions and velocities.
+    disturbance_gain : array, shape (n_segments, n_rows, n_outputs)
+        Of the disturbances, which are accelerations of the rows.
+    decay : array, shape (n_segments, n_rows)
+        Share of a disturbance that one sampling interval leaves.
+    directions : array, shape (n_samples, n_rows)
+        Mean direction, from -1 to 1, of each row's motion over the interval from each sample on:
+        the direction of its friction.
+    whitening : array, shape (n_segments, n_outputs, n_outputs)
+        Lower triangle that makes the innovations white and of unit size.
+    """
+
+    gain: FloatArray
+    disturbance_gain: FloatArray
+    decay: FloatArray
+    directions: FloatArray
+    whitening: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +121,9 @@ class SegmentedMotion:
         Steps of Runge-Kutta 4 per sampling interval.
     weights : array, shape (n_outputs,)
         One over the standard deviation of each output's noise.
+    observer : Observer or None, optional
+        What corrects the motion on its way, so that the residuals are innovations. Friction then
+        has the direction that the observer knows, and no row sticks.
     """
 
     segments: Segments
@@ -104,12 +133,20 @@ class SegmentedMotion:
     substeps: int
     weights: FloatArray
     _kernel: ModuleType
+    observer: Observer | None = field(default=None, kw_only=True)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """What is sought: coefficients, then delays."""
         order = (INPUT, *self._channels.output_delays)
         return (*self.unknowns.names, *(name for name in order if name in self.timing.sought))
+
+    @cached_property
+    def references(self) -> tuple[int | None, ...]:
+        """For each output the one that it was measured relative to, if there is one."""
+        places = self._channels.reference.tolist()
+        measured = self.segments.measured.tolist()
+        return tuple(measured.index(place) if place in measured else None for place in places)
 
     @cached_property
     def _channels(self) -> ChannelTiming:
@@ -168,6 +205,53 @@ class SegmentedMotion:
         found = zip(self.names[k:], np.asarray(values)[k:].tolist(), strict=True)
         none = dict.fromkeys((INPUT, *self._channels.output_delays), 0.0)
         return {**none, **self.timing.delays, **dict(found)}
+
+    @property
+    def _observer(self) -> Observer:
+        """The observer; without one, gains of no columns, and the sensors' noise as it is."""
+        if self.observer is not None:
+            return self.observer
+        n, rows = len(self.segments), self._kernel.N_ROWS
+        return Observer(
+            np.zeros((n, 2 * rows, 0)),
+            np.zeros((n, rows, 0)),
+            np.zeros((n, rows)),
+            np.zeros((0, rows)),
+            np.tile(np.diag(self.weights), (n, 1, 1)),
+        )
+
+    def linearised(self, point: Point, recording: int, count: int = 40) -> FloatArray:
+        """Derivatives of the rates of positions and velocities by these, at some coefficients.
+
+        Parameters
+        ----------
+        point : Point
+            The coefficients.
+        recording : int
+            Whose motion it is about: the mean over some of its samples.
+        count : int, optional
+            How many.
+
+        Returns
+        -------
+        array, shape (2 n_rows, 2 n_rows)
+        """
+        segments = self.segments
+        own = np.flatnonzero(segments.recordings == recording)
+        first, last = segments.starts[own[0]], segments.starts[own[-1]] + segments.lengths[own[-1]]
+        places = np.linspace(first, last - 1, count).astype(np.int64)
+        step = float(segments.sample_times[own[0]])
+        states = np.zeros((count, self._kernel.N_STATES))
+        rates = np.gradient(segments.outputs[first:last], step, axis=0)
+        for a, state in enumerate(segments.measured.tolist()):
+            states[:, state] = segments.outputs[places, a]
+            states[:, state + 1] = rates[places - first, a]
+        coefficients = self.unknowns.coefficients(
+            point.values[: len(self.unknowns.names)], recording
+        )
+        about = replace(self, segments=replace(segments, starts=places))
+        found = about._jacobians(states, np.tile(coefficients, (count, 1)))
+        return found.mean(axis=0)[: 2 * self._kernel.N_ROWS, : 2 * self._kernel.N_ROWS]
 
     def _coefficients(self, values: FloatArray) -> FloatArray:
         """Coefficients of every segment, shape (n_segments, n_coefficients)."""
@@ -236,7 +320,7 @@ class SegmentedMotion:
         channels = self._channels
         outputs, late = channels.timely(delays)
         drives = channels.drives(delays[INPUT])
-        dry = self._dry(coefficients, wanted)
+        dry = self._dry(coefficients, wanted) & (self.observer is None)
         delays_sought = self.timing.sought
         if by != "everything":
             wanted, delays_sought = wanted[:0], ()
@@ -260,8 +344,11 @@ class SegmentedMotion:
             segments.sample_times,
             point.initial_states,
         )
-        sensors = outputs, segments.measured, channels.reference, late, late_columns, self.weights
-        model = drives, coefficients, self.constants, dry
+        observer = self._observer
+        whitening = observer.whitening
+        sensors = outputs, segments.measured, channels.reference, late, late_columns, whitening
+        gains = observer.gain, observer.disturbance_gain, observer.decay, observer.directions
+        model = drives, coefficients, self.constants, dry, gains
         sought = wanted, delay_sought
         results = normal, gradient, residuals, costs
 

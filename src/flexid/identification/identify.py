@@ -11,8 +11,9 @@ import numpy as np
 
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.identification.estimation.answers import answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
-from flexid.identification.estimation.final_fits import FinalFits, final_fits, with_doubts
+from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.full_model.mirrored import turned_round
 from flexid.identification.full_model.model import LINK, Structure, data_of
@@ -42,7 +43,7 @@ from flexid.identification.result.warnings import (
     validation_warnings,
 )
 from flexid.identification.structure.elimination import Choice
-from flexid.identification.structure.job import Job, job_of, predicting
+from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
@@ -57,6 +58,7 @@ from flexid.identification.vocabulary.intervals import interval
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.terms import SMOOTHING
+from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log
 from flexid.recording.velocities import with_velocities
 
@@ -104,18 +106,19 @@ def identify(
     job = job_of(recordings, settings)
     training = data_of(job.joint, recordings.fitted, recordings.groups)
     whole = data_of(job.joint, recordings.whole, recordings.groups)
-    choice, validation = predicting(job, training, whole, recordings, progress, thresholds)
-    progress("fit to all data")
-    fits = final_fits(choice, whole, recordings, settings.filter_rate, thresholds)
-    progress("what the model does without")
-    estimate, row = with_doubts(fits, job.delay_in_doubt, thresholds)
-    numbers = _numbers(job, fits, estimate, thresholds)
+    found = answer(job, training, whole, recordings, progress, thresholds)
+    fits, validation, choice = found.fits, found.validation, found.fits.choice
+    numbers = _without_stiffness(_numbers(job, fits, found.estimate, thresholds), found.doubts)
     turned = turned_round(
         choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
     )
+    exact = found.disturbances is None
     compliance = _compliance(
         choice.structure, numbers.coefficients, recordings, validation, progress
     )
+    if not exact and np.isfinite(compliance.deflection):
+        reason = f"the deflection moves by {compliance.deflection:.2g} rad, {found.prediction}"
+        compliance = replace(compliance, visible=not found.doubts, reason=reason)
     choices = _choices(fits, numbers.estimate, settings)
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, numbers.estimate))
@@ -134,21 +137,25 @@ def identify(
         fit=numbers.estimate,
         choices=choices,
         summary=summary(choices, job.joint.kind, asked=settings.model != "auto"),
-        warnings=(
-            *(warning for log in logs for warning in log.warnings),
-            *dropped,
-            *fits.retreat,
-            *numbers.contradicted,
-            *numbers.against,
-            *deflection_warnings(turned_round=turned),
-            *sign_warnings(numbers.coefficients, fits.driving),
-            *model_warnings(fits.error, job.joint.kind, numbers.widest, row, thresholds),
-            *validation_warnings(validation.fit_percent),
-            *compliance_warnings(compliance),
+        warnings=ranked(
+            (
+                *(warning for log in logs for warning in log.warnings),
+                *dropped,
+                *found.doubts,
+                *cautions(Rank.MODEL, fits.retreat),
+                *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
+                *deflection_warnings(turned_round=turned),
+                *sign_warnings(numbers.coefficients, fits.driving),
+                *model_warnings(
+                    fits.error, job.joint.kind, numbers.widest, found.disturbances, thresholds
+                ),
+                *(validation_warnings(validation.fit_percent) if exact else ()),
+                *(compliance_warnings(compliance) if exact else ()),
+            )
         ),
         provenance=provenance(logs, settings, job.joint.kind, choices),
         recordings=recordings.whole,
-        link_row=row,
+        disturbances=found.disturbances,
     )
 
 
@@ -207,6 +214,22 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
         joined.against,
         widest(coefficients, sizes),
     )
+
+
+def _without_stiffness(numbers: _Numbers, doubts: Sequence[str]) -> _Numbers:
+    """The same where no stiffness is known: nothing that rests on one is."""
+    if not doubts:
+        return numbers
+    springs = {"theta2", "alpha1"}
+    unknown: dict[str, Any] = {"verdict": "undetermined", "reason": str(doubts[0])}
+    coefficients, parameters = (
+        {
+            name: replace(e, **unknown) if springs & e.slopes.keys() else e
+            for name, e in each.items()
+        }
+        for each in (numbers.coefficients, numbers.parameters)
+    )
+    return numbers._replace(coefficients=coefficients, parameters=parameters)
 
 
 def _compliance(
@@ -281,7 +304,7 @@ def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices
         hold=choice.structure.timing.hold,
         coulomb_velocity=joint.smooth.constants[SMOOTHING] if smooth != "auto" else None,
         filter_rate=fits.filter_rate,
-        estimator="prediction-error",
+        estimator="innovations" if fits.reported.problem.observer else "prediction-error",
         segment_duration=choice.duration,
         term_evidence=_evidence(choice),
         segment_evidence=choice.lengths,

@@ -12,7 +12,7 @@ from flexid.errors import SettingError
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
-    LinkRow,
+    Disturbances,
     ParameterEstimate,
     ValueEstimate,
     Verdict,
@@ -79,9 +79,9 @@ class JointEstimate(ReportedAnswer):
         return self.result.removed
 
     @property
-    def link_row(self) -> LinkRow | None:
-        """The link's row alone beside both rows; None where no model error shows."""
-        return self.result.link_row
+    def disturbances(self) -> Disturbances | None:
+        """What the drive does that no term describes; None where the model explains the log."""
+        return self.result.disturbances
 
     @property
     def fit_percent(self) -> Mapping[str, float]:

@@ -40,9 +40,9 @@ def read_log(log: "OneLog", *, columns: "Columns | None" = None) -> Log:
     Parameters
     ----------
     log : path, data frame, mapping of arrays, Log or Recording
-        A CSV, Parquet, MATLAB, HDF5, MDF or MCAP file, or a ROS bag; a data frame of pandas,
-        Polars, PyArrow or another library that narwhals knows; arrays by name. Columns are found
-        by name, with their unit in brackets: ``"time [s]"``, ``"link_position [deg]"``,
+        A text file, or one in any format that flexid reads; a data frame of pandas, Polars,
+        PyArrow or another library that narwhals knows; arrays by name. Columns are found by name,
+        with their unit in brackets: ``"time [s]"``, ``"link_position [deg]"``,
         ``"motor_position [deg]"``, ``"motor_torque [N m]"``; without a unit they are in SI.
     columns : path or mapping, optional
         A column map for raw sensor columns: a TOML file, or what it would hold, such as

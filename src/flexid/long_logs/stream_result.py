@@ -46,6 +46,7 @@ from flexid.identification.vocabulary.evidence import Validation
 from flexid.identification.vocabulary.intervals import quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.long_logs.stream_task import HeldOut, StreamTask
+from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.stream import LogStream
 
 # Multiples of the filter rate at which a right model gives the same answer. Slower filters see
@@ -107,16 +108,17 @@ def stream_result(
         fit=estimate,
         choices=choices,
         summary=(*summary(choices, head.model), _sentence(stream, held_out)),
-        warnings=(
-            *stream.head.warnings,
-            *stream.warnings,
-            *_stream_warnings(left_out, start, shifts, changes),
-            *contradicted,
-            *joined.against,
-            *sign_warnings(estimates, ()),
-            *model_warnings(head.model_error, head.model, widest(estimates, sizes)),
-            *validation_warnings(predicted.validation.fit_percent),
-            *compliance_warnings(head.compliance),
+        warnings=ranked(
+            (
+                *stream.head.warnings,
+                *stream.warnings,
+                *cautions(Rank.MODEL, _stream_warnings(left_out, start, shifts, changes)),
+                *cautions(Rank.SCALE, (*contradicted, *joined.against)),
+                *sign_warnings(estimates, ()),
+                *model_warnings(head.model_error, head.model, widest(estimates, sizes)),
+                *validation_warnings(predicted.validation.fit_percent),
+                *compliance_warnings(head.compliance),
+            )
         ),
         provenance={
             **head.provenance,

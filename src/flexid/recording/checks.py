@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.recording.velocities import position_noise
+from flexid.recording.channel import INPUTS
+from flexid.recording.velocities import is_noise
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
-    from flexid.recording.recording import Recording
 
 LARGEST_VALUE = 1e10  # in SI; a clock may count seconds since 1970
 FASTEST_JOINT = 100.0  # rad/s at the link side of the gear, about 1000 rpm
 DEGREES = 180.0 / np.pi
 TURN = 2.0 * np.pi
+_COPIED = 0.01  # of the signal, up to which a copy differs: the derivative of a noisy position does
+_SAME = 0.02  # off 1, up to which a copy's factor is, in SI units or in the file's
 
 
 def check_magnitude(file: str, name: str, channel: Channel) -> None:
@@ -33,9 +37,18 @@ def check_magnitude(file: str, name: str, channel: Channel) -> None:
 
 def check_varies(file: str, name: str, channel: Channel) -> None:
     """Raise if a channel is constant over the whole log."""
-    values = channel.values
-    if np.ptp(values) > 1e-12 * max(1.0, float(np.abs(values).max())):
-        return
+    if np.ptp(channel.values) <= 1e-12 * max(1.0, float(np.abs(channel.values).max())):
+        raise _dead(file, name, channel, "constant")
+
+
+def check_moves(file: str, name: str, channel: Channel) -> None:
+    """Raise if a position is white noise about a constant."""
+    if is_noise(channel.values):
+        noise = f"constant but for noise of {np.std(channel.values):.2g} rad"
+        raise _dead(file, name, channel, noise)
+
+
+def _dead(file: str, name: str, channel: Channel, what: str) -> RecordingError:
     cause = {
         "deflection": "the link moves as if rigidly tied to the motor, or the sensor is dead",
         "link_position": "the encoder is stuck or not connected",
@@ -43,11 +56,37 @@ def check_varies(file: str, name: str, channel: Channel) -> None:
         "link_velocity": "the sensor is dead, so leave the column out",
         "motor_velocity": "the sensor is dead, so leave the column out",
     }.get(name, "nothing drives the motor; without the column the link is identified alone")
-    raise RecordingError(
+    return RecordingError(
         file,
         f"column {channel.column!r}",
-        f"{name} is constant and carries no information ({cause}): record it while it moves",
+        f"{name} is {what} and carries no information ({cause}): record it while it moves",
     )
+
+
+def check_copy(file: str, name: str, channels: Mapping[str, Channel], time: FloatArray) -> None:
+    """Raise if an input is the same signal as another channel, or as a position's derivative."""
+    drive = channels[name]
+    values, clock = drive.values - drive.values.mean(), time - time.mean()
+    total = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))))
+    for other, channel in channels.items():
+        if other in INPUTS:
+            continue
+        units = drive.origin.factor / channel.origin.factor  # the file's, in which it was copied
+        for copied, what in ((values, other), (total, f"the derivative of {other}")):
+            matrix = np.column_stack((copied, clock, np.ones_like(clock)))
+            moved = channel.values - channel.values.mean()
+            solution = np.linalg.lstsq(matrix, moved, rcond=None)[0]
+            off = float(np.std(moved - matrix @ solution))
+            explained = abs(float(solution[0])) * float(np.std(copied))
+            if off < _COPIED * explained and any(
+                abs(slope - 1.0) < _SAME for slope in (solution[0], solution[0] * units)
+            ):
+                raise RecordingError(
+                    file,
+                    f"columns {drive.column!r} and {channel.column!r}",
+                    f"{name} is the same signal as {what}, to {100.0 * off / explained:.1g} %: "
+                    f"name the column of the input in a column map",
+                )
 
 
 def check_two_encoders(file: str, link: Channel, motor: Channel) -> None:
@@ -212,29 +251,6 @@ def check_saturation(file: str, name: str, channel: Channel) -> tuple[str, ...]:
     return ()
 
 
-def check_frozen(
-    file: str, name: str, channel: Channel, other: FloatArray, time: FloatArray
-) -> tuple[str, ...]:
-    """Warn of stretches in which one sensor does not change while the other position moves."""
-    values = channel.values
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0.0) + 1, [len(values)]))
-    lengths = np.diff(starts)
-    shortest = max(20, len(values) // 50)
-    moved = max(0.1 * float(np.ptp(other)), 20.0 * position_noise(other))
-    frozen = [
-        f"{time[start]:.6g} s to {time[start + length - 1]:.6g} s"
-        for start, length in zip(starts[:-1], lengths, strict=True)
-        if length >= shortest and np.ptp(other[start : start + length]) > moved
-    ]
-    if not frozen:
-        return ()
-    times = ", ".join(frozen[:3]) + (f" and {len(frozen) - 3} more" if len(frozen) > 3 else "")
-    return (
-        f"{file}: column {channel.column!r}: {name} does not change from {times}, while the "
-        f"other side moves: check the sensor, or cut that stretch out",
-    )
-
-
 def check_follow(file: str, link: Channel, motor: Channel) -> tuple[str, ...]:
     """Check that link and motor position are angles at the same side of the gear.
 
@@ -285,85 +301,3 @@ def check_follow(file: str, link: Channel, motor: Channel) -> tuple[str, ...]:
             f"{correlation:.2f}): check that they belong to one joint, and the gear ratio"
         )
     return tuple(warnings)
-
-
-def check_derivative(
-    file: str, name: str, channel: Channel, positions: list[FloatArray], recordings: list[Recording]
-) -> tuple[str, ...]:
-    """Check that a measured velocity is the derivative of its position.
-
-    The integral of the velocity is compared with the position, both without their linear trend
-    where the position is more than a trend, so that an offset of the velocity does no harm.
-
-    Parameters
-    ----------
-    file, name : str
-        For messages.
-    channel : Channel
-        The velocity, for its column.
-    positions : list of FloatArray
-        The position of each recording.
-    recordings : list of Recording
-
-    Returns
-    -------
-    tuple of str
-        Warnings.
-
-    Raises
-    ------
-    RecordingError
-        If the two are clearly not position and derivative.
-    """
-    products, position_squares, integral_squares, noise_squares = 0.0, 0.0, 0.0, 0.0
-    for position, recording in zip(positions, recordings, strict=True):
-        velocity = getattr(recording, name)
-        integral = np.concatenate(
-            ([0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1])) * recording.sample_time)
-        )
-        q, v = _without_trend(position, integral)
-        products += float(q @ v)
-        position_squares += float(q @ q)
-        integral_squares += float(v @ v)
-        noise_squares += len(q) * position_noise(position) ** 2
-    if position_squares < 400.0 * noise_squares or integral_squares == 0.0:
-        return ()  # it hardly moves, so nothing can be said
-    slope = products / position_squares
-    correlation = products / np.sqrt(position_squares * integral_squares)
-    place = f"column {channel.column!r}"
-    known = {
-        DEGREES: "deg/s, so write the unit [deg/s]",
-        1.0 / DEGREES: "rad/s and the position in degrees, so write the units",
-        60.0 / TURN: "rpm, so write the unit [rpm]",
-        -1.0: "the opposite direction, so scale it by -1 in a column map",
-    }
-    for factor, remedy in known.items():
-        if abs(slope / factor - 1.0) < 0.1 and abs(correlation) > 0.9:
-            raise RecordingError(
-                file,
-                place,
-                f"{name} is {slope:.3g} times the position's derivative: it is {remedy}",
-            )
-    if correlation < 0.5 or not 0.8 < slope < 1.25:
-        raise RecordingError(
-            file,
-            place,
-            f"{name} is not the derivative of the position (slope {slope:.3g}, correlation "
-            f"{correlation:.2f}): correct its unit, or leave it out and have it derived",
-        )
-    if abs(slope - 1.0) > 0.03 or correlation < 0.95:
-        return (
-            f"{file}: {place}: {name} is {slope:.3g} times the position's derivative (correlation "
-            f"{correlation:.2f}): check its scale, or leave it out and have it derived",
-        )
-    return ()
-
-
-def _without_trend(position: FloatArray, integral: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Remove means, and the linear trends too where that leaves enough of the position."""
-    ramp = np.linspace(-1.0, 1.0, len(position))
-    q, v = position - position.mean(), integral - integral.mean()
-    trend = ramp * float(ramp @ q) / float(ramp @ ramp)
-    if float(np.std(q - trend)) > 0.1 * float(np.std(q)):
-        return q - trend, v - ramp * float(ramp @ v) / float(ramp @ ramp)
-    return q, v

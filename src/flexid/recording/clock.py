@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from flexid.arrays import FloatArray
     from flexid.recording.table import Table
 
-EXAMPLE = "2024-05-01T10:00:00.123"
-"""A stamp, for messages."""
-
 LONG_AGO = 1e8
 """Seconds beyond which a clock counts from long ago, and the log from its own beginning."""
 

@@ -106,6 +106,10 @@ class Entry(BaseModel):
     def _column_or_sum(self) -> Entry:
         if (self.column is None) == (not self.sum):
             raise ValueError("exactly one of 'column' and 'sum' is needed")
+        names = [term.column for term in self.sum]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"'sum' has {twice[0]!r} twice: give it once, with a scale")
         return self
 
     @property

@@ -141,12 +141,6 @@ def _says(name: str, channel: str, factor: float) -> bool:
         return False
 
 
-def channel_columns(table: Table, columns: MapSource | None) -> list[str]:
-    """Headers of the columns that `read_channels` reads, in the file's order."""
-    used = {header for headers in sources(table, columns)[0].values() for header in headers}
-    return [header for header in table.names if header in used]
-
-
 def sources(
     table: Table, columns: MapSource | None
 ) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:

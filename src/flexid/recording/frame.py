@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.recording.table import MOST_ROWS, Table
+from flexid.recording.limits import MOST_ROWS
+from flexid.recording.table import Table
 
 if TYPE_CHECKING:
     import polars

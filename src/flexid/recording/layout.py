@@ -8,8 +8,9 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 from flexid.errors import RecordingError
-from flexid.recording.clock import EXAMPLE, is_stamp
+from flexid.recording.clock import is_stamp
 from flexid.recording.names import split_header
+from flexid.recording.table import EXAMPLE
 from flexid.recording.units import is_usual
 
 SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's

@@ -3,10 +3,8 @@
 from flexid.errors import RecordingError
 
 LARGEST_FILE = 500_000_000  # bytes; read at once, at about four times that in memory
-LARGEST_HELD = 10_000_000_000  # bytes of a file of which only the channels of a joint are read
 MOST_ROWS = 5_000_000  # an identification in memory takes 2 kB for each
 MOST_COLUMNS = 10_000
-LARGEST_UNPACKED = 4_000_000_000  # bytes of a file's content, which it may have compressed
 MOST_CELLS = 100_000_000  # a small file may hold any number of empty or equal ones
 
 

@@ -59,27 +59,8 @@ def on_one_clock(
     input that comes more often, what is too fast for the slower clock is filtered out before,
     without a delay: it moves the drive by its mean, which single samples of it do not show.
     Positions are not filtered: their noise is to stay white. Where another clock has a gap, the
-    times are left out, so that the log has a gap there, too.
-
-    Parameters
-    ----------
-    file : str
-    clocks : mapping of str to FloatArray
-        Time stamps in s, the preferred clock first.
-    signals : sequence of Signal
-
-    Returns
-    -------
-    times : FloatArray, shape (n,)
-    columns : dict of str to FloatArray, each of shape (n,)
-        By header.
-    warnings : tuple of str
-
-    Raises
-    ------
-    RecordingError
-        If time stamps do not increase, have no span in common (of a part of a log nothing is
-        returned then), or a position that wraps would have to be interpolated.
+    times are left out, so that the log has a gap there, too. Returned are times in s, columns by
+    header, and warnings; of a part of a log without a common span nothing.
     """
     for name, stamps in clocks.items():
         _check_stamps(file, name, stamps)

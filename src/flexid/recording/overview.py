@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
+from flexid.readers.formats import format_of
+from flexid.readers.guard import Reading
 from flexid.recording.columns import sources
-from flexid.recording.formats import SERIES
 from flexid.recording.names import cut, split_header, usual_channel
 from flexid.recording.series import TIME, names_of
-from flexid.recording.table import read_table
+from flexid.recording.text import read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import polars
 
     from flexid.recording.table import Table
 
@@ -87,23 +89,23 @@ def overview(path: Path) -> FileOverview:
     RecordingError
         If the file cannot be read.
     """
-    module = "ros" if path.is_dir() else SERIES.get(path.suffix.lower())
-    if module is None:
+    if format_of(path) is None:
         table = read_table(path)
-        return _overview(table, table.frame.height, _cells(table))
-    held = import_module(f"flexid.recording.{module}").open_series(path)
-    try:
-        rows = max((series.length for series in held.series), default=0)
-        return _overview(names_of(held), rows, {})
-    finally:
-        held.close()
+        return _overview(table, table.frame.height, _cells(table.frame))
+    with Reading(path) as reading:
+        names, series = names_of(reading), reading.series
+        cells = {}
+        if reading.is_table:
+            _, frame = next(reading.frames([one.path for one in series], _ROWS))
+            cells = _cells(frame)
+        return _overview(names, max(one.length for one in series), cells)
 
 
-def _cells(table: Table) -> dict[str, tuple[str, ...]]:
+def _cells(frame: polars.DataFrame) -> dict[str, tuple[str, ...]]:
     """The first values of each column as text."""
-    head = table.frame.head(_ROWS)
     return {
-        name: tuple(cut(_text(cell), _LONGEST_CELL) for cell in head[name]) for name in table.names
+        column.name: tuple(cut(_text(cell), _LONGEST_CELL) for cell in column)
+        for column in frame.head(_ROWS)
     }
 
 

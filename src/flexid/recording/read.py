@@ -6,12 +6,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flexid.recording import checks
+from flexid.recording.caution import Rank, cautions
 from flexid.recording.channel import INPUTS, VELOCITIES, Channel
 from flexid.recording.columns import read_channels
-from flexid.recording.formats import table_of_file
 from flexid.recording.frozen import without_frozen
+from flexid.recording.measured_velocity import check_velocity
+from flexid.recording.outliers import mended
 from flexid.recording.recording import Log, Recording
 from flexid.recording.sampling import check_increasing, even_grid, to_grid
+from flexid.recording.series import table_of_file
+from flexid.recording.slow_motion import motion_warnings
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,7 +34,7 @@ def read_log(path: Path, columns: MapSource | None = None) -> Log:
     Parameters
     ----------
     path : Path
-        A CSV or Parquet file, or one of `flexid.recording.formats`, by the end of its name.
+        A text file, or one of `flexid.readers.formats`, by the end of its name.
     columns : Path, mapping or None
         A column map: a TOML file, or what it would hold.
 
@@ -57,27 +61,26 @@ def log_of_table(table: Table, columns: MapSource | None = None, clock: Clock | 
     check_increasing(table, time.column, time.values)
     if clock is None:  # what a part ends with may go on in the next one
         channels, time, frozen = without_frozen(table.file, channels, time)
-        warnings += frozen
+        channels, odd = mended(table.file, channels, time.values)
+        warnings += frozen + odd
     grid = even_grid(table, time.column, time.values)
     warnings += grid.warnings
     warnings += _check_each(table.file, channels)
     warnings += _unwrap(table.file, channels, time.values)
     _add_link_position(table.file, channels)
-    warnings += _check_together(table.file, channels, time.values)
+    warnings += cautions(Rank.SCALE, _check_together(table.file, channels, time.values))
     recordings = [
         recording_of(
             table.file, channels, time.values, grid.sample_time, part, resample=grid.resample
         )
         for part in grid.recordings
     ]
-    for name in VELOCITIES:
-        if name in channels:
-            positions = [
-                getattr(recording, name.replace("velocity", "position")) for recording in recordings
-            ]
-            warnings += checks.check_derivative(
-                table.file, name, channels[name], positions, recordings
-            )
+    unused, found = _check_velocities(table.file, channels, recordings)
+    recordings = [replace(recording, **unused) for recording in recordings]
+    warnings += found
+    names = [channels[name].column for name in ENCODERS if name in channels]
+    place = f"{table.file}: columns {' and '.join(map(repr, names))}"
+    warnings += tuple(motion_warnings(max(recordings, key=len), place))
     return Log(tuple(recordings), warnings, table.file, table.sha256, origins)
 
 
@@ -87,8 +90,21 @@ def _check_each(file: str, channels: dict[str, Channel]) -> tuple[str, ...]:
     for name, channel in channels.items():
         checks.check_magnitude(file, name, channel)
         checks.check_varies(file, name, channel)
-        warnings += checks.check_saturation(file, name, channel)
+        warnings += cautions(Rank.DATA, checks.check_saturation(file, name, channel))
     return warnings
+
+
+def _check_velocities(
+    file: str, channels: dict[str, Channel], recordings: list[Recording]
+) -> tuple[dict[str, None], tuple[str, ...]]:
+    """The measured velocities that are not used, as what takes their place, and why."""
+    found = {
+        name: warning
+        for name in VELOCITIES
+        if name in channels
+        and (warning := check_velocity(file, name, channels[name], recordings)) is not None
+    }
+    return dict.fromkeys(found), tuple(found.values())
 
 
 def _unwrap(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
@@ -102,7 +118,7 @@ def _unwrap(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[
                 channels[name] = replace(channels[name], values=values)
                 warnings.append(warning)
                 unwrapped.append(name)
-            warnings += checks.check_jumps(file, name, channels[name], time)
+            warnings += cautions(Rank.DATA, checks.check_jumps(file, name, channels[name], time))
     if unwrapped and all(name in channels for name in ENCODERS):
         name = unwrapped[-1]
         (other,) = (channels[one].values for one in ENCODERS if one != name)
@@ -124,6 +140,12 @@ def _add_link_position(file: str, channels: dict[str, Channel]) -> None:
 def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
     """Check the speed of each side of the joint, and the two against each other."""
     motor = channels["motor_position"]
+    for name in ENCODERS:
+        if name in channels:
+            checks.check_moves(file, name, channels[name])
+    for name in INPUTS:
+        if name in channels:
+            checks.check_copy(file, name, channels, time)
     if "link_position" not in channels:
         return checks.check_speed(file, "motor_position", motor, time)
     link = channels["link_position"]
@@ -131,9 +153,6 @@ def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -
     warnings = checks.check_follow(file, link, motor)
     for name in ENCODERS:
         warnings += checks.check_speed(file, name, channels[name], time)
-    sensor = "deflection" if "deflection" in channels else "link_position"
-    warnings += checks.check_frozen(file, sensor, channels[sensor], motor.values, time)
-    warnings += checks.check_frozen(file, "motor_position", motor, link.values, time)
     return warnings
 
 

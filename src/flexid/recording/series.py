@@ -1,248 +1,161 @@
-"""Signals by name, each of its own length and clock, as the columns of a log."""
+"""Files of signals and of tables as the columns of a log, at once or a part at a time."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexid.errors import RecordingError
+from flexid.readers.contents import Series
+from flexid.readers.formats import PARQUET, format_of
+from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS
 from flexid.recording.columns import sources
 from flexid.recording.limits import MOST_ROWS, check_cells
-from flexid.recording.names import cut, first_of, folded, split_header
+from flexid.recording.names import cut, first_of, folded, split_header, usual_channel
 from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.recording.table import Table
+from flexid.recording.text import read_table
+from flexid.recording.turns import turns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+    from collections.abc import Generator, Iterator
+    from pathlib import Path
 
     import polars
-    from numpy.typing import NDArray
 
-    from flexid.arrays import FloatArray
     from flexid.recording.column_map import MapSource
+    from flexid.recording.turns import Turn
 
 TIME = "time [s]"
-LONGEST_PATH = 300  # characters
 _MOST_PARTS = 8  # of a path that are looked at for its shortest end
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
-    """A signal of a file, not yet read.
-
-    Parameters
-    ----------
-    path : str
-        Where it stands, as a column map names it.
-    kind : str
-        Type of its values, for a list of what the file holds.
-    length : int
-        How many there are.
-    values : callable
-        Reads them, shape (length,).
-    unit : str
-        As the file states it; empty where it does not.
-    clock : str
-        Whose time stamps are those of the values: a key of `SeriesFile.clocks`, or in a file of
-        arrays the path of the times beside them; empty where it has none.
-    """
-
-    path: str
-    kind: str
-    length: int
-    values: Callable[[], NDArray[np.generic]]
-    unit: str = ""
-    clock: str = ""
-
-    @property
-    def header(self) -> str:
-        """Its path, with the unit in brackets."""
-        return f"{self.path} [{self.unit}]" if self.unit else self.path
+def table_of_file(path: Path, columns: MapSource | None) -> Table:
+    """Columns of a log that a column map or their names choose, whatever its format."""
+    if format_of(path) is None:
+        return read_table(path)
+    with Reading(path) as reading:
+        return next(tables_of(reading, columns, None))
 
 
-@dataclass(frozen=True, eq=False)
-class SeriesFile:
-    """What a file holds.
-
-    Parameters
-    ----------
-    file : str
-        Its path, as it was given.
-    sha256 : str
-        Digest of its bytes.
-    series : tuple of Series
-    others : mapping of str to str
-        What else it holds, and why that is no signal.
-    clocks : mapping of str to callable
-        Read time stamps in s. Without any, the file holds arrays, and one of them is the time.
-    clock_warnings : mapping of str to str
-        What there is to say of a clock where it is used.
-    prepare : callable
-        Called with the signals that are wanted before their values are, for formats of which a
-        signal cannot be read alone.
-    parts : callable or None
-        Called with the signals that are wanted and a number of values. In each turn of what it
-        returns, values and clocks are those of the file's next part, of about so many, with some
-        from around it; the turn's two times, in s, are those after which the part begins and at
-        which it ends. None for formats that are read whole.
-    close : callable
-        Called when nothing more is wanted, or something was wrong.
-    """
-
-    file: str
-    sha256: str
-    series: tuple[Series, ...]
-    others: Mapping[str, str] = field(default_factory=dict)
-    clocks: Mapping[str, Callable[[], FloatArray]] = field(default_factory=dict)
-    clock_warnings: Mapping[str, str] = field(default_factory=dict)
-    prepare: Callable[[Collection[Series]], None] = lambda _: None
-    parts: Callable[[Collection[Series], int], Iterator[tuple[float, float]]] | None = None
-    close: Callable[[], None] = lambda: None
+def tables_of_file(path: Path, columns: MapSource | None, size: int) -> Generator[Table]:
+    """The same, of about so many rows at a time; damage is raised after the tables before."""
+    if format_of(path) is None:
+        yield read_table(path)
+        return
+    with Reading(path) as reading:
+        yield from tables_of(reading, columns, size)
 
 
-def table_of_series(held: SeriesFile, columns: MapSource | None) -> Table:
-    """The signals that a log needs, read and brought to one clock.
-
-    Parameters
-    ----------
-    held : SeriesFile
-    columns : Path, mapping or None
-        A column map: a TOML file, or what it would hold.
-
-    Raises
-    ------
-    RecordingError
-        If a signal that is needed is missing, or signals have no clock in common.
-    """
-    try:
-        return _table(held, columns)
-    finally:
-        held.close()
-
-
-def tables_of_series(held: SeriesFile, columns: MapSource | None, size: int) -> Generator[Table]:
-    """The same in tables of about so many rows, where the format can be read in parts.
-
-    Raises
-    ------
-    RecordingError
-        As `table_of_series`; for a part that is damaged, after the tables before it.
-    """
-    import polars as pl
-
-    try:
-        if held.parts is None:
-            yield _table(held, columns)
-            return
-        wanted = _Wanted(held, columns, in_parts=True)
-        row = 1
-        for begin, end in held.parts(wanted.chosen.values(), size):
-            if not held.clocks:
-                wanted.check_together()
-            table = wanted.table(row)
-            if held.clocks:
-                time = pl.col(TIME)
-                table = replace(table, frame=table.frame.filter((time > begin) & (time <= end)))
-            if table.frame.height:
-                yield table
-                row += table.frame.height
-        if row == 1:
-            raise RecordingError(
-                held.file, "", "its channels have no times in common: log them by one clock"
-            )
-    finally:
-        held.close()
-
-
-def _table(held: SeriesFile, columns: MapSource | None) -> Table:
-    wanted = _Wanted(held, columns)
-    longest = max((series.length for series in wanted.chosen.values()), default=0)
-    check_cells(held.file, longest, len(wanted.chosen))
-    if longest > MOST_ROWS:
-        raise RecordingError(
-            held.file,
-            "",
-            f"a signal has {longest} values, more than the {MOST_ROWS} that are read at once: "
-            f"write a shorter part of the log",
-        )
-    held.prepare(wanted.chosen.values())
-    if not held.clocks:
-        wanted.check_together()
-    return wanted.table(1)
-
-
-class _Wanted:
-    """The signals that a log needs, of those that a file holds."""
-
-    def __init__(
-        self, held: SeriesFile, columns: MapSource | None, *, in_parts: bool = False
-    ) -> None:
-        self._held = held
-        self._names = names_of(held)
-        found, self._warnings = sources(self._names, columns)
-        self._headers = {channel: [h for h in of if h != TIME] for channel, of in found.items()}
-        by_header = {series.header: series for series in held.series}
-        self.chosen = {h: by_header[h] for of in self._headers.values() for h in of}
-        """By header."""
-        self._ranges: dict[str, tuple[float, float]] | None = {} if in_parts else None
-
-    def check_together(self) -> None:
-        """Raise unless arrays are of one length, and of the clock that was chosen."""
-        _check_together(self._held, self._headers, self.chosen)
-
-    def table(self, first_row: int) -> Table:
-        """What they hold now."""
-        held, warnings = self._held, self._warnings
-        if held.clocks:
-            frame, found = _clocked(held, self._headers, self.chosen, self._ranges)
-            warnings += found
-        else:
-            frame = _frame(held.file, {h: series.values() for h, series in self.chosen.items()})
-        short = {header: end for header, end in self._names.short.items() if header in self.chosen}
-        kinds = self._names.kinds
-        return Table(held.file, "", first_row, "row", frame, held.sha256, warnings, short, kinds)
-
-
-def names_of(held: SeriesFile) -> Table:
+def names_of(reading: Reading) -> Table:
     """A table without rows, from which is decided what is read."""
     import polars as pl
 
-    if not held.series:
-        found = first_of([f"{cut(name)!r} ({why})" for name, why in held.others.items()])
+    file, series = reading.file, reading.series
+    if reading.is_table and (not series or not series[0].length):
+        raise RecordingError(file, "", "the file holds no samples: export the log again")
+    if not series:
+        found = first_of([f"{cut(name)!r} ({why})" for name, why in reading.others.items()])
         raise RecordingError(
-            held.file,
+            file,
             "",
             f"the file holds no signals{f', only {found}' if found else ''}: export the log again",
         )
-    check_cells(held.file, 1, len(held.series))
-    short = _shortest_ends(held.series)
+    check_cells(file, 1, len(series))
+    if reading.is_table:
+        frame = pl.DataFrame(schema=dict.fromkeys((one.path for one in series), pl.Float64))
+        return Table(file, "", 1, "row", frame, reading.sha256)
+    short = _shortest_ends(series)
     headers = list(short)
-    if held.clocks:  # these are the time; a signal that is called so is not
+    if _is_clocked(reading):  # these are the time; a signal that is called so is not
         for header, end in short.items():
             if folded(split_header(end)[0]) == "time":
                 short[header] = f"logged {end}"
         headers = [TIME, *headers]
-    kinds = {series.header: f"{series.kind}, {series.length} values" for series in held.series}
+    kinds = {_header(one): f"{one.kind}, {one.length} values" for one in series}
     frame = pl.DataFrame(schema=dict.fromkeys(headers, pl.Float64))
-    return Table(held.file, "", 1, "row", frame, held.sha256, (), short, {**kinds, **held.others})
+    kinds |= reading.others
+    return Table(file, "", 1, "row", frame, reading.sha256, (), short, kinds)
 
 
-def _shortest_ends(series: tuple[Series, ...]) -> dict[str, str]:
+def tables_of(reading: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
+    """Tables of about so many rows of the signals that a log needs; without a size, one of all."""
+    wanted = _wanted(reading, columns)
+    longest = max((one.length for one in wanted.chosen.values()), default=0)
+    if not longest:
+        raise RecordingError(reading.file, "", "the signals hold no samples: export the log again")
+    check_cells(reading.file, min(size or longest, longest), len(wanted.chosen))
+    if size is None and longest > MOST_ROWS:
+        remedy = "identify it with --stream, or " if reading.format is PARQUET else ""
+        raise RecordingError(
+            reading.file,
+            "",
+            f"it has {longest} rows, more than the {MOST_ROWS} that are read at once: "
+            f"{remedy}cut the log into shorter files",
+        )
+    if _is_clocked(reading):
+        parts = _clocked(reading, wanted, size)
+    else:
+        parts = _together(reading, wanted, size)
+    row = 1
+    for frame, warnings in parts:
+        if frame.height:
+            names, used = wanted.names, wanted.chosen
+            short = {header: end for header, end in names.short.items() if header in used}
+            warnings = (*wanted.warnings, *warnings)
+            file, digest = reading.file, reading.sha256
+            yield Table(file, "", row, "row", frame, digest, warnings, short, names.kinds)
+            row += frame.height
+    if row == 1:
+        raise RecordingError(
+            reading.file, "", "its channels have no times in common: log them by one clock"
+        )
+
+
+class _Wanted(NamedTuple):
+    """The signals that a log needs, of those that a file holds."""
+
+    names: Table  # see `names_of`
+    headers: dict[str, list[str]]  # by channel, those that it is made of
+    chosen: dict[str, Series]  # by header
+    warnings: tuple[str, ...]
+
+
+def _wanted(reading: Reading, columns: MapSource | None) -> _Wanted:
+    names = names_of(reading)
+    found, warnings = sources(names, columns)
+    time = TIME if _is_clocked(reading) else None
+    headers = {channel: [one for one in of if one != time] for channel, of in found.items()}
+    used = {header for of in headers.values() for header in of}
+    chosen = {_header(one): one for one in reading.series if _header(one) in used}
+    return _Wanted(names, headers, chosen, warnings)
+
+
+def _is_clocked(reading: Reading) -> bool:
+    """Whether signals have time stamps of their own."""
+    return any(one.clock for one in reading.series)
+
+
+def _header(series: Series) -> str:
+    """Its path, with the unit in brackets."""
+    return f"{series.path} [{series.unit}]" if series.unit else series.path
+
+
+def _shortest_ends(series: list[Series]) -> dict[str, str]:
     """By header, the shortest end of its path that no other path has, with the unit."""
     ends: dict[str, str] = {}
     for count in range(1, _MOST_PARTS + 1):
-        tails = {one.header: _end(one.path, count) for one in series}
+        tails = {_header(one): _end(one.path, count) for one in series}
         times = Counter(tails.values())
         for one in series:
-            tail = tails[one.header]
-            if times[tail] == 1 and one.header not in ends:
-                ends[one.header] = tail + one.header[len(one.path) :]
-    return {one.header: ends.get(one.header, one.header) for one in series}
+            tail = tails[_header(one)]
+            if times[tail] == 1 and _header(one) not in ends:
+                ends[_header(one)] = tail + _header(one)[len(one.path) :]
+    return {_header(one): ends.get(_header(one), _header(one)) for one in series}
 
 
 def _end(path: str, count: int) -> str:
@@ -251,73 +164,125 @@ def _end(path: str, count: int) -> str:
     return path[starts[-count] :] if count <= len(starts) else path
 
 
-def _check_together(
-    held: SeriesFile, headers: Mapping[str, list[str]], chosen: Mapping[str, Series]
-) -> None:
-    by_path = {series.path: series for series in held.series}
-    time = chosen[headers["time"][0]]
-    for series in chosen.values():
-        if series.length != time.length:
-            raise RecordingError(
-                held.file,
-                f"{series.path!r}",
-                f"it has {series.length} values where {time.path!r} has {time.length}: bring the "
-                f"two to one clock, and save them at one length",
-            )
-        own = by_path.get(series.clock)
-        if own is None or own is time:
-            continue
-        if own.length != time.length or not np.array_equal(own.values(), time.values()):
-            raise RecordingError(
-                held.file,
-                f"{series.path!r}",
-                f"its times stand in {own.path!r} and differ from those in {time.path!r}: bring "
-                f"the two to one clock, and save them with one time",
-            )
+Part = tuple["polars.DataFrame", tuple[str, ...]]  # with warnings
 
 
-def _clocked(
-    held: SeriesFile,
-    headers: Mapping[str, list[str]],
-    chosen: Mapping[str, Series],
+def _together(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
+    """Columns of a table, or arrays of one length and of one time."""
+    paths = {one.path: header for header, one in wanted.chosen.items()}
+    time = wanted.chosen[wanted.headers["time"][0]]
+    clocks = {} if reading.is_table else _own_times(reading, wanted, time)
+    for _, frame in reading.frames({**paths, **dict.fromkeys(clocks)}, size or MOST_ROWS):
+        for clock, path in clocks.items():
+            if not frame[clock].equals(frame[time.path]):
+                raise _other_times(reading.file, path, clock, time)
+        yield frame.select([*paths]).rename(paths), ()
+
+
+def _own_times(reading: Reading, wanted: _Wanted, time: Series) -> dict[str, str]:
+    """Arrays of times that stand nearer to a chosen one than the chosen time, which it names."""
+    lengths = {one.path: one.length for one in reading.series}
+    beside: dict[str, list[str]] = {}
+    for path in lengths:
+        folder, name = _split(path)
+        usual = usual_channel(name)
+        if usual is not None and usual[0] == "time":
+            beside.setdefault(folder, []).append(path)
+    found = {}
+    for one in wanted.chosen.values():
+        if one.length != time.length:
+            raise RecordingError(
+                reading.file,
+                f"{one.path!r}",
+                f"it has {one.length} values where {time.path!r} has {time.length}: bring the two "
+                f"to one clock, and save them at one length",
+            )
+        clock = _nearest(one.path, beside)
+        if clock and clock != time.path:
+            if lengths[clock] != time.length:
+                raise _other_times(reading.file, one.path, clock, time)
+            found[clock] = one.path
+    return found
+
+
+def _other_times(file: str, path: str, clock: str, time: Series) -> RecordingError:
+    return RecordingError(
+        file,
+        f"{path!r}",
+        f"its times stand in {clock!r} and differ from those in {time.path!r}: bring the two to "
+        f"one clock, and save them with one time",
+    )
+
+
+def _nearest(path: str, clocks: dict[str, list[str]]) -> str:
+    """The array of times that stands nearest to another array; empty where it is not clear."""
+    folder = path
+    while folder:
+        folder, _ = _split(folder)
+        if folder in clocks:
+            return clocks[folder][0] if len(clocks[folder]) == 1 else ""
+    return ""
+
+
+def _split(path: str) -> tuple[str, str]:
+    """The path of what an array stands in, and its own name."""
+    at = max(path.rfind("/"), path.rfind("."))
+    return (path[:at], path[at + 1 :]) if at >= 0 else ("", path)
+
+
+def _clocked(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
+    """Signals with clocks of their own, brought to one."""
+    first = [wanted.chosen[header] for header in wanted.headers.get("motor_position", ())]
+    clocks = list(dict.fromkeys(one.clock for one in (*first, *wanted.chosen.values())))
+    notes = tuple(f"{reading.file}: {reading.notes[one]}" for one in clocks if one in reading.notes)
+    paths = [one.path for one in wanted.chosen.values()]
+    ranges: dict[str, tuple[float, float]] = {}
+    any_found = False
+    last: Turn | None = None
+    frames = reading.frames(paths, size or MOST_ROWS)
+    for turn in turns(reading.file, frames, clocks, size):
+        last = turn
+        if size is None or turn.is_together:
+            any_found = True
+            yield _of_turn(reading, wanted, turn, notes, None if size is None else ranges)
+    if not any_found and last is not None and all(map(len, last.stamps.values())):
+        yield _of_turn(reading, wanted, last, notes, None)
+
+
+def _of_turn(
+    reading: Reading,
+    wanted: _Wanted,
+    turn: Turn,
+    notes: tuple[str, ...],
     ranges: dict[str, tuple[float, float]] | None,
-) -> tuple[polars.DataFrame, tuple[str, ...]]:
+) -> Part:
     """The chosen signals at common times; with ranges, of a part, whose values widen them."""
     import polars as pl
 
-    first = [chosen[header] for header in headers.get("motor_position", ())]
-    names = dict.fromkeys(series.clock for series in (*first, *chosen.values()))
-    warnings = tuple(held.clock_warnings[name] for name in names if name in held.clock_warnings)
-    clocks = {name: held.clocks[name]() for name in names}
+    file, clocks = reading.file, turn.stamps
+    warnings = notes + tuple(f"{file}: {sentence}" for sentence in turn.late.values())
     if len(clocks) == 1:
         (times,) = clocks.values()
-        columns = {header: series.values() for header, series in chosen.items()}
-        return _frame(held.file, {TIME: times, **columns}), warnings
-    inputs = {header for name in INPUTS for header in headers.get(name, ())}
-    signals = []
-    for header, series in chosen.items():
-        values, span = _numbers(held, series), None
-        if ranges is not None:
-            low, high = ranges.get(header, (np.inf, -np.inf))
-            ranges[header] = low, high = min(low, values.min()), max(high, values.max())
-            span = high - low
-        signals.append(Signal(header, series.clock, values, header in inputs, span))
-    times, columns, found = on_one_clock(held.file, clocks, signals)
-    if ranges is not None and not len(times):
-        return pl.DataFrame({TIME: times, **columns}), warnings
-    return _frame(held.file, {TIME: times, **columns}), warnings + found
-
-
-def _numbers(held: SeriesFile, series: Series) -> FloatArray:
-    """Values of a signal; raise where one is not finite."""
-    frame = _frame(held.file, {series.header: series.values()})
-    return Table(held.file, "", 1, "row", frame, held.sha256).numbers(series.header)
-
-
-def _frame(file: str, columns: Mapping[str, NDArray[np.generic]]) -> polars.DataFrame:
-    import polars as pl
-
-    lengths = {len(values) for values in columns.values()}
-    if lengths == {0}:
-        raise RecordingError(file, "", "the signals hold no samples: export the log again")
-    return pl.DataFrame({name: np.ascontiguousarray(values) for name, values in columns.items()})
+        (frame,) = turn.frames.values()
+        names = {one.path: header for header, one in wanted.chosen.items()}
+        frame = frame.select([*names]).rename(names)
+        frame.insert_column(0, pl.Series(TIME, times))
+    else:
+        inputs = {header for name in INPUTS for header in wanted.headers.get(name, ())}
+        signals = []
+        for header, one in wanted.chosen.items():
+            column = turn.frames[one.clock].select(pl.col(one.path).alias(header))
+            values, span = Table(file, "", 1, "row", column, "").numbers(header), None
+            if ranges is not None:
+                low, high = ranges.get(header, (np.inf, -np.inf))
+                ranges[header] = low, high = min(low, values.min()), max(high, values.max())
+                span = high - low
+            signals.append(Signal(header, one.clock, values, header in inputs, span))
+        times, columns, found = on_one_clock(file, clocks, signals)
+        frame = pl.DataFrame({TIME: times, **columns})
+        if len(times):
+            warnings += found
+    if ranges is not None:
+        time = pl.col(TIME)
+        frame = frame.filter((time > turn.begin) & (time <= turn.end))
+    return frame, warnings

@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.files import sha256
+from flexid.files import sha256, shown
+from flexid.readers.formats import PARQUET
+from flexid.readers.guard import Reading
 from flexid.recording import checks
-from flexid.recording.blocks import ParquetBlocks
+from flexid.recording.channel import VELOCITIES
 from flexid.recording.clock import Clock
-from flexid.recording.columns import channel_columns, read_channels
+from flexid.recording.columns import read_channels
 from flexid.recording.read import ENCODERS, log_of_table, recording_of
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS
+from flexid.recording.series import names_of, tables_of, tables_of_file
 from flexid.recording.stream_checks import SHOWN, Still, Wraps, listed
 
 if TYPE_CHECKING:
@@ -78,17 +81,14 @@ class LogStream:
     """
 
     def __init__(self, path: Path, columns: MapSource | None, head_rows: int) -> None:
-        self._blocks = ParquetBlocks(path)
-        self.file, self.rows = self._blocks.file, self._blocks.rows
+        self.file, self.rows, table = _head(path, columns, head_rows)
         self.warnings: list[str] = []
         """What was found in the stream, once it is over."""
         self._path = path
         self._map = columns
         self._clock = Clock()
-        self.head_rows = min(head_rows, self.rows)
+        self.head_rows = table.frame.height
         """Rows that were read and checked at once."""
-        table = self._blocks.head(self.head_rows)
-        self._columns = channel_columns(table, columns)
         self.head: Log = log_of_table(table, columns, self._clock)
         self.sample_time = self.head.recordings[0].sample_time
         self.sha256 = ""
@@ -110,11 +110,25 @@ class LogStream:
         state = _State(self.file, self.sample_time, self.head)
         with ThreadPoolExecutor(1) as digests:
             digest = digests.submit(sha256, self._path)
-            for table in self._blocks.tables(self._columns, size):
+            for table in tables_of_file(self._path, self._map, size):
                 channels, _ = read_channels(table, self._map, self._clock)
                 yield from state.chunks(table, channels)
             self.warnings += state.finished(self.rows)
             self.sha256 = digest.result()
+
+
+def _head(path: Path, columns: MapSource | None, rows: int) -> tuple[str, int, Table]:
+    """Name of a Parquet file, its number of rows, and so many of them."""
+    if path.suffix.lower() not in PARQUET.suffixes:
+        reason = "only a Parquet file can be streamed: write the log as .parquet"
+        raise RecordingError(shown(path), "", reason)
+    with Reading(path) as reading:
+        names_of(reading)
+        return (
+            reading.file,
+            reading.series[0].length,
+            next(tables_of(reading, columns, min(rows, reading.series[0].length))),
+        )
 
 
 @dataclass
@@ -150,6 +164,9 @@ class _State:
             values = motor.values + deflection.values
             channels["link_position"] = replace(deflection, values=values)
         self._watch(channels, clock.values)
+        for name in VELOCITIES:  # what the head of the log shows to be wrong is not used
+            if getattr(self.head.recordings[0], name) is None:
+                channels.pop(name, None)
         cuts = np.unique(np.concatenate(([0], np.flatnonzero(begins), [len(begins)])))
         for first, stop in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
             part = slice(first, stop)

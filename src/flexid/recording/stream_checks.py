@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.recording import checks
+from flexid.recording.caution import Caution, Rank
 
 if TYPE_CHECKING:
     from flexid.arrays import FloatArray
@@ -132,11 +133,12 @@ class Still:
         self._close()
         if not self._count:
             return []
-        return [
+        warning = (
             f"{self.file}: column {self.column!r}: {self.name} does not change from "
             f"{listed(self._times, self._count)}, while the other side moves: check the sensor, or "
             f"cut that stretch out"
-        ]
+        )
+        return [Caution(warning, Rank.DATA)]
 
     def _begin(self, first: int, stop: int, other: FloatArray, time: FloatArray) -> None:
         self._since = float(time[first])

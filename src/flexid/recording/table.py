@@ -1,9 +1,7 @@
-"""From a file's bytes to columns of numbers, every bad cell with its place."""
+"""Columns of a file as numbers, every bad cell with its place."""
 
 from __future__ import annotations
 
-import hashlib
-import io
 import re
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,29 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError
-from flexid.files import check_file, read_bytes, shown
-from flexid.recording.clock import EXAMPLE
-from flexid.recording.limits import (
-    LARGEST_FILE,
-    LARGEST_UNPACKED,
-    MOST_CELLS,
-    MOST_ROWS,
-    check_cells,
-)
 from flexid.recording.names import cut, first_of, quoted
-from flexid.recording.parquet_pages import DamagedError, shape_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
+    from collections.abc import Mapping
 
     import polars
 
     from flexid.arrays import FloatArray
 
-LARGE_REMEDY = "identify it as Parquet with --stream, or cut the log into shorter files"
-PARQUET_SUFFIXES = (".parquet", ".pq")
-WANTED = "a log"
+EXAMPLE = "2024-05-01T10:00:00.123"
+"""A time stamp, for messages."""
+
 DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?$"
 DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eEdD][+-]?\d+)?$"
 THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"
@@ -45,20 +32,6 @@ _GROUPED = (  # 1'234.5, 1 234,5, 1,234.5, 1.234,5
 _DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d|\d+ days? "
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
 _TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
-_OTHERS = {  # what else flexid reads, and where it belongs
-    ".toml": "this is a TOML file, not a log: a column map is given with --columns",
-    ".json": "this is a JSON file, not a log: export the log as CSV or Parquet",
-}
-_MAGIC = {  # how files begin that are read by the end of their names
-    b"PAR1": ("a Parquet file", ".parquet"),
-    b"\x89HDF": ("an HDF5 file", ".h5"),
-    b"MATLAB 5.0 MAT-file": ("a MATLAB file", ".mat"),
-    b"MATLAB 7.3 MAT-file": ("a MATLAB file", ".mat"),
-    b"\x89MCAP": ("an MCAP file", ".mcap"),
-    b"#ROSBAG V": ("a ROS bag", ".bag"),
-    b"SQLite format 3\0": ("a database, perhaps a ROS 2 bag", ".db3"),
-    b"MDF     ": ("an MDF file", ".mf4"),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,131 +164,6 @@ class Table:
         return RecordingError(
             self.file, f"column {name!r}", f"it holds {found}: write it as {remedy}"
         )
-
-
-def read_table(path: Path) -> Table:
-    """Read a CSV or a Parquet file.
-
-    Parameters
-    ----------
-    path : Path
-        A file whose name ends in ``.parquet`` or ``.pq`` is read as Parquet, any other as text.
-
-    Returns
-    -------
-    Table
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing, too large, empty, or not what its name says.
-    """
-    file = shown(path)
-    refuse = _refusing(file)
-    raw = read_bytes(path, LARGEST_FILE, WANTED, refuse, shorten=LARGE_REMEDY)
-    if not raw.strip():
-        raise refuse("the file is empty: export the log again")
-    digest = hashlib.sha256(raw).hexdigest()
-    if path.suffix.lower() in PARQUET_SUFFIXES:
-        return _read_parquet(file, raw, digest)
-    if path.suffix.lower() in _OTHERS:
-        raise refuse(_OTHERS[path.suffix.lower()])
-    for magic, (kind, suffix) in _MAGIC.items():
-        if raw.startswith(magic):
-            raise refuse(f"this is {kind}: rename it so that it ends in {suffix}")
-    from flexid.recording.text import read_text
-
-    layout, frame = read_text(file, raw)
-    warnings = ()
-    if layout.skipped:
-        first, last = layout.skipped
-        lines = f"line {first} was" if first == last else f"lines {first} to {last} were"
-        warnings = (
-            f"{file}: {lines} not read, since the column names stand in line {layout.header_line}: "
-            f"check that they do",
-        )
-    return Table(
-        file, f"line {layout.header_line}", layout.first_line, "line", frame, digest, warnings
-    )
-
-
-def _refusing(file: str) -> Callable[[str], RecordingError]:
-    return lambda reason: RecordingError(file, "", reason)
-
-
-def scan_parquet(path: Path) -> tuple[polars.LazyFrame, int]:
-    """Open a Parquet file of any size.
-
-    Returns
-    -------
-    frame : polars.LazyFrame
-        Its columns, not yet read.
-    rows : int
-        How many there are.
-
-    Raises
-    ------
-    RecordingError
-        If there is no such file, or it is no Parquet file, or an incomplete or an empty one.
-    """
-    import polars as pl
-
-    file = shown(path)
-    refuse = _refusing(file)
-    check_file(path, WANTED, refuse)
-    if path.suffix.lower() not in PARQUET_SUFFIXES:
-        raise refuse("only a Parquet file can be streamed: write the log as .parquet")
-    try:
-        with path.open("rb") as opened:
-            rows = shape_of(opened).rows
-        frame = pl.scan_parquet(path)
-        frame.collect_schema()
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, DamagedError) as error:
-        raise _broken_parquet(file) from error
-    except OSError as error:
-        raise refuse(f"the file cannot be read ({error.strerror}): copy it again") from error
-    if rows == 0:
-        raise RecordingError(file, "", "the file holds no samples: export the log again")
-    return frame, rows
-
-
-def _broken_parquet(file: str) -> RecordingError:
-    return RecordingError(
-        file, "", "this is no readable Parquet file: export it again, or name it .csv if it is text"
-    )
-
-
-def _read_parquet(file: str, raw: bytes, digest: str) -> Table:
-    import polars as pl
-
-    try:
-        shape = shape_of(io.BytesIO(raw))
-        if shape.rows > MOST_ROWS:
-            raise RecordingError(
-                file,
-                "",
-                f"the file has {shape.rows} rows, more than the {MOST_ROWS} that are read at once: "
-                f"identify it with --stream, or cut the log into shorter files",
-            )
-        check_cells(file, shape.rows, shape.columns)
-        if shape.values > MOST_CELLS or shape.unpacked > LARGEST_UNPACKED:
-            raise RecordingError(
-                file,
-                "",
-                f"unpacked it has {shape.unpacked / 1e9:.2g} GB of {shape.values} values, more "
-                f"than are read at once: write the columns of one joint",
-            )
-        frame = pl.read_parquet(io.BytesIO(raw))
-    except (
-        pl.exceptions.PolarsError,
-        pl.exceptions.PanicException,
-        DamagedError,
-        OSError,
-    ) as error:
-        raise _broken_parquet(file) from error
-    if frame.width == 0 or frame.height == 0:
-        raise RecordingError(file, "", "the file holds no samples: export the log again")
-    return Table(file, "", 1, "row", frame, digest)
 
 
 def _bad_cell(cell: object) -> str:

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
+import os
 import re
-
-import polars as pl
+from functools import partial
+from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
+from flexid.files import read_bytes, shown
+from flexid.readers.formats import looks_like
 from flexid.recording.layout import BLANK, COMMENTS, Layout, layout_of
-from flexid.recording.limits import check_cells
+from flexid.recording.limits import LARGEST_FILE, check_cells
+from flexid.recording.table import Table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import polars
 
 MINUS = "\N{MINUS SIGN}".encode()
 """As some languages' formats write it before a number."""
@@ -25,29 +35,44 @@ _PACKED = {
     b"\x28\xb5\x2f\xfd": "zstd",
     b"7z\xbc\xaf": "7z",
 }
+_OTHERS = {  # what else flexid reads, and where it belongs
+    ".toml": "this is a TOML file, not a log: a column map is given with --columns",
+    ".json": "this is a JSON file, not a log: export the log as CSV or Parquet",
+}
 
 
-def read_text(file: str, raw: bytes) -> tuple[Layout, pl.DataFrame]:
-    """Read a text file.
+def read_table(path: Path) -> Table:
+    """A text file as columns of text."""
+    file = shown(path)
+    refuse = partial(RecordingError, file, "")
+    if os.path.isdir(path) and any(one.suffix in (".zst", ".zstd") for one in path.iterdir()):
+        raise refuse("this bag is compressed as a whole: unpack its files with zstd -d --rm")
+    remedy = "identify it as Parquet with --stream, or cut the log into shorter files"
+    raw = read_bytes(path, LARGEST_FILE, "a log", refuse, shorten=remedy)
+    if not raw.strip():
+        raise refuse("the file is empty: export the log again")
+    if path.suffix.lower() in _OTHERS:
+        raise refuse(_OTHERS[path.suffix.lower()])
+    found = looks_like(raw)
+    if found is not None:
+        raise refuse(f"this is {found.what}: rename it so that it ends in {found.suffixes[0]}")
+    layout, frame = read_text(file, raw)
+    warnings = ()
+    if layout.skipped:
+        first, last = layout.skipped
+        lines = f"line {first} was" if first == last else f"lines {first} to {last} were"
+        warnings = (
+            f"{file}: {lines} not read, since the column names stand in line {layout.header_line}: "
+            f"check that they do",
+        )
+    header, digest = f"line {layout.header_line}", hashlib.sha256(raw).hexdigest()
+    return Table(file, header, layout.first_line, "line", frame, digest, warnings)
 
-    Parameters
-    ----------
-    file : str
-        For messages.
-    raw : bytes
-        UTF-8 or UTF-16 with a byte-order mark, or else Latin-1.
 
-    Returns
-    -------
-    layout : Layout
-    frame : polars.DataFrame
-        Cells as text.
+def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
+    """Layout and cells of a text in UTF-8, in UTF-16 with a byte-order mark, or in Latin-1."""
+    import polars as pl
 
-    Raises
-    ------
-    RecordingError
-        If it is no text, has no header, or its rows differ in length.
-    """
     text = as_utf_8(file, raw)
     layout = layout_of(file, text)
     body = _without_blank_end(text[layout.start :])

@@ -17,6 +17,8 @@ DEGREE = 5  # of the local polynomials
 ORDER = 8  # of the differences that tell noise from motion
 BLOCK = 64  # samples per local estimate of the noise
 WINDOW_RATIO = 1.25  # between one candidate half-window and the next
+FEWEST_BLOCKS = 10  # whose means tell a motion from noise
+CHANCE = 6.0  # standard deviations by which noise scatters more than it should
 
 
 def position_noise(position: FloatArray) -> float:
@@ -46,6 +48,25 @@ def position_noise(position: FloatArray) -> float:
     edges = np.linspace(0, len(squares), max(1, len(squares) // BLOCK) + 1).astype(np.int64)
     means = np.add.reduceat(squares, edges[:-1]) / np.diff(edges)
     return max(sqrt(float(np.median(means))), encoder_step(position) / sqrt(12.0))
+
+
+def is_noise(values: FloatArray) -> bool:
+    """Whether a signal is white noise about a constant: its means over blocks scatter as that does.
+
+    Parameters
+    ----------
+    values : FloatArray, shape (n,)
+        No constant.
+    """
+    for length in (4, 16, 64):
+        count = len(values) // length
+        if count < FEWEST_BLOCKS:
+            break
+        means = values[: count * length].reshape(count, length).mean(axis=1)
+        expected = float(np.var(values)) / length
+        if np.var(means) > (1.0 + CHANCE * sqrt(2.0 / count)) * expected:
+            return False
+    return len(values) >= 4 * FEWEST_BLOCKS
 
 
 def encoder_step(position: FloatArray) -> float:

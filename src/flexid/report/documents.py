@@ -42,7 +42,7 @@ def identification_document(result: Identification) -> dict[str, Any]:
         "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
         "residual_excess": dict(result.residual_excess),
         "model_error": asdict(result.model_error),
-        "link_row": asdict(result.link_row) if result.link_row else None,
+        "disturbances": asdict(result.disturbances) if result.disturbances else None,
         "validation": {
             "fit_percent": dict(result.validation.fit_percent),
             "horizons": {

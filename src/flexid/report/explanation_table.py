@@ -6,7 +6,7 @@ from math import isclose, isfinite
 from rich.text import Text
 
 from flexid.identification.result.identification import Choices, Identification
-from flexid.identification.vocabulary.evidence import LinkRow
+from flexid.identification.vocabulary.evidence import Disturbances
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Column, Part, Table, number, numbers
 
@@ -27,8 +27,8 @@ def explanation(result: Identification) -> Iterator[Part]:
     if choices.coulomb_velocity is not None:
         yield Text(f"Coulomb friction changes sign over {choices.coulomb_velocity:.3g} rad/s")
     yield Text()
-    if result.link_row is not None:
-        yield from _link_row(result.link_row)
+    if result.disturbances is not None:
+        yield from _disturbances(result.disturbances)
     yield _least_squares(result)
 
 
@@ -75,24 +75,13 @@ def _delays(result: Identification) -> Table:
     return table
 
 
-def _link_row(row: LinkRow) -> Iterator[Part]:
-    """What the link's row gives when the motor's measured motion drives it."""
-    columns = (
-        Column("name"),
-        *numbers("its row alone", "95 % interval", "both rows", "95 % interval"),
-    )
-    table = Table("The link by itself, driven by the motor's measured motion, in SI units", columns)
-    for name, alone in row.alone.items():
-        table.add(name, *value_cells(*alone), *value_cells(*row.together[name]))
+def _disturbances(found: Disturbances) -> Iterator[Part]:
+    """What the drive does that no term describes."""
+    table = Table("Unexplained acceleration, RMS", (Column("balance"), *numbers("share")))
+    for name, share in found.shares.items():
+        table.add(name, number(100.0 * share, 2, "%"))
     yield table
-    yield Text(
-        f"Its row alone leaves {row.excess**0.5:.3g} times the sensor's noise; "
-        + (
-            "it knows each of these better, and is reported"
-            if row.taken
-            else "it knows not each better, or contradicts both, so both rows are reported"
-        )
-    )
+    yield Text(f"Fitted in the joint's band, one sample every {1e3 * found.sample_time:.3g} ms")
     yield Text()
 
 

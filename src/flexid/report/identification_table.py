@@ -79,7 +79,12 @@ def residual_lines(result: Identification) -> Iterator[str]:
     if result.residual_excess:
         excess = ", ".join(f"{name} {x:.3g}" for name, x in result.residual_excess.items())
         yield f"Residual over the sensors' noise: {excess}"
-    yield _model_error(result.model_error)
+    if result.disturbances is None:
+        yield _model_error(result.model_error)
+        return
+    shares = result.disturbances.shares.items()
+    told = ", ".join(f"{name} {100.0 * share:.2g} %" for name, share in shares)
+    yield f"Unexplained acceleration: {told}"
 
 
 def prediction_lines(result: Identification) -> Iterator[str]:

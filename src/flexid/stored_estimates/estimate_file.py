@@ -15,11 +15,10 @@ from flexid.toml_file import Refuse, validated
 
 if TYPE_CHECKING:
     from flexid.identification.result.identification import Choices, Identification
-    from flexid.identification.vocabulary.evidence import LinkRow, ValueEstimate
+    from flexid.identification.vocabulary.evidence import ValueEstimate
     from flexid.stored_estimates.identification_schema import (
         StoredDelay,
         StoredIdentification,
-        StoredLinkRow,
         StoredValue,
     )
 
@@ -116,6 +115,7 @@ def stored_identification(file: EstimateFile) -> "Identification":
     from flexid.identification.vocabulary.evidence import (
         CoefficientEstimate,
         Compliance,
+        Disturbances,
         ModelError,
         ObserverTrace,
         ParameterEstimate,
@@ -174,20 +174,10 @@ def stored_identification(file: EstimateFile) -> "Identification":
         summary=tuple(stored.summary),
         warnings=tuple(stored.warnings),
         provenance=file.content["provenance"],  # whole; the schema has what is read of it
-        link_row=_link_row(stored.link_row),
+        disturbances=Disturbances(**stored.disturbances.model_dump())
+        if stored.disturbances
+        else None,
     )
-
-
-def _link_row(stored: "StoredLinkRow | None") -> "LinkRow | None":
-    from flexid.identification.vocabulary.evidence import LinkRow
-
-    if stored is None:
-        return None
-    alone, together = (
-        {n: (_number(v, nan), _number(a, -inf), _number(b, inf)) for n, (v, a, b) in part.items()}
-        for part in (stored.alone, stored.together)
-    )
-    return LinkRow(stored.excess, alone, together, stored.taken)
 
 
 def _number(value: float | None, missing: float) -> float:

@@ -21,7 +21,6 @@ def _of_a_drive(value: float) -> float:
 OfADrive = Annotated[float, AfterValidator(_of_a_drive)]
 Fits = dict[str, float | None]
 Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
-WithInterval = Annotated[list[float | None], Field(min_length=3, max_length=3)]
 
 
 class _Part(BaseModel):
@@ -93,19 +92,11 @@ class StoredModelError(_Part):
     share: float
 
 
-class StoredLinkRow(_Part):
-    """The link's row alone: values with the ends of their intervals."""
+class StoredDisturbances(_Part):
+    """`Disturbances`."""
 
-    excess: float
-    alone: dict[str, WithInterval]
-    together: dict[str, WithInterval]
-    taken: bool
-
-    @model_validator(mode="after")
-    def _same_names(self) -> "StoredLinkRow":
-        if {*self.alone} != {*self.together}:
-            raise ValueError("alone and together must name the same coefficients")
-        return self
+    shares: dict[str, float]
+    sample_time: float
 
 
 class StoredValidation(_Part):
@@ -194,7 +185,7 @@ class StoredIdentification(_Part):
     excitation: Annotated[dict[str, StoredExcitation], Field(min_length=1)]
     residual_excess: dict[str, float]
     model_error: StoredModelError
-    link_row: StoredLinkRow | None = None
+    disturbances: StoredDisturbances | None = None
     validation: StoredValidation
     observer: StoredObserver
     least_squares: dict[str, float]

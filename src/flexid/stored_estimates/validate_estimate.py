@@ -18,6 +18,7 @@ from flexid.identification.preparation.joint import Joint, Kind
 from flexid.identification.preparation.recordings import check_distinct, common_input_unit
 from flexid.identification.structure.validation import validate_with
 from flexid.identification.vocabulary.evidence import Validation
+from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import position_noise
 from flexid.stored_estimates.estimate_file import WANTED, EstimateFile, read_estimate
@@ -104,10 +105,12 @@ def validate_estimate(
         model=model.joint.kind,
         residuals=_residuals(found, model.joint, data, starts),
         noise=_noise(model.joint, data),
-        warnings=(
-            *(warning for log in logs for warning in log.warnings),
-            *dropped,
-            *_doubts(stored, logs),
+        warnings=ranked(
+            (
+                *(warning for log in logs for warning in log.warnings),
+                *dropped,
+                *cautions(Rank.MODEL, _doubts(stored, logs)),
+            )
         ),
         provenance={
             "flexid_version": flexid.__version__,

@@ -10,11 +10,11 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.files import shown
+from flexid.readers.formats import format_of
 from flexid.recording.clock import Clock
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
-from flexid.recording.formats import SERIES, tables_of_file
-from flexid.recording.table import PARQUET_SUFFIXES
+from flexid.recording.series import tables_of_file
 from flexid.streaming.channels import StreamChannels, chosen_channels
 from flexid.streaming.pace import LONGEST_WAIT, Pace
 from flexid.streaming.sources import TURN, Source
@@ -28,9 +28,6 @@ from flexid.streaming.text_stream import (
 
 BLOCK = 65_536
 """Rows of a log that are read at once."""
-
-WHOLE_LOGS = {*SERIES, *PARQUET_SUFFIXES}
-"""Ends of the names of files that do not grow line by line, and are played again."""
 
 
 class Incoming(Protocol):
@@ -264,4 +261,4 @@ def is_whole_log(source: str) -> bool:
     """Whether a source is a file, or the folder of a bag, that cannot grow line by line."""
     if source == "-" or "://" in source:
         return False
-    return Path(source).suffix.lower() in WHOLE_LOGS or Path(source).is_dir()
+    return format_of(Path(source)) is not None or Path(source).is_dir()

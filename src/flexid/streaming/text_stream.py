@@ -12,12 +12,11 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.channel import Channel
-from flexid.recording.clock import EXAMPLE
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
 from flexid.recording.layout import BLANK, LONGEST_LINE, Layout, header_separator, layout_of, split
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
-from flexid.recording.table import Table
+from flexid.recording.table import EXAMPLE, Table
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
 from flexid.streaming.text_rows import RowReader, mark_of, stamped_in

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from flexid.errors import SettingError
+from flexid.readers.formats import kinds, suffixes
 from flexid.studio.pages import assets
 
 if TYPE_CHECKING:
@@ -66,6 +67,10 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
     windows: dict[str, Rooms] = {}
     page = Path(__file__).parent / "page" / "studio.html"
     app = shiny.App(page, _server(offer, windows))
+    html = app.ui["html"]  # type: ignore[index] - of a file it is text
+    for mark, words in (("[[suffixes]]", ",".join(suffixes())), ("[[kinds]]", kinds())):
+        html = html.replace(mark, words)
+    app.ui["html"] = html  # type: ignore[index]
     app.sanitize_errors = True
     for workers in processes:
         app.on_shutdown(workers.end)
@@ -74,7 +79,7 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
         Route("/upload/{key}", _upload(windows), methods=["POST"]),
         Route("/files/{key}/{name}", _file(windows)),
     ]
-    return Guard(app, host, token, app.ui["html"])  # type: ignore[index] - of a file it is text
+    return Guard(app, host, token, html)
 
 
 def _server(offer: Offer, windows: dict[str, Rooms]) -> Callable[..., None]:

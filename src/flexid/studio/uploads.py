@@ -10,12 +10,11 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 from flexid.errors import FlexidError
-from flexid.recording.formats import SERIES
-from flexid.recording.table import PARQUET_SUFFIXES
+from flexid.readers.formats import suffixes
 
 LARGEST_UPLOAD = 100_000_000  # bytes; read at once, at about four times that in memory
 LEAST_FREE = 1_000_000_000  # bytes that a log leaves on the disk
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".log", *PARQUET_SUFFIXES, *SERIES)
+SUFFIXES = suffixes()
 _LONGEST_NAME = 80
 
 

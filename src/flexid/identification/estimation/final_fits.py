@@ -10,7 +10,6 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.excitations import row_sizes, unexcited, without_noise
-from flexid.identification.estimation.link_row import with_link_row
 from flexid.identification.estimation.measured_input import error_of, widened_by
 from flexid.identification.estimation.model_error import (
     driving_covariance,
@@ -28,11 +27,11 @@ from flexid.identification.structure.elimination import Choice
 from flexid.identification.structure.link_delay import confused_covariance
 from flexid.identification.structure.shapes import settled, with_free_shapes
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import LinkRow, ModelError
+from flexid.identification.vocabulary.evidence import ModelError
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.recording.velocities import with_velocities
 
-_FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
+FILTER_RATE = 20.0  # 1/s, of the least squares that stands beside the estimate
 _NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
 
 
@@ -157,16 +156,14 @@ def final_fits(
     reported, rungs, retreat = _reported(choice, whole, thresholds)
     choice = _as_reported(choice, reported)
     error = error_of(reported, rungs, thresholds)
-    rate = _FILTER_RATE if isinstance(filter_rate, str) else filter_rate
+    rate = FILTER_RATE if isinstance(filter_rate, str) else filter_rate
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
     return FinalFits(choice, recordings, reported, rungs, retreat, error, driving, full, rate)
 
 
-def with_doubts(
-    fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds
-) -> tuple[Estimate, LinkRow | None]:
-    """The estimate with all that is doubted in its covariance, and the link's row alone.
+def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
+    """The estimate with all that is doubted in its covariance.
 
     Parameters
     ----------
@@ -175,7 +172,7 @@ def with_doubts(
     delay_in_doubt : bool
         Whether a delay and a damping pass for each other.
     thresholds : Thresholds
-        When the link's row is taken.
+        Up to which excess a model explains a log.
     """
     reported, error = fits.reported, fits.error
     estimate = with_free_shapes(widened_by(reported, error), reported)
@@ -183,19 +180,7 @@ def with_doubts(
     estimate = estimate.widened(hold_covariance(reported, fits.choice.climbed.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))
     estimate = estimate.widened(driving_covariance(reported, fits.driving))
-    estimate, row = with_link_row(
-        estimate,
-        reported,
-        fits.rungs,
-        fits.full,
-        fits.recordings,
-        fits.scales,
-        error,
-        thresholds,
-    )
-    if delay_in_doubt:
-        estimate = estimate.widened(confused_covariance(estimate))
-    return estimate, row
+    return estimate.widened(confused_covariance(estimate)) if delay_in_doubt else estimate
 
 
 def _reported(

@@ -25,6 +25,7 @@ FIRST_ITERATIONS = 8
 _HALVINGS = 2  # of the shortest segments, if these are too long to begin with
 _FEWEST_HALVED = 10  # samples of what only leads to a start: twice its initial state
 _FIRST_STARTS = 3  # that are tried over both before the others
+_HOPELESS = 2  # starts that leave far more than noise, after which no other is tried
 _SAME = 0.01  # relative difference of two sums of squares at one minimum
 _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
 
@@ -62,10 +63,13 @@ def first_climb(
     structure, *others = structures
     ways = starts(structure, data, ladder[0])
     tries = [_tries(structure, data, ladder, ways)]
-    tries += [_tries(other, data, ladder, ways[:_FIRST_STARTS]) for other in others]
+    tries += [_tries(other, data, ladder, ways[:1]) for other in others]
     best: list[Fitted] = []
-    confirmed = False
+    confirmed, hopeless = False, 0
     for found in chain(*tries):
+        hopeless += found[-1].unexplained > thresholds.shape_motion
+        if hopeless == _HOPELESS:
+            return _better(found, best)
         before, best = best, _better(found, best)
         explained = best[-1].excess <= thresholds.sensor_excess
         if explained and len(best) == len(ladder):

@@ -108,7 +108,7 @@ def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, 
 
 def one_encoder() -> Compliance:
     """The answer for a log with one encoder."""
-    reason = "the log has one encoder, so there is no compliance to see"
+    reason = "the joint was taken as rigid, so there is no compliance to see"
     return Compliance(False, reason, {}, np.nan, np.nan)
 
 

@@ -88,8 +88,12 @@ def coefficient_estimates(
             name, unit, value, 0.0, (value, value), "determined", reason
         )
     estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
-    doubt = _doubt(estimates)
-    estimates |= {name: replace(e, **doubt) for name, e in estimates.items() if e.slopes}
+    doubts = _doubts(estimates)
+    estimates |= {
+        name: replace(e, **doubts[_balance(name)])
+        for name, e in estimates.items()
+        if e.slopes and _balance(name) in doubts
+    }
     order = list(joint.units)
     return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
 
@@ -127,16 +131,23 @@ def _tied(
     return found
 
 
-def _doubt(estimates: Mapping[str, CoefficientEstimate]) -> dict[str, Any]:
-    """What becomes of all that was estimated where one of it belongs to no drive.
+def _doubts(estimates: Mapping[str, CoefficientEstimate]) -> dict[str, dict[str, Any]]:
+    """What becomes of all that was estimated of a balance with a spring or inertia of no drive.
 
-    A motor's inertia is the whole drive's where the fit has no spring, however sharp it is.
+    A motor's inertia is the whole drive's where the fit has no spring, however sharp it is. The
+    other side's balance stands for itself.
     """
+    doubts = {}
     for name in sorted(POSITIVE & estimates.keys()):
         if estimates[name].value <= 0.0 and np.isfinite(estimates[name].std):
             reason = f"{name} came out negative, which no spring or inertia can be"
-            return {"verdict": "undetermined", "reason": reason}
-    return {}
+            doubts.setdefault(_balance(name), {"verdict": "undetermined", "reason": reason})
+    return doubts
+
+
+def _balance(name: str) -> str:
+    """Whose balance a coefficient is of."""
+    return "link" if name.startswith("theta") else "motor"
 
 
 def parameter_estimates(
@@ -154,7 +165,7 @@ def parameter_estimates(
     known exactly has that value, and no width.
     """
     estimates = {}
-    doubt = _doubt(coefficients)
+    doubts = _doubts(coefficients)
     for recording in _one_recording_of_each_group(unknowns):
         labels = _labels(unknowns, recording, coefficients)
         values = {c: coefficients[label].value for c, label in labels.items()}
@@ -193,8 +204,10 @@ def parameter_estimates(
                 found.logarithmic,
                 {labels[c]: slope for c, slope in found.slopes.items()},
             )
-            if found.slopes:
-                estimates[name] = replace(estimates[name], **doubt)
+            for coefficient in found.slopes:
+                doubt = doubts.get(_balance(labels[coefficient]))
+                if doubt is not None:
+                    estimates[name] = replace(estimates[name], **doubt)
     return estimates
 
 

@@ -8,8 +8,9 @@ from math import ceil
 from flexid.errors import RecordingError, SettingError
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.preparation.settings import Auto
+from flexid.recording.caution import Caution, Rank
 from flexid.recording.recording import Log, Recording
-from flexid.recording.velocities import with_velocities
+from flexid.recording.velocities import is_noise, with_velocities
 
 _FEWEST_TRAINING_SAMPLES = 50
 _FEWEST_HELD_OUT_SAMPLES = 10
@@ -77,13 +78,14 @@ def prepare(
     check_distinct(logs)
     common_input_unit(logs)
     _check_encoders(logs)
+    taken, rigid = _taken_as(model, logs)
     recordings = [
-        (group, _seen_by(model, recording))
+        (group, _seen_by(taken, recording))
         for group, log in enumerate(logs)
         for recording in log.recordings
     ]
     kept = _long_enough(recordings, share)
-    warnings = [
+    warnings = rigid + [
         _left_out(log.source, short)
         for number, log in enumerate(logs)
         if kept
@@ -92,6 +94,26 @@ def prepare(
     groups, recorded = zip(*(kept or recordings), strict=True)
     starts = tuple(_held_out_start(recording, share) for recording in recorded)
     return SplitRecordings(recorded, starts, groups), tuple(warnings)
+
+
+def _taken_as(model: Kind | Auto, logs: Sequence[Log]) -> tuple[Kind | Auto, list[str]]:
+    """The model, the rigid joint where nothing of a spring can be seen; and why."""
+    recordings = [recording for log in logs for recording in log.recordings]
+    if model != "auto" or not all(
+        r.link_position is not None
+        and r.input is not None
+        and is_noise(r.deflection)
+        and not is_noise(r.motor_position)
+        for r in recordings
+    ):
+        return model, []
+    off = max(float(recording.deflection.std()) for recording in recordings)
+    reason = (
+        f"{logs[0].source}: link and motor position differ by white noise of {off:.2g} rad alone, "
+        f"so the joint was taken as rigid: check that each encoder is connected to its own side, "
+        f"or drive the joint harder"
+    )
+    return "rigid", [Caution(reason, Rank.SCALE)]
 
 
 def _left_out(source: str, short: list[Recording]) -> str:

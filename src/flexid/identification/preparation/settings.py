@@ -14,9 +14,11 @@ from flexid.identification.vocabulary.intervals import POSITIVE
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS
 from flexid.models.physical import PARAMETER_NAMES
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS
+from flexid.recording.checks import FASTEST_JOINT
 from flexid.recording.recording import Hold
 
 _LARGEST_SHARE = 0.8
+_SLOWEST = 1e-6  # rad/s over which friction is smoothed: half a turn in a month
 _LARGEST_DELAY = 0.1  # of the shortest recording
 _SMALLEST, _LARGEST = 1e-15, 1e15  # of whatever is stated of a drive, in SI units
 _COEFFICIENTS = dict.fromkeys([*COEFFICIENT_UNITS, *RIGID_UNITS])
@@ -100,7 +102,14 @@ class Settings:
         for name, (lower, upper) in self.bounds.items():
             _check_bounds(name, lower, upper)
         _check_choice("hold", self.hold, ("auto", "zero", "linear", "cubic"))
-        _check_positive("coulomb-velocity", self.coulomb_velocity, "rad/s")
+        smooth = self.coulomb_velocity
+        _check_positive("coulomb-velocity", smooth, "rad/s")
+        if smooth != "auto" and not _SLOWEST <= smooth <= FASTEST_JOINT:
+            raise SettingError(
+                "coulomb-velocity",
+                f"{smooth:g} rad/s is outside {_SLOWEST:g} to {FASTEST_JOINT:g} rad/s: give a "
+                f"velocity within, or auto for dry friction",
+            )
         _check_positive("filter-rate", self.filter_rate, "1/s")
         _check_positive("segment-duration", self.segment_duration, "s")
         for name in ("input_delay", "link_delay"):

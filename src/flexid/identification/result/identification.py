@@ -11,7 +11,7 @@ from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
-    LinkRow,
+    Disturbances,
     ModelError,
     ObserverTrace,
     ParameterEstimate,
@@ -22,7 +22,7 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.recording.recording import Hold, Recording
 
-Estimator = Literal["prediction-error", "least-squares"]
+Estimator = Literal["prediction-error", "innovations", "least-squares"]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Choices:
         friction is dry.
     filter_rate : float
         Rate λ of the state-variable filter in 1/s.
-    estimator : {"prediction-error", "least-squares"}
+    estimator : {"prediction-error", "innovations", "least-squares"}
         Where the coefficients come from.
     segment_duration : float or None
         Length of the segments in s; None for least squares.
@@ -102,13 +102,13 @@ class Identification:
     summary : tuple of str
         The choices and their reasons in three sentences.
     warnings : tuple of str
-        Everything the user should know before trusting the numbers.
+        What to know before trusting the numbers, in the order in which to act on it.
     provenance : mapping
         Version, settings, inputs with their hashes.
     recordings : tuple of Recording
         The data that it was made from; empty for what was streamed, or loaded from a file.
-    link_row : LinkRow or None
-        What the link's row alone gives, where the fit of both rows shows a model error.
+    disturbances : Disturbances or None
+        What the drive does that no term describes; None where the exact model was fitted.
     """
 
     model: Kind
@@ -128,7 +128,7 @@ class Identification:
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     recordings: tuple[Recording, ...] = ()
-    link_row: LinkRow | None = None
+    disturbances: Disturbances | None = None
 
     @property
     def verdict(self) -> Verdict:

@@ -105,6 +105,8 @@ def _estimator_sentence(choices: Choices) -> str:
             f"Estimator: least squares on filtered positions, filter rate "
             f"{choices.filter_rate:.3g} 1/s."
         )
+    if choices.estimator == "innovations":
+        return "Estimator: innovations in the joint's band, with disturbances of each balance."
     sentence = f"Estimator: prediction error over segments of {choices.segment_duration:.3g} s"
     if len(choices.segment_evidence) > 1:
         sentence += f", of {len(choices.segment_evidence)} lengths the one with narrowest intervals"

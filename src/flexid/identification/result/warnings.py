@@ -8,12 +8,14 @@ from flexid.identification.preparation.joint import Kind
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     Compliance,
-    LinkRow,
+    Disturbances,
     ModelError,
 )
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.recording.caution import Caution, Rank
 
 _SLIGHT = 1.005  # which would be printed as 1
+_NOTED_SHARE = 0.02  # of a row's acceleration, unexplained, from which on it is worth a warning
 
 _SIGN_ADVICE = {
     "theta2": "an encoder is read late, or the sign of an angle is wrong",
@@ -24,7 +26,7 @@ _SIGN_ADVICE = {
 
 def sign_warnings(
     coefficients: Mapping[str, CoefficientEstimate], driving: Collection[str]
-) -> Iterator[str]:
+) -> Iterator[Caution]:
     """Warn of coefficients that physics wants positive and the data want negative.
 
     Parameters
@@ -35,47 +37,54 @@ def sign_warnings(
     """
     for name, advice in _SIGN_ADVICE.items():
         if name in coefficients and coefficients[name].interval[1] < 0:
-            yield f"{name} came out negative, which no spring or inertia can be: {advice}"
+            yield Caution(
+                f"{name} came out negative, which no spring or inertia can be: {advice}", Rank.SCALE
+            )
     if driving:
-        yield (
+        yield Caution(
             f"{', '.join(sorted(driving))} came out negative, which no friction can be: it stands "
-            f"for something that no term here describes; the intervals allow for that"
+            f"for something that no term here describes; the intervals allow for that",
+            Rank.MODEL,
         )
 
 
-def deflection_warnings(*, turned_round: bool) -> Iterator[str]:
+def deflection_warnings(*, turned_round: bool) -> Iterator[Caution]:
     """Warn of a deflection of the wrong sign."""
     if turned_round:
-        yield (
+        yield Caution(
             "the deflection has the wrong sign: with the other one it explains the link's motion, "
             "as it is it does not; give it scale = -1 in a column map (deflection is link angle "
-            "less motor angle), and trust nothing here until then"
+            "less motor angle), and trust nothing here until then",
+            Rank.SCALE,
         )
 
 
-def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[str]:
+def validation_warnings(fit_percent: Mapping[str, float]) -> Iterator[Caution]:
     """Warn of channels that the free run does not repeat."""
-    for channel, fit in fit_percent.items():
-        if isnan(fit):
-            yield (
-                f"the held-out {channel} hardly moves, so the free run tests nothing there: choose "
-                f"another --validation-share, or record motion to the end"
-            )
-        elif fit < WEAK_FIT:
-            what = f"repeats {fit:.0f} %" if fit > 0 and isfinite(fit) else "repeats nothing"
-            yield (
-                f"the free run {what} of the held-out {channel}: over so long a time the model "
-                f"lacks something the drive has; see how far it predicts over shorter horizons"
-            )
+    still = [channel for channel, fit in fit_percent.items() if isnan(fit)]
+    weak = {channel: fit for channel, fit in fit_percent.items() if fit < WEAK_FIT}
+    if weak:
+        shown = [f"{name} {f'{fit:.0f} %' if fit > 0 else 'not'}" for name, fit in weak.items()]
+        yield Caution(
+            f"simulated freely over the held-out part, the model repeats {', '.join(shown)}: it "
+            f"lacks something that the drive has; see how far it predicts over shorter horizons",
+            Rank.MODEL,
+        )
+    if still:
+        yield Caution(
+            f"{', '.join(still)} hardly moves in the held-out part, so the free run tests nothing "
+            f"there: choose another --validation-share, or record motion to the end",
+            Rank.MOTION,
+        )
 
 
 def model_warnings(
     error: ModelError,
     model: Kind,
     widest: float,
-    link_row: LinkRow | None = None,
+    disturbances: Disturbances | None = None,
     thresholds: Thresholds = THRESHOLDS,
-) -> Iterator[str]:
+) -> Iterator[Caution]:
     """Warn of residuals that show a drive which no model here describes.
 
     One that is no larger than the sensors' noise is uncertain, and that leaves every interval
@@ -89,33 +98,38 @@ def model_warnings(
         What was fitted.
     widest : float
         Half the widest interval with the allowance for it, as `judgement.estimates` has it.
-    link_row : LinkRow, optional
-        The link's row alone.
+    disturbances : Disturbances, optional
+        Of the fit with disturbances, if that is reported.
     thresholds : Thresholds, optional
         How large the one and how wide the other has to be.
     """
-    taken = link_row.alone if link_row is not None and link_row.taken else {}
-    small = error.excess <= thresholds.sensor_excess - 1.0 and widest <= thresholds.noted_width
-    if small and not taken:
-        return
-    if error.share > 0.0 and model == "link":
-        yield (
-            f"the residuals are {_times(error)} the sensors' noise: the joint has something that "
-            f"no term here describes, or an encoder is not as even as it is fine; the intervals "
-            f"make allowance for that"
-        )
-    elif error.share > 0.0:
-        alone = ", and --model link does without motor and input" if model == "flexible" else ""
-        if taken:
-            alone = (
-                "; the link's row alone, driven by the motor's measured motion, knows "
-                f"{', '.join(taken)} better, so these are taken from it"
+    if disturbances is not None:
+        worst = max(disturbances.shares, key=lambda name: disturbances.shares[name])
+        share = 100.0 * disturbances.shares[worst]
+        if share >= 100.0 * _NOTED_SHARE:
+            yield Caution(
+                f"no term here describes {share:.0f} % of the {worst}'s acceleration: other axes, "
+                f"backlash, a further bending mode or a friction of another law move it as well; "
+                f"the intervals allow for that",
+                Rank.MODEL,
             )
-        yield (
-            f"the residuals are {_times(error)} the sensors' noise, and not as noise of the torque "
-            f"would make them: the drive has something that no term here describes, or the input "
-            f"as recorded is not what acted; the intervals make allowance for that{alone}"
-        )
+        return
+    small = error.excess <= thresholds.sensor_excess - 1.0 and widest <= thresholds.noted_width
+    if error.share == 0.0 or small:
+        return
+    cause = (
+        "the joint has something that no term here describes, or an encoder is not as even as it "
+        "is fine"
+        if model == "link"
+        else "and not as noise of the torque would make them: the drive has something that no term "
+        "here describes, or the input as recorded is not what acted"
+    )
+    link = ": " if model == "link" else ", "
+    yield Caution(
+        f"the residuals are {_times(error)} the sensors' noise{link}{cause}; the intervals make "
+        f"allowance for that",
+        Rank.MODEL,
+    )
 
 
 def _times(error: ModelError) -> str:
@@ -123,10 +137,11 @@ def _times(error: ModelError) -> str:
     return "slightly above" if times < _SLIGHT else f"{times:.3g} times"
 
 
-def compliance_warnings(compliance: Compliance) -> Iterator[str]:
+def compliance_warnings(compliance: Compliance) -> Iterator[Caution]:
     """Warn where two encoders show no compliance."""
     if isfinite(compliance.deflection) and not compliance.visible:
-        yield (
-            f"no compliance to see: {compliance.reason}; trust no stiffness, and excite the joint "
-            f"harder or log finer"
+        yield Caution(
+            f"no compliance to see: {compliance.reason}; do not use the stiffness, check the gear "
+            f"ratio and the scales, then drive the joint harder or log finer",
+            Rank.MOTION,
         )

@@ -30,7 +30,8 @@ from flexid.models.flexible_joint import DISSIPATIVE
 _TAKEN = 0.5  # share of what exceeds the noise from which on unusual terms explain most of it
 _NO_WORSE = 1.01  # ratio of excesses: with more terms residuals are no larger, but for rough steps
 _ROUNDS = 2  # of taking away and fitting over longer segments
-_CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
+CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
+"""Inertias, stiffness and gravity."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,7 @@ def choose_structure(
     while fitted is not None:
         # Far from where it was expanded a quadratic form is none; the leaner fit has its own.
         leaner, own = eliminate(fitted, kept, thresholds)
-        evidence = _latest(evidence, own)
+        evidence = latest(evidence, own)
         if len(leaner.absent) == len(structure.absent) and leaner.timing == structure.timing:
             break
         structure, fitted = leaner, fit_like(leaner, fitted)
@@ -180,7 +181,7 @@ def _without_negative_friction(fitted: Fitted, kept: Collection[str]) -> Fitted 
     return fit_like(fitted.structure.without(negative), fitted) if negative else None
 
 
-def _latest(
+def latest(
     before: Sequence[TermEvidence], after: Sequence[TermEvidence]
 ) -> tuple[TermEvidence, ...]:
     """Evidence on every term, the later where there is some."""
@@ -239,7 +240,7 @@ def relative_deviation(fitted: Fitted) -> float:
     found = [
         deviation / max(abs(value), 1e-300)
         for name, value, deviation in zip(fitted.names, fitted.values, deviations, strict=True)
-        if name in _CORE
+        if name in CORE
     ]
     usable = [d for d in found if np.isfinite(d) and d > 0.0]
     return float(np.exp(np.mean(np.log(usable)))) if usable else np.inf

@@ -4,9 +4,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from flexid.errors import SettingError
+from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.full_model.climbing import Climb, climb_full, climb_remembering
+from flexid.identification.full_model.climbing import (
+    Climb,
+    climb_full,
+    climb_remembering,
+    turning,
+)
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.recordings import SplitRecordings
@@ -74,15 +79,7 @@ class Job:
 
     def climbed(self, training: Data, progress: Progress, thresholds: Thresholds) -> Climb:
         """The full model, fitted to some data."""
-        settings = self.settings
-        smooth = settings.coulomb_velocity
-        joint = self.joint.scaled(training.samples)
-        if smooth != "auto":
-            joint = joint.with_coulomb_velocity(smooth)
-        absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
-        given, bounds = self.stated.given, self.stated.bounds
-        base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
-        base = base.without(self.left_out | SOUGHT_COEFFICIENTS)
+        base, settings = self.structure(training), self.settings
         duration = settings.segment_duration
         durations = () if duration == "auto" else (duration,)
         climbed = climb_full(base, training, self.holds, durations, progress, thresholds)
@@ -90,6 +87,18 @@ class Job:
             if not shape.coefficients.isdisjoint(self.kept):
                 climbed = climb_asked_for(shape, climbed, progress, thresholds)
         return climbed
+
+    def structure(self, data: Data) -> Structure:
+        """Every term that is to be considered; its hold is of no account."""
+        settings = self.settings
+        smooth = settings.coulomb_velocity
+        joint = self.joint.scaled(data.samples)
+        if smooth != "auto":
+            joint = joint.with_coulomb_velocity(smooth)
+        absent = joint.shapes if settings.terms == "auto" else joint.optional - self.kept
+        given, bounds = self.stated.given, self.stated.bounds
+        base = Structure(joint, frozenset(absent), self._timing(), given, bounds)
+        return base.without(self.left_out | SOUGHT_COEFFICIENTS)
 
     @property
     def holds(self) -> Sequence[Hold]:
@@ -201,7 +210,14 @@ def _predicting(
     thresholds: Thresholds,
 ) -> tuple[Choice, Validation]:
     climb = job.climbed(training, progress, thresholds)
+    left = turning(climb.found, thresholds)
     auto = job.settings.terms == "auto"
+    if auto and left is not None and left.unexplained > thresholds.shape_motion:
+        raise ConvergenceError(
+            "prediction error",
+            f"the model leaves {100.0 * left.unexplained:.0f} % of the deflection unexplained over "
+            f"{left.duration:.2g} s: look for what else moves the joint",
+        )
     choice = choose_structure(climb, job.kept, auto, progress, thresholds)
     progress("predicting the held-out data")
     choice, validation = _preferred(choice, whole, recordings, thresholds)

@@ -222,20 +222,17 @@ class ModelError:
 
 
 @dataclass(frozen=True)
-class LinkRow:
-    """The link's row alone, driven by the motor's measured motion, beside the fit of both rows.
+class Disturbances:
+    """What the drive does that no term describes, where the fit allows for it.
 
     Parameters
     ----------
-    excess : float
-        Mean square of its residuals over that of the sensor's noise.
-    alone, together : mapping of str to tuple of float
-        Value and ends of the 95 % interval of what is the link's, from its row alone and from both.
-    taken : bool
-        Whether the row alone knows each of them better, so that it is reported.
+    shares : mapping of str to float
+        For the link's and the motor's balance, what is left unexplained over the acceleration, as
+        root mean squares.
+    sample_time : float
+        Of the log in the band in which it was fitted, in s.
     """
 
-    excess: float
-    alone: Mapping[str, tuple[float, float, float]]
-    together: Mapping[str, tuple[float, float, float]]
-    taken: bool
+    shares: Mapping[str, float]
+    sample_time: float

@@ -109,6 +109,13 @@ class Thresholds:
         "make them: noise of 2 % makes 0.0003 to 0.005; as large as the deflection itself they are "
         "an error in full",
     )
+    shape_motion: float = _threshold(
+        0.12,
+        "1",
+        "residuals beyond noise over the deflection, over half a second, up to which a term may "
+        "make them: drives with such a term leave up to 0.08 without it, an arm in a laboratory "
+        "0.16 to 0.7, two axes taken for one 0.18; beyond it disturbances are fitted, no terms",
+    )
     lost_share: float = _threshold(
         0.007,
         "1",
@@ -123,18 +130,10 @@ class Thresholds:
         "below which the deflection turned round is the right one: 4e-5 where the sign is wrong, "
         "30 where it is right",
     )
-    row_doubt: float = _threshold(
-        2.0,
-        "1",
-        "how much more the motor's coefficients are doubted than follows from the link's, where "
-        "these are taken from their row alone, up to what both rows say: friction that builds up "
-        "over 10 ms puts the motor's inertia 1.5 half-widths off what follows",
-    )
     contradiction: float = _threshold(
         3.0,
         "standard deviations",
-        "between log and prior knowledge, or the link's row and both rows, beyond which they "
-        "contradict",
+        "between log and prior knowledge, beyond which they contradict",
     )
 
     def noise_floor(self, shortest: float) -> float:

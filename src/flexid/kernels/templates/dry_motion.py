@@ -50,17 +50,19 @@ GRAZING = 0.1
 # What moves the model over one interval, beside its state: each input's start and change with their
 # derivatives by the delay; the mode of each row, and whether it can stick; coefficients, constants;
 # the column of each coefficient and of the delay; and room for the inputs, their derivatives, and
-# what is zero at each corner, at the start and at the end of a step.
-Motion = namedtuple("Motion", "drive modes dry p c at delay u du bends")
+# what is zero at each corner, at the start and at the end of a step; and each row's disturbance, an
+# acceleration that is constant over the interval.
+Motion = namedtuple("Motion", "drive modes dry p c at delay u du bends disturbance")
 
 # The derivatives of the state, columns 1 to n - 1 of z; and what they follow from at each stage of
-# a step: those of the rates by the state and by the rest, and those of what a memory keeps.
-Derivatives = namedtuple("Derivatives", "z n by_state by_rest kept_by_state kept_by_rest")
+# a step: those of the rates by the state and by the rest, and those of what a memory keeps. Last,
+# the derivatives of each row's disturbance, in the same columns.
+Derivatives = namedtuple("Derivatives", "z n by_state by_rest kept_by_state kept_by_rest disturbed")
 
 
 @njit(cache=True, error_model="numpy")
-def room_for_derivatives(n):
-    """Arrays for derivatives in n - 1 columns."""
+def room_for_derivatives(n, disturbed):
+    """Arrays for derivatives in n - 1 columns, disturbances among what they are of or not."""
     equations = N_ROWS + N_MEMORIES
     return Derivatives(
         np.zeros(N_STATES * WIDTH),
@@ -69,6 +71,7 @@ def room_for_derivatives(n):
         np.zeros(4 * equations * WIDTH),
         np.zeros((4, N_MEMORIES, N_STATES)),
         np.zeros(4 * N_MEMORIES * WIDTH),
+        np.zeros((N_ROWS if disturbed else 0, WIDTH)),
     )
 
 
@@ -76,6 +79,7 @@ def room_for_derivatives(n):
 def start_derivatives(derivatives):
     """Let the derivatives be those at the start of a segment."""
     derivatives.z[:] = 0.0
+    derivatives.disturbed[:] = 0.0
     for i in range(N_STATES):
         derivatives.z[i * WIDTH + 1 + i] = 1.0
 
@@ -87,6 +91,7 @@ def rates_at(x, place, motion, rate):
         motion.u[j] = motion.drive[j, 0] + place * motion.drive[j, 1]
     state_rates(x, motion.u, motion.modes, motion.p, motion.c, rate)
     for row in range(N_ROWS):
+        rate[2 * row + 1] += motion.disturbance[row]
         if motion.dry[row] and motion.modes[row] == 0.0:
             rate[2 * row] = 0.0
             rate[2 * row + 1] = 0.0
@@ -108,8 +113,13 @@ def slopes_at(x, place, stage, motion, derivatives):
     size = (N_ROWS + N_MEMORIES) * WIDTH
     a = derivatives.by_state[stage]
     r = derivatives.by_rest[stage * size : (stage + 1) * size]
+    kept = derivatives.n if derivatives.disturbed.shape[0] else 0
+    for i in range(N_ROWS * WIDTH if kept else 0):
+        r[i] = 0.0  # `slopes` leaves alone what does not depend on the model
     slopes(x, motion.u, motion.du, modes, motion.p, motion.c, motion.at, motion.delay, a, r)
     for row in range(N_ROWS):
+        for j in range(1, kept):
+            r[row * WIDTH + j] += derivatives.disturbed[row, j]
         if motion.dry[row] and modes[row] == 0.0:
             a[row] = 0.0
             r[row * WIDTH : (row + 1) * WIDTH] = 0.0
@@ -127,7 +137,7 @@ def carry(derivatives, x, place, span, h, motion, work):
             size = N_MEMORIES * WIDTH
             q = derivatives.kept_by_rest[stage * size : (stage + 1) * size]
             memory_slopes(then, x, motion.p, motion.at, b, q)
-    z, n, a, r, b, q = derivatives
+    z, n, a, r, b, q, _ = derivatives
     vary(z, n, span * h, a, r, b, q)
 
 

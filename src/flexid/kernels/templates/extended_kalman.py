@@ -79,7 +79,7 @@ def predict(belief, inputs, settings, work):
         modes[j] = np.sign(belief[2 * j + 1])
     p, c = belief[N_STATES:SIZE], settings[CONSTANTS:]
     u, du, bends = np.empty(N_INPUTS), np.empty(N_INPUTS), np.empty((2, N_CORNERS))
-    motion = Motion(drive, modes, dry, p, c, at, 0, u, du, bends)
+    motion = Motion(drive, modes, dry, p, c, at, 0, u, du, bends, np.zeros(N_ROWS))
     cross_interval(x, derivatives, h, 1, motion, step, step)
     for i in range(N_STATES):
         for k in range(SIZE):
@@ -132,7 +132,7 @@ def correct(belief, place, measured, noise):
 def run(belief, samples, settings, coefficients):
     """Take in samples; belief changes in place, coefficients receive the estimates."""
     width = 2 if settings[WITH_VELOCITIES] != 0.0 else 1
-    derivatives = room_for_derivatives(1 + SIZE)
+    derivatives = room_for_derivatives(1 + SIZE, False)
     work = np.empty((N_STATES, SIZE)), derivatives, room_for_a_step()
     for n in range(samples.shape[0]):
         sample = samples[n]

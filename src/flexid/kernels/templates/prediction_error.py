@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 
 @njit(cache=True, error_model="numpy")
-def position_noise(measured, weights):
+def position_noise(measured, whitening):
     """Standard deviation of each row's position; 0 where it is not measured."""
     noise = np.zeros(N_ROWS)
     for a in range(measured.shape[0]):
         if measured[a] % 2 == 0:
-            noise[measured[a] // 2] = 1.0 / weights[a]
+            noise[measured[a] // 2] = 1.0 / whitening[0, a, a]
     return noise
 
 
@@ -50,7 +50,7 @@ def add_delay(row, x, rate, derivatives, drive, h, sensor):
               sought
     """
     state, reference, late, late_column = sensor
-    z, n, by_state, by_rest, _, _ = derivatives
+    z, n, by_state, by_rest, _, _, _ = derivatives
     speed, acceleration = x[state + 1], rate[state + 1]
     if reference >= 0:
         speed -= x[reference + 1]
@@ -75,15 +75,44 @@ def add_delay(row, x, rate, derivatives, drive, h, sensor):
 
 
 @inlined
-def add_residual(residual, row, weight, normal, gradient):
-    """Add a residual to the lower half of a block's normal equations; its share of the cost."""
-    square = weight * weight
-    for j in range(gradient.shape[0]):
-        weighted = square * row[1 + j]
-        gradient[j] += weighted * residual
-        for i in range(j + 1):
-            normal[j, i] += weighted * row[1 + i]
-    return square * residual * residual
+def add_residuals(errors, rows, whitening, mixed, normal, gradient):
+    """Add a sample's residuals to the lower half of a block's normal equations; their cost."""
+    cost = 0.0
+    for b in range(errors.shape[0]):
+        mixed[:] = 0.0
+        residual = 0.0
+        for a in range(b + 1):
+            weight = whitening[b, a]
+            if weight != 0.0:
+                residual += weight * errors[a]
+                for j in range(gradient.shape[0]):
+                    mixed[j] += weight * rows[a, 1 + j]
+        for j in range(gradient.shape[0]):
+            gradient[j] += mixed[j] * residual
+            for i in range(j + 1):
+                normal[j, i] += mixed[j] * mixed[i]
+        cost += residual * residual
+    return cost
+
+
+@uncounted
+def correct(x, derivatives, errors, rows, gains, motion):
+    """Correct a predicted state and the disturbances by what was measured, as an observer does."""
+    gain, disturbance_gain, decay = gains
+    z, n, disturbed = derivatives.z, derivatives.n, derivatives.disturbed
+    for row in range(N_ROWS):
+        motion.disturbance[row] *= decay[row]
+        for j in range(1, n):
+            disturbed[row, j] *= decay[row]
+        for a in range(errors.shape[0]):
+            motion.disturbance[row] += disturbance_gain[row, a] * errors[a]
+            for j in range(1, n):
+                disturbed[row, j] -= disturbance_gain[row, a] * rows[a, j]
+    for i in range(2 * N_ROWS):
+        for a in range(errors.shape[0]):
+            x[i] += gain[i, a] * errors[a]
+            for j in range(1, n):
+                z[i * WIDTH + j] -= gain[i, a] * rows[a, j]
 
 
 @uncounted
@@ -94,11 +123,13 @@ def mirror(normal):
             normal[i, j] = normal[j, i]
 
 
-# Room for one segment: state, its rates, a residual's derivatives, and the steps of the integrator;
-# the columns of what is sought; and what no segment changes: the noise of each row's position, and
-# which outputs are late.
+# Room for one segment: state, its rates, the residuals of a sample, their derivatives and one
+# combination of these, and the steps of the integrator; the columns of what is sought; and what no
+# segment changes: the noise of each row's position, and which outputs are late.
 Room = namedtuple(
-    "Room", "x rate row derivatives step alone modes at delay u du bends noise is_late"
+    "Room",
+    "x rate errors rows mixed derivatives step alone modes at delay u du bends disturbance noise "
+    "is_late",
 )
 
 
@@ -106,30 +137,41 @@ Room = namedtuple(
 def run_segment(s, segments, sensors, model, substeps, room, results):
     """Add a segment to the normal equations of its blocks; its cost, infinite if it diverged."""
     starts, lengths, first_blocks, sample_times, initial_states = segments
-    outputs, measured, reference, late, late_columns, weights = sensors
-    drives, p, c, dry = model
-    x, rate, row, derivatives, step, alone, modes, at, delay, u, du, bends, noise, is_late = room
+    outputs, measured, reference, late, late_columns, whitening = sensors
+    drives, p, c, dry, observer = model
+    x, rate, errors, rows, mixed, derivatives, step, alone, modes, at, delay, u, du, bends = room[
+        :14
+    ]
+    disturbance, noise, is_late = room[14:]
     normal, gradient, residuals, _ = results
     any_late = is_late.any()
+    gain, disturbance_gain, decay, directions = observer
+    observed = gain.shape[2] > 0
     cost, h = 0.0, sample_times[s]
     for i in range(N_STATES):
         x[i] = initial_states[s, i]
+    disturbance[:] = 0.0
     start_derivatives(derivatives)
-    motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du, bends)
+    motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
     first_modes(x, derivatives, h, noise, motion, alone)
     blocks = first_blocks[s + 1] - first_blocks[s]
     for k in range(starts[s], starts[s] + lengths[s]):
         b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
         if k > starts[s]:
-            motion = Motion(drives[k - 1], modes, dry, p[s], c, at, delay, u, du, bends)
+            drive = drives[k - 1]
+            if observed:
+                for row in range(N_ROWS):
+                    modes[row] = directions[k - 1, row]
+            motion = Motion(drive, modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
             cross_interval(x, derivatives, h, substeps, motion, step, alone)
+        motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
         if any_late:
-            motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du, bends)
             rates_at(x, 0.0, motion, rate)
             if derivatives.n > 1:
                 slopes_at(x, 0.0, 0, motion, derivatives)
         for a in range(measured.shape[0]):
             state = measured[a]
+            row = rows[a]
             row[:] = 0.0
             row[0] = x[state]
             for j in range(1, derivatives.n):
@@ -137,11 +179,14 @@ def run_segment(s, segments, sensors, model, substeps, room, results):
             if is_late[a]:
                 sensor = state, reference[a], late[a], late_columns[a]
                 add_delay(row, x, rate, derivatives, drives[k], h, sensor)
-            residual = outputs[k, a] - row[0]
-            if not abs(residual) < BOUND:
+            errors[a] = outputs[k, a] - row[0]
+            if not abs(errors[a]) < BOUND:
                 return np.inf
-            residuals[k, a] = residual
-            cost += add_residual(residual, row, weights[a], normal[b], gradient[b])
+            residuals[k, a] = errors[a]
+        cost += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
+        if observed:
+            gains = gain[s], disturbance_gain[s], decay[s]
+            correct(x, derivatives, errors, rows, gains, motion)
     for b in range(first_blocks[s], first_blocks[s + 1]):
         mirror(normal[b])
     return cost
@@ -159,18 +204,21 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
     sensors   outputs, shape (n, n_outputs), and of each column a the state that it measures, less
               the state reference[a], if that is not -1, or less the input -2 - reference[a], if
               that is below, of which the next input is the velocity, as far as delays go; the
-              delay in s, the place of that among what is sought (-1: not sought), and the weight:
-              one over the standard deviation
+              delay in s, the place of that among what is sought (-1: not sought), and, for each
+              segment, the lower triangle that whitens the outputs' noise
     model     drives[k], of each input over the interval from sample k on its start and its change,
               and the derivatives of both by the delay; coefficients of each segment; constants;
-              which rows can stick
+              which rows can stick; and the observer: for each segment the gains of the states and
+              of the disturbances, one column for each output, or none, and what an interval leaves
+              of a disturbance; and the direction of each row's friction over the interval from
+              each sample on
     sought    places of the coefficients, and whether the input's delay is sought after them
     results   filled, all zero before: normal equations, shape (n_blocks, n, n), their right-hand
               sides, shape (n_blocks, n), residuals, shape of the outputs, and the weighted sum of
               squares of each segment: infinite, and then the last one, if its motion diverged.
               If n is 0, the motion runs without derivatives
     """
-    _, measured, _, late, late_columns, weights = sensors
+    _, measured, _, late, late_columns, whitening = sensors
     wanted, delay_sought = sought
     normal, _, _, costs = results
     carried = 0
@@ -182,8 +230,10 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
     room = Room(
         np.empty(N_STATES),
         np.empty(N_STATES),
-        np.zeros(1 + normal.shape[1]),
-        room_for_derivatives(1 + carried),
+        np.zeros(measured.shape[0]),
+        np.zeros((measured.shape[0], 1 + normal.shape[1])),
+        np.zeros(normal.shape[1]),
+        room_for_derivatives(1 + carried, model[4][0].shape[2] > 0),
         room_for_a_step(),
         room_for_a_step(),  # by which an event is located
         np.empty(N_ROWS),
@@ -192,7 +242,8 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
         np.empty(N_INPUTS),
         np.empty(N_INPUTS),
         np.empty((2, N_CORNERS)),
-        position_noise(measured, weights),
+        np.zeros(N_ROWS),
+        position_noise(measured, whitening),
         (late != 0.0) | (late_columns >= 0),
     )
     for s in range(part[0], part[1]):

@@ -1,0 +1,72 @@
+"""Scores of realistic trials as a table."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from benchmarks.report import markdown
+from benchmarks.trials import cells
+from benchmarks.trials.realistic.families import REALISTIC
+from benchmarks.trials.realistic.score import RealisticScore, claims, scores
+
+TITLE = "Realistic drives"
+
+_ABOUT = (
+    "Share of determined intervals that hold the truth, of all parameters and of the core: "
+    "inertias and stiffness, or their ratios. Half-width of determined core intervals, relative to "
+    "the truth, median. Error ratio: spread of the errors of determined core parameters over their "
+    "standard errors; 1 is right, above 1 intervals are too narrow. Wrong: logs with a determined "
+    "core parameter outside its interval and more than 5 % off. Seconds of processor time: median "
+    "/ largest."
+)
+
+_COLUMNS: Sequence[tuple[str, Callable[[RealisticScore], str]]] = (
+    ("logs", lambda one: str(one.logs)),
+    ("no result", lambda one: cells.failures(one.failed, one.refused)),
+    ("determined", lambda one: cells.share(one.determined)),
+    ("determined core", lambda one: cells.share(one.core)),
+    ("core determined", lambda one: cells.share(one.core_determined)),
+    ("half-width (%)", lambda one: cells.percent(one.half_width)),
+    ("error ratio", lambda one: cells.number(one.error_ratio)),
+    ("wrong", lambda one: cells.share(one.wrong)),
+    ("seconds", lambda one: cells.seconds(one.seconds)),
+)
+
+Records = Sequence[Mapping[str, Any]]
+
+
+def table(records: Records) -> tuple[list[str], list[list[str]]]:
+    """Headings and lines, one for each family."""
+    lines = [[one.family, *(cell(one) for _, cell in _COLUMNS)] for one in scores(records)]
+    return [TITLE.lower(), *(name for name, _ in _COLUMNS)], lines
+
+
+def render(records: Records) -> list[str]:
+    """The section of the page."""
+    parts = [f"### {TITLE}", "", _ABOUT, "", *markdown(*table(records)), ""]
+    parts += ["### Each realistic core parameter outside its interval", ""]
+    lines = _outside(records)
+    headings = ["family", "seed", "parameter", "truth", "value", "interval"]
+    return [*parts, *(markdown(headings, lines) if lines else ["None."]), ""]
+
+
+def families() -> str:
+    """The families as Markdown."""
+    return "\n".join(
+        markdown(["family", "what it has"], [[one.name, one.about] for one in REALISTIC.values()])
+    )
+
+
+def _outside(records: Records) -> list[list[str]]:
+    return [
+        [
+            record["family"],
+            str(record["seed"]),
+            claim.name,
+            f"{claim.truth:.5g}",
+            f"{claim.value:.5g}",
+            f"{claim.low:.5g} to {claim.high:.5g}",
+        ]
+        for record in records
+        for claim in claims(record)
+        if claim.name in record["core"] and claim.status == "determined" and not claim.holds
+    ]

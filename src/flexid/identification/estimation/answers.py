@@ -1,0 +1,251 @@
+"""The exact fit of a log; or, where that does not explain it, the fit with disturbances.
+
+The exact fit knows nothing but the sensors' noise, and reaches the Cramér-Rao bound on a log that
+the model explains. Where it leaves more, its intervals allow for the worst error that may hide in
+what is left. The fit with disturbances expects to be wrong. Of the two that is reported which knows
+the inertias, the stiffness and gravity better.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.errors import ConvergenceError
+from flexid.identification.estimation.absence import hidden_covariance
+from flexid.identification.estimation.disturbed import (
+    Disturbed,
+    disturbed_estimate,
+    fit_disturbed,
+    fit_disturbed_to,
+    skew,
+)
+from flexid.identification.estimation.final_fits import (
+    FILTER_RATE,
+    FinalFits,
+    final_fits,
+    with_doubts,
+)
+from flexid.identification.full_model.climbing import Climb
+from flexid.identification.full_model.fitting import lengths, motion_at
+from flexid.identification.full_model.model import Data, Fitted
+from flexid.identification.preparation.recordings import SplitRecordings
+from flexid.identification.structure.elimination import CORE, Choice
+from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
+from flexid.identification.structure.validation import validate
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import Disturbances, ModelError, Validation
+from flexid.identification.vocabulary.progress import Progress
+from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.recording.caution import Caution, Rank
+
+_SKEWED = 0.8  # share of the deflection's variance, beyond which a delay makes it, no spring
+_PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
+_BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a log says.
+
+    Parameters
+    ----------
+    fits : FinalFits
+        To all data.
+    validation : Validation
+        Of the same structure, fitted to the data before the held-out ends.
+    estimate : Estimate
+        With all that is doubted in its covariance.
+    disturbances : Disturbances or None
+        Of the fit with disturbances, if that is it.
+    doubts : tuple of str
+        Why no stiffness is known, whatever the intervals say.
+    prediction : str
+        How well the spring predicts the deflection.
+    """
+
+    fits: FinalFits
+    validation: Validation
+    estimate: Estimate
+    disturbances: Disturbances | None = None
+    doubts: tuple[Caution, ...] = ()
+    prediction: str = ""
+
+
+def answer(
+    job: Job,
+    training: Data,
+    whole: Data,
+    recordings: SplitRecordings,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> Answer:
+    """The fit that knows more.
+
+    Parameters
+    ----------
+    job : Job
+        What is to be found.
+    training, whole : Data
+        The data before the held-out ends, and all.
+    recordings : SplitRecordings
+        The same as recorded.
+    progress : callable
+        Called with each step in words.
+    thresholds : Thresholds
+        What is decided by.
+
+    Raises
+    ------
+    ConvergenceError
+        If neither can be had.
+    """
+    settings = job.settings
+    # Innovations know neither smoothed friction, nor segments, nor terms with a shape.
+    asked = settings.coulomb_velocity != "auto" or settings.segment_duration != "auto"
+    asked = asked or not job.joint.shapes.isdisjoint(job.kept)
+    exact, failure = None, None
+    try:
+        exact = _exact(job, training, whole, recordings, progress, thresholds)
+    except ConvergenceError as error:
+        failure = error
+    if exact is not None:
+        reported = exact.fits.reported
+        # Disturbances would follow any bound; the exact fit says what contradicts it.
+        if asked or reported.at_bound or reported.excess <= thresholds.sensor_excess:
+            return exact
+    if failure is not None and asked:
+        raise failure
+    progress("what disturbs the drive")
+    try:
+        disturbed = _disturbed(job, training, whole, recordings, thresholds)
+    except ConvergenceError:
+        if exact is None:
+            raise
+        return exact
+    if exact is not None and _core_width(exact) <= _core_width(disturbed):
+        return _judged(exact, exact.fits.choice.fitted, job, whole, recordings)
+    return disturbed
+
+
+def _core_width(found: Answer) -> float:
+    """Geometric mean of the core's relative deviations; infinite where one is not known."""
+    estimate = found.estimate
+    widths = [
+        std / max(abs(value), np.finfo(float).tiny)
+        for name, value, std in zip(
+            estimate.names, estimate.values, estimate.deviations, strict=True
+        )
+        if name in CORE
+    ]
+    if not found.fits.reported.converged or not widths:
+        return np.inf
+    return float(np.exp(np.mean(np.log(np.maximum(widths, np.finfo(float).tiny)))))
+
+
+def _exact(
+    job: Job,
+    training: Data,
+    whole: Data,
+    recordings: SplitRecordings,
+    progress: Progress,
+    thresholds: Thresholds,
+) -> Answer:
+    """The fit that knows of the sensors' noise alone."""
+    choice, validation = predicting(job, training, whole, recordings, progress, thresholds)
+    progress("fit to all data")
+    fits = final_fits(choice, whole, recordings, job.settings.filter_rate, thresholds)
+    progress("what the model does without")
+    return Answer(fits, validation, with_doubts(fits, job.delay_in_doubt, thresholds))
+
+
+def _disturbed(
+    job: Job, training: Data, whole: Data, recordings: SplitRecordings, thresholds: Thresholds
+) -> Answer:
+    """The fit with disturbances."""
+    structure = job.structure(training)
+    holds = job.holds if job.joint.kind == "link" else (MEASURED_HOLD, "zero")
+    fitted = fit_disturbed(structure, training, job.kept, holds, thresholds)
+    undisturbed = _undisturbed(fitted.fitted, training)
+    validation = validate(undisturbed, whole, recordings.starts)
+    refitted = fit_disturbed_to(fitted, whole)
+    fits = _fits(refitted, recordings, job)
+    estimate = disturbed_estimate(refitted, whole)
+    estimate = estimate.widened(hidden_covariance(fits.reported, fits.full, fits.scales))
+    disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
+    found = Answer(fits, validation, estimate, disturbances)
+    return _judged(found, undisturbed, job, whole, recordings)
+
+
+def _judged(
+    found: Answer, fitted: Fitted, job: Job, whole: Data, recordings: SplitRecordings
+) -> Answer:
+    """An answer that does not explain the log, with what speaks against its stiffness."""
+    if job.joint.kind == "rigid":
+        return found
+    period, predicted = _over_a_period(fitted, whole, recordings)
+    prediction = (
+        f"of which the spring predicts {max(predicted, 0.0):.0f} % over {period:.2g} s, a period "
+        f"of the resonance"
+    )
+    return replace(found, doubts=_doubts(job, whole, period, predicted), prediction=prediction)
+
+
+def _over_a_period(fitted: Fitted, whole: Data, recordings: SplitRecordings) -> tuple[float, float]:
+    """Period of the resonance in s, and per cent of the deflection that is predicted over it."""
+    springs = [abs(fitted.by_name.get(name, 0.0)) for name in ("theta2", "alpha1")]
+    period = 2.0 * np.pi / np.sqrt(max(sum(springs), np.finfo(float).tiny))
+    period = float(np.clip(period, 5.0 * whole.samples[0].sample_time, 0.1 * whole.duration))
+    found = validate(fitted, whole, recordings.starts, horizons=(period,)).horizons
+    return period, found[period].get("deflection", np.nan) if found else np.nan
+
+
+def _doubts(job: Job, whole: Data, period: float, predicted: float) -> tuple[Caution, ...]:
+    """Why no stiffness is known: a delay makes the deflection, or no spring predicts it."""
+    if job.joint.kind == "flexible" and job.settings.link_delay == "auto":
+        delay, explained = skew(whole)
+        if explained > _SKEWED:
+            return (
+                Caution(
+                    f"{100.0 * explained:.0f} % of the deflection is a delay of "
+                    f"{1e3 * abs(delay):.2g} ms between the encoders, and no spring: align their "
+                    f"clocks, then excite the joint harder",
+                    Rank.SCALE,
+                ),
+            )
+    if predicted < _PREDICTED:
+        return (
+            Caution(
+                f"more moves this joint than the model has: over {period:.2g} s, a period of the "
+                f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the deflection; "
+                f"look for other axes, loads and backlash",
+                Rank.MODEL,
+            ),
+        )
+    return ()
+
+
+def _undisturbed(fitted: Fitted, data: Data) -> Fitted:
+    """The values of a fit in a motion that nothing corrects, of data as they were logged."""
+    segments = lengths(data)[-1]
+    problem, _ = motion_at(fitted.ended, data, segments, fitted.by_name, None)
+    return replace(fitted, problem=problem, data=data)
+
+
+def _fits(found: Disturbed, recordings: SplitRecordings, job: Job) -> FinalFits:
+    """The fit as all fits are reported."""
+    fitted, full = found.fitted, found.full
+    climbed = Climb((), (), True, tuple(job.holds), _BY_DISTURBANCES)
+    choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), climbed)
+    rate = job.settings.filter_rate
+    nothing = ModelError(0.0, 0.0, 0.0)
+    return FinalFits(
+        choice,
+        recordings,
+        fitted,
+        (fitted,),
+        (),
+        nothing,
+        frozenset(),
+        full,
+        FILTER_RATE if isinstance(rate, str) else rate,
+    )

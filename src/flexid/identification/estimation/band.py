@@ -1,0 +1,178 @@
+"""The band in which a joint is the right model: a log low-passed and thinned out to it.
+
+Above a joint's resonance a log holds the sensors' own errors, further bending modes and steps of
+encoders. None of them says anything about the joint, and a likelihood of every sample would fit
+them. So a log that the model does not explain is low-passed, without phase shift and all channels
+alike, and sampled some 16 times per period of the resonance, however fast it was logged.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import erf
+
+from flexid.arrays import FloatArray
+from flexid.estimators.samples import Samples
+from flexid.identification.full_model.model import Data
+from flexid.recording.velocities import position_noise
+
+PER_PERIOD = 16.0
+"""Samples per period of the resonance."""
+
+_EDGE = 0.8  # of the new Nyquist frequency, where the low-pass begins
+_REACH = 10  # new samples that the low-pass reaches to either side
+_WINDOW = 0.03  # s over which a direction of motion is measured
+_POWER = 0.99  # share of a rigid joint's acceleration that lies in its band
+_RIGID_PER_PERIOD = 8.0  # samples per period of the fastest of that
+_SPRING_SHARE = 0.25  # of the resonance, that is the least rate of a disturbance
+_FEWEST = 200  # samples that are left at least
+
+
+def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PERIOD) -> int:
+    """Every how many samples of a log describe the joint.
+
+    Parameters
+    ----------
+    data : Data
+        The log.
+    start : mapping of str to float
+        Coefficients that are nearly right; the springs' give the resonance.
+    per_period : float, optional
+        Samples per period of the resonance.
+    """
+    sample_time = max(samples.sample_time for samples in data.samples)
+    springs = [abs(start[name]) for name in ("theta2", "alpha1") if name in start]
+    if springs:
+        fastest = float(np.sqrt(sum(springs)))
+    else:
+        fastest = _fastest(data) * _RIGID_PER_PERIOD / PER_PERIOD
+    if fastest <= 0.0:
+        return 1
+    wanted = int(2.0 * np.pi / (fastest * per_period * sample_time))
+    most = min(map(len, data.samples)) // _FEWEST
+    return max(1, min(wanted, most))
+
+
+def slowest_disturbance(data: Data, *, rigid: bool) -> float:
+    """Least rate of a disturbance in 1/s: below it, it would take the part of friction.
+
+    Parameters
+    ----------
+    data : Data
+        The thinned log.
+    rigid : bool
+        Whether nothing but friction and inertia tells frequencies apart; a spring does.
+    """
+    sample_time = max(samples.sample_time for samples in data.samples)
+    resonance = 2.0 * np.pi / (PER_PERIOD * sample_time)
+    return resonance if rigid else _SPRING_SHARE * resonance
+
+
+def _fastest(data: Data) -> float:
+    """Angular frequency in rad/s below which nearly all of a motion's acceleration lies."""
+    longest = max(data.samples, key=len)
+    assert longest.velocities is not None
+    rates = longest.velocities[:, -1]
+    spectrum = np.abs(np.fft.rfft((rates - rates.mean()) * np.hanning(len(rates)))) ** 2
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(len(rates), longest.sample_time)
+    power = np.cumsum(spectrum * frequency**2)
+    return float(frequency[np.searchsorted(power, _POWER * power[-1])]) if power[-1] > 0.0 else 0.0
+
+
+def thinned(data: Data, factor: int, *, held: bool) -> Data:
+    """A log in its band.
+
+    Parameters
+    ----------
+    data : Data
+        With velocities.
+    factor : int
+        Of so many samples one is left.
+    held : bool
+        Whether the inputs were constant from one sample to the next: each sample of the filtered
+        ones is then the mean of what acted before and after it.
+    """
+    if factor == 1:
+        return data
+    found = []
+    for samples in data.samples:
+        assert samples.velocities is not None
+        inputs = samples.inputs
+        if held:
+            inputs = 0.5 * (inputs + np.vstack((inputs[:1], inputs[:-1])))
+        found.append(
+            replace(
+                samples,
+                positions=_low_passed(samples.positions, factor),
+                velocities=_low_passed(samples.velocities, factor),
+                inputs=_low_passed(inputs, factor),
+                sample_time=factor * samples.sample_time,
+            )
+        )
+    noise = [position_noise(column) for column in max(found, key=len).positions.T]
+    return replace(
+        data,
+        samples=tuple(found),
+        noise=np.maximum(noise, data.noise / np.sqrt(factor)),
+        refinement=1,
+    )
+
+
+def directions(recordings: Sequence[Samples], factor: int) -> FloatArray:
+    """Mean direction of each row's motion over the interval from each thinned sample on.
+
+    The direction of a velocity that is only just measured is its expectation: the difference of
+    the probabilities that it is positive and negative.
+
+    Parameters
+    ----------
+    recordings : sequence of Samples
+        As logged.
+    factor : int
+        As of `thinned`.
+
+    Returns
+    -------
+    array, shape (n_samples, n_rows)
+        From -1 to 1, of all recordings together.
+    """
+    parts = []
+    for samples in recordings:
+        columns = [_direction(column, samples.sample_time) for column in samples.positions.T]
+        each = np.column_stack(columns)
+        smooth = _convolved(each, factor) if factor > 1 else each
+        total = np.cumsum(0.5 * (smooth[1:] + smooth[:-1]), axis=0)
+        total = np.vstack((np.zeros((1, each.shape[1])), total))[::factor]
+        means = np.diff(total, axis=0) / factor
+        missing = len(each[::factor]) - len(means)
+        parts.append(np.vstack((means, np.repeat(smooth[-1:], missing, axis=0))))
+    return np.ascontiguousarray(np.concatenate(parts))
+
+
+def _direction(position: FloatArray, sample_time: float) -> FloatArray:
+    """Expected sign of the velocity at each sample, shape (n,)."""
+    from scipy.signal import savgol_filter  # slow to import, and few logs need it
+
+    window = max(5, round(_WINDOW / sample_time) | 1)
+    window = min(window, (len(position) - 1) | 1)
+    rate = savgol_filter(position, window, 2, deriv=1, delta=sample_time)
+    # Of a straight line through the window, for white noise of the position.
+    deviation = position_noise(position) / sample_time * np.sqrt(12.0 / window**3)
+    least = np.finfo(float).tiny
+    return erf(rate / np.sqrt(2.0) / max(deviation, least))
+
+
+def _low_passed(columns: FloatArray, factor: int) -> FloatArray:
+    return np.ascontiguousarray(_convolved(columns, factor)[::factor])
+
+
+def _convolved(columns: FloatArray, factor: int) -> FloatArray:
+    """Columns, shape (n, k), low-passed; turned round about their ends beyond these."""
+    from scipy.signal import fftconvolve, firwin
+
+    half = min(_REACH * factor, len(columns) - 1)
+    kernel = np.asarray(firwin(2 * half + 1, _EDGE / factor))
+    before = 2.0 * columns[:1] - columns[half:0:-1]
+    after = 2.0 * columns[-1:] - columns[-2 : -half - 2 : -1]
+    return fftconvolve(np.vstack((before, columns, after)), kernel[:, None], "valid", axes=0)

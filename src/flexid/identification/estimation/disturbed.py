@@ -1,0 +1,359 @@
+"""The fit of a log that the model does not explain: with disturbances, in the joint's band.
+
+What no term describes acts as a disturbance of its row (see `flexid.estimators.innovations`), so
+that neither row spoils the other. A disturbance is taken to be random. What is not random about it
+shows as a spread between bands, and between the halves of the log: it widens the intervals by as
+much as it exceeds what chance explains. And what repeats itself in every band and half, as a
+further bending mode does, is taken to look like each term to a fifth, and like a friction to seven
+tenths.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
+from flexid.estimators.bounded import bounded_fit
+from flexid.estimators.innovations import Innovations, Sizes, fit_innovations
+from flexid.estimators.samples import Samples
+from flexid.estimators.segments import divide
+from flexid.estimators.unknowns import Unknowns
+from flexid.identification.estimation.band import (
+    PER_PERIOD,
+    directions,
+    slowest_disturbance,
+    thinned,
+    thinning,
+)
+from flexid.identification.estimation.excitations import row_sizes
+from flexid.identification.full_model.fitting import lengths, motion_at
+from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
+from flexid.identification.full_model.starting import least_squares_start, starts
+from flexid.identification.structure.elimination import eliminate, latest
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import TermEvidence
+from flexid.identification.vocabulary.thresholds import Thresholds
+from flexid.models.flexible_joint import DISSIPATIVE
+from flexid.recording.recording import Hold
+from flexid.recording.velocities import position_noise
+
+_ROUNDS = 3  # of taking terms away
+_BANDS = (0.5, 2.0)  # of the usual number of samples per period
+_REPEATED = 0.2  # of what a row leaves unexplained, that may look like any one of its terms
+_FRICTION_REPEATED = 0.7  # the same of a friction: another law looks most like the laws there are
+_CALIBRATION = 2e-3  # of a value, standard deviation: no scale of a rig is known better
+_LEAST_TURN = 0.5  # rad, below which gravity is as straight as a spring, within 1 %
+_GRAVITY = frozenset({"theta1", "theta_cosine", "gamma1", "gamma_cosine"})
+_RATE = 20.0  # 1/s, of the filter that shows how much each term moves its row
+_SKEWED = 0.5  # share of the deflection's variance that a delay explains, to begin with it
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbed:
+    """A structure fitted with disturbances.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        Innovations of the thinned log; values as in a fit of the whole log.
+    full : Fitted
+        The same with all usual terms.
+    terms : tuple of TermEvidence
+        What was kept and what was not.
+    sizes : Sizes
+        Of noise and disturbances.
+    shares : mapping of str to float
+        What each row leaves unexplained over its acceleration, root mean squares.
+    factor : int
+        Of so many samples of the log one was fitted.
+    """
+
+    fitted: Fitted
+    full: Fitted
+    terms: tuple[TermEvidence, ...]
+    sizes: Sizes
+    shares: Mapping[str, float]
+    factor: int
+
+
+def fit_disturbed(
+    structure: Structure,
+    data: Data,
+    kept: Collection[str],
+    holds: Sequence[Hold],
+    thresholds: Thresholds,
+) -> Disturbed:
+    """Fit all usual terms, and take away what the log does not show.
+
+    Parameters
+    ----------
+    structure : Structure
+        With every term that is to be considered.
+    data : Data
+        The log, with velocities.
+    kept : collection of str
+        Coefficients and delays that stay in any case.
+    holds : sequence of Hold
+        Behaviours of the input to choose from.
+    thresholds : Thresholds
+        What counts as chance.
+
+    Raises
+    ------
+    ConvergenceError
+        If no start leads anywhere.
+    """
+    if _turned(data) < _LEAST_TURN:
+        structure = structure.without(_GRAVITY - {*kept})
+    factor = thinning(data, _start(structure, data))
+    found: list[tuple[float, Fitted, Sizes]] = []
+    # A low-passed input has no steps; how it runs between samples and its delay look alike.
+    tried: Sequence[Hold] = holds if factor == 1 else holds[:1]
+    for hold in tried:
+        held = replace(structure, timing=replace(structure.timing, hold=hold))
+        for start in _starts(held, thinned(data, factor, held=hold == "zero")):
+            try:
+                fitted, own = _fit(held, data, factor, start)
+            except ConvergenceError:
+                continue
+            found.append((own.cost, fitted, own.sizes))
+    if not found:
+        raise ConvergenceError(
+            "prediction error",
+            "the model follows this log from no start: check the channels, their units and signs",
+        )
+    _, full, sizes = min(found, key=lambda each: each[0])
+    fitted, evidence = full, ()
+    strict = replace(thresholds, friction_sign=np.inf)
+    for _ in range(_ROUNDS):
+        leaner, own = eliminate(fitted, kept, strict)
+        evidence = latest(evidence, own)
+        unchanged = leaner.absent == fitted.structure.absent
+        if unchanged and leaner.timing.sought == fitted.structure.timing.sought:
+            break
+        fitted, innovations = _fit(leaner, data, factor, fitted.by_name, sizes)
+        sizes = innovations.sizes
+    return Disturbed(fitted, full, evidence, sizes, _shares(fitted, sizes), factor)
+
+
+def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
+    """The same structures fitted to other data of the same drive."""
+    fitted, own = _fit(
+        found.fitted.structure, data, found.factor, found.fitted.by_name, found.sizes
+    )
+    full, _ = _fit(found.full.structure, data, found.factor, found.full.by_name, own.sizes)
+    shares = _shares(fitted, own.sizes)
+    return replace(found, fitted=fitted, full=full, sizes=own.sizes, shares=shares)
+
+
+def disturbed_estimate(found: Disturbed, data: Data) -> Estimate:
+    """The estimate with the spread between bands and halves in its covariance.
+
+    Parameters
+    ----------
+    found : Disturbed
+        Fitted to the data.
+    data : Data
+        The whole log.
+    """
+    fitted = found.fitted
+    estimate = Estimate.of(fitted.fit)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        short = fitted.unit_deviations / estimate.deviations
+    estimate = estimate.scaled(np.where(np.isfinite(short), np.maximum(short, 1.0), 1.0))
+    variances = np.diag(estimate.covariance)
+    added = np.zeros_like(estimate.covariance)
+    others = list(_in_other_bands(found, data))
+    for other in others:
+        by_chance = np.abs(_variances(other) - variances)
+        beyond = _beyond(other.values - fitted.values, by_chance)
+        added += np.outer(beyond, beyond) / len(others)
+    halves = _halves(found, data)
+    if halves is not None:
+        by_chance = 0.25 * (_variances(halves[0]) + _variances(halves[1]))
+        beyond = _beyond(0.5 * (halves[0].values - halves[1].values), by_chance)
+        added += np.outer(beyond, beyond)
+    scale = _CALIBRATION * np.abs(fitted.values)
+    return estimate.widened(added + np.diag(_repeated(found) ** 2 + scale**2))
+
+
+def _repeated(found: Disturbed) -> FloatArray:
+    """Deviation of each value, shape (k,), by what is unexplained and looks like its term."""
+    fitted = found.fitted
+    _, squares = least_squares_start(fitted.structure, fitted.data, _RATE)
+    sizes = row_sizes(squares.rows)
+    rows = {name: _name(row.name) for row in squares.rows for name in row.coefficients}
+    deviations = []
+    for name in fitted.names:
+        share = found.shares[rows[name]] / sizes[name] if sizes.get(name) else 0.0
+        friction = name.partition("[")[0] in DISSIPATIVE
+        deviations.append((_FRICTION_REPEATED if friction else _REPEATED) * share)
+    return np.array(deviations)
+
+
+def _beyond(difference: FloatArray, variance: FloatArray) -> FloatArray:
+    """The part of differences that is more than chance, with their signs."""
+    square = difference**2 - np.where(np.isfinite(variance), variance, np.inf)
+    return np.sign(difference) * np.sqrt(np.maximum(square, 0.0))
+
+
+def _variances(fitted: Fitted) -> FloatArray:
+    return np.maximum(np.diag(fitted.fit.covariance), fitted.unit_deviations**2)
+
+
+def _in_other_bands(found: Disturbed, data: Data) -> Iterator[Fitted]:
+    """The structure fitted in wider and narrower bands, as far as the log has them."""
+    factors = {thinning(data, found.fitted.by_name, share * PER_PERIOD) for share in _BANDS} - {
+        found.factor
+    }
+    for factor in sorted(factors):
+        other = _again(found, data, factor)
+        if other is not None:
+            yield other
+
+
+def _halves(found: Disturbed, data: Data) -> tuple[Fitted, Fitted] | None:
+    """The structure fitted to either half of every recording; None where one is too short."""
+    fits = []
+    for second in (False, True):
+        part = replace(data, samples=tuple(_half(s, second=second) for s in data.samples))
+        fits.append(_again(found, part, found.factor))
+    return (fits[0], fits[1]) if all(fits) else None
+
+
+def _again(found: Disturbed, data: Data, factor: int) -> Fitted | None:
+    fitted = found.fitted
+    try:
+        other, _ = _fit(fitted.structure, data, factor, fitted.by_name, found.sizes)
+    except ConvergenceError:
+        return None
+    return other if other.names == fitted.names and other.converged else None
+
+
+def _half(samples: Samples, *, second: bool) -> Samples:
+    """One half of a recording."""
+    middle = len(samples) // 2
+    part = slice(middle, None) if second else slice(0, middle)
+    velocities = None if samples.velocities is None else samples.velocities[part]
+    return replace(
+        samples,
+        positions=samples.positions[part],
+        velocities=velocities,
+        inputs=samples.inputs[part],
+        start_time=samples.start_time + second * middle * samples.sample_time,
+    )
+
+
+def _fit(
+    structure: Structure,
+    data: Data,
+    factor: int,
+    start: Mapping[str, float],
+    sizes: Sizes | None = None,
+) -> tuple[Fitted, Innovations]:
+    """A structure fitted to a log in its band, within bounds."""
+    own = thinned(data, factor, held=structure.timing.hold == "zero")
+    directed = directions(data.samples, factor)
+    timing = structure.timing if factor == 1 else replace(structure.timing, hold="cubic")
+    segments = divide(own.samples, own.duration, margin=own.margin)
+    slowest = slowest_disturbance(own, rigid=structure.joint.kind == "rigid")
+    last: list[Innovations] = []
+
+    def fit_with(unknowns: Unknowns) -> Fitted:
+        fixed = {c: v for c, v in unknowns.fixed.items() if c not in structure.absent}
+        timed = replace(structure, timing=timing, fixed={**structure.fixed, **fixed})
+        problem, point = motion_at(timed, own, segments, start, None)
+        problem = replace(problem, weights=1.0 / _sensor_noise(own))
+        last.append(fit_innovations(problem, point, directed, slowest, sizes))
+        found = last[-1]
+        if not np.isfinite(found.minimum.equations.cost):
+            raise ConvergenceError("prediction error", "the disturbed motion diverges")
+        return Fitted(structure, own, found.problem, found.minimum, own.duration)
+
+    unknowns = structure.unknowns(data.groups)
+    bounds = {c: b for c, b in structure.bounds.items() if c not in structure.absent}
+    fitted, at_bound = (
+        bounded_fit(fit_with, unknowns, bounds) if bounds else (fit_with(unknowns), {})
+    )
+    return replace(fitted, at_bound=at_bound), last[-1]
+
+
+def _sensor_noise(data: Data) -> FloatArray:
+    """Noise of each sensor; of a deflection's its own."""
+    noise = data.noise.copy()
+    if "motor" in data.relative_to.values():
+        positions = max(data.samples, key=len).positions
+        noise[0] = max(position_noise(positions[:, 0] - positions[:, 1]), 1e-3 * noise[0])
+    return noise
+
+
+def _start(structure: Structure, data: Data) -> dict[str, float]:
+    return starts(structure, data, lengths(data)[0])[0]
+
+
+def _starts(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
+    """Where to begin: least squares, with the channels as they are, and as a skew puts them."""
+    yield _start(structure, data)
+    if LINK not in structure.timing.sought or structure.joint.kind != "flexible":
+        return
+    delay, explained = skew(data)
+    if explained > _SKEWED and abs(delay) < data.margin:
+        yield {**_start(structure, _shifted(data, delay)), LINK: delay}
+
+
+def _turned(data: Data) -> float:
+    """How far the first row, that of the link where there is one, turned, in rad."""
+    positions = [samples.positions[:, 0] for samples in data.samples]
+    return max(map(np.max, positions)) - min(map(np.min, positions))
+
+
+def skew(data: Data) -> tuple[float, float]:
+    """Delay in s between the encoders that explains most of the deflection, and its share of it."""
+    rows, left = [], []
+    for samples in data.samples:
+        assert samples.velocities is not None
+        speed = samples.velocities[:, -1]
+        rows.append(np.column_stack((speed - speed.mean(), np.gradient(speed))))
+        deflection = samples.positions[:, 0] - samples.positions[:, -1]
+        left.append(deflection - deflection.mean())
+    regressors, deflection = np.concatenate(rows), np.concatenate(left)
+    solution = np.linalg.lstsq(regressors, deflection)[0]
+    explained = 1.0 - np.var(deflection - regressors[:, 0] * solution[0]) / np.var(deflection)
+    return -float(solution[0]), float(explained)
+
+
+def _shifted(data: Data, delay: float) -> Data:
+    """A log whose link's positions are put a delay earlier."""
+    moved = []
+    for samples in data.samples:
+        positions = samples.positions.copy()
+        assert samples.velocities is not None
+        positions[:, 0] += delay * samples.velocities[:, 0]
+        moved.append(replace(samples, positions=positions))
+    return replace(data, samples=tuple(moved))
+
+
+def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:
+    """What each row leaves unexplained: its disturbance, and errors of its sensor beyond noise."""
+    data, segments = fitted.data, fitted.problem.segments
+    squares, count = np.zeros(len(sizes.disturbances)), 0
+    for samples in data.samples:
+        assert samples.velocities is not None
+        rates = np.gradient(samples.velocities, samples.sample_time, axis=0)
+        squares, count = squares + np.sum(rates**2, axis=0), count + len(rates)
+    shares = sizes.disturbances**2 * count / np.maximum(squares, np.finfo(float).tiny)
+    joint = fitted.structure.joint
+    if joint.kind != "rigid":
+        moved = np.var(joint.channels_of(segments.outputs, segments.inputs)[:, -1])
+        # Through the spring an error of either position acts on both rows.
+        beyond = np.sum(np.maximum(sizes.sensors**2 - _sensor_noise(data) ** 2, 0.0))
+        shares = shares + beyond / max(float(moved), np.finfo(float).tiny)
+    names = [_name(row.name) for row in fitted.problem.unknowns.system.rows]
+    return dict(zip(names, np.minimum(np.sqrt(shares), 1.0).tolist(), strict=True))
+
+
+def _name(row: str) -> str:
+    """The side that a row is the balance of."""
+    return "motor" if row == "rigid" else row

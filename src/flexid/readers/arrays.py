@@ -1,0 +1,107 @@
+"""Arrays of a file as signals: vectors, and columns of matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from typing import TYPE_CHECKING, TypeAlias
+
+from flexid.readers.contents import (
+    LONGEST_PATH,
+    MOST_SIGNALS,
+    WIDEST,
+    Contents,
+    RefusedError,
+    Series,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from flexid.readers.contents import Frame
+
+    Selection: TypeAlias = tuple[int | slice, ...]
+    Values: TypeAlias = Callable[[Selection], NDArray[np.generic]]
+
+_ALL = slice(None)
+
+
+class Arrays:
+    """What was found in a file of arrays.
+
+    Indices stand in ``()`` where the format counts from 1, as MATLAB does, and else in ``[]``.
+    """
+
+    def __init__(self, brackets: str) -> None:
+        self.others: dict[str, str] = {}
+        self._series: dict[str, Series] = {}
+        self._values: dict[str, tuple[Values, Selection]] = {}
+        self._brackets = brackets
+        self._first = int(brackets == "()")
+
+    def index(self, position: int) -> str:
+        """An index in a path, from its position from 0."""
+        return f"{self._brackets[0]}{position + self._first}{self._brackets[1]}"
+
+    def add(
+        self, path: str, shape: tuple[int, ...], dtype: np.dtype, values: Values, unit: str = ""
+    ) -> None:
+        """Add an array, of which `values` reads a selection; what is no signal is only listed."""
+        long = [axis for axis, size in enumerate(shape) if size != 1]
+        if len(path) > LONGEST_PATH:
+            self.others[path[:LONGEST_PATH]] = "a path too long to be named"
+        elif dtype.kind not in "iuf" or not 1 <= len(long) <= 2 or 0 in shape:
+            self.others[path] = f"{_kind(dtype)}, {_size(shape)}"
+        elif len(long) == 1:
+            self._add(path, shape, long[0], {}, dtype, values, unit)
+        elif min(shape[axis] for axis in long) > WIDEST:
+            self.others[path] = f"{_kind(dtype)}, {_size(shape)}"
+        else:  # of a matrix the longer side is time
+            first, second = long
+            along, across = (first, second) if shape[first] >= shape[second] else (second, first)
+            for position in range(shape[across]):
+                number = str(position + self._first)
+                name = f":,{number}" if along == first else f"{number},:"
+                name = f"{path}{self._brackets[0]}{name}{self._brackets[1]}"
+                self._add(name, shape, along, {across: position}, dtype, values, unit)
+        if len(self._series) > MOST_SIGNALS:
+            raise RefusedError("", "it holds too many signals: write those of one joint")
+
+    def contents(self) -> Contents:
+        """All of it."""
+        return Contents([*self._series.values()], self._read, self.others)
+
+    def _add(
+        self,
+        path: str,
+        shape: tuple[int, ...],
+        along: int,
+        at: dict[int, int],
+        dtype: np.dtype,
+        values: Values,
+        unit: str,
+    ) -> None:
+        where = tuple(_ALL if axis == along else at.get(axis, 0) for axis in range(len(shape)))
+        self._series[path] = Series(path, dtype.name, shape[along], unit)
+        self._values[path] = values, where
+
+    def _read(self, paths: Collection[str], size: int) -> Iterator[Frame]:
+        length = max((self._series[path].length for path in paths), default=0)
+        for start in range(0, length, size):
+            part = slice(start, start + size)
+            yield (
+                "",
+                {
+                    path: read(tuple(part if one == _ALL else one for one in where))
+                    for path, (read, where) in ((path, self._values[path]) for path in paths)
+                },
+            )
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return " × ".join(map(str, shape)) or "one value"
+
+
+def _kind(dtype: np.dtype) -> str:
+    words = {"U": "text", "S": "text", "O": "text or objects", "b": "logical"}
+    return words.get(dtype.kind, dtype.name)

@@ -1,0 +1,112 @@
+"""What runs in the child process: one reader, within limits, and what it says on a pipe.
+
+Each message is a line of JSON. A frame's says how many bytes of an Arrow stream follow it.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+import time
+import warnings
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from flexid.readers.contents import Contents, RefusedError, of_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from flexid.readers.contents import Frame
+
+_BEAT = 1.0  # s between signs of life
+_pipe: BinaryIO | None = None
+_last = 0.0
+
+
+def main() -> None:
+    """Read the file that the command line names: say what it holds, then what is asked for."""
+    global _pipe
+    module, path, memory, seconds = sys.argv[1:]
+    _pipe = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+    with suppress(ImportError):  # Windows has none
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (int(memory), int(memory)))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 1))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    warnings.simplefilter("ignore")
+    say(lambda: _held(contents_of(module, Path(path))), sys.stdin.buffer)
+
+
+def contents_of(module: str, path: Path) -> Contents:
+    """What a file holds, by the reader of a module."""
+    found = import_module(module).read(path)
+    return found if isinstance(found, Contents) else of_frame(found)
+
+
+def still_alive() -> None:
+    """Say that a long job goes on: a reader that says nothing for long is given up."""
+    global _last
+    if _pipe is not None and time.monotonic() - _last > _BEAT:
+        _last = time.monotonic()
+        _write({"alive": True})
+
+
+def say(hold: Any, questions: Iterable[bytes]) -> None:
+    """Answer with what a file holds, and each question with the frames that it asks for."""
+    try:
+        contents = hold()
+        for line in questions:
+            asked = json.loads(line)
+            for frame in contents.read(asked["paths"], asked["size"]):
+                _write_frame(frame)
+            _write({"end": True})
+    except RefusedError as error:
+        _write({"refused": [error.place, error.reason]})
+    except ModuleNotFoundError as error:
+        _write({"missing": error.name})
+    except MemoryError:
+        _write({"memory": True})
+    except Exception as error:
+        # Libraries are written for files that are whole: on others they raise what their parsers
+        # come across.
+        _write({"unreadable": f"{type(error).__name__}: {error}"[:1000]})
+
+
+def _held(contents: Contents) -> Contents:
+    """Say what a file holds."""
+    for one in contents.series:
+        one.path.encode()  # a name that is no text raises here
+    _write(
+        {
+            "series": contents.series,
+            "others": dict(contents.others),
+            "is_table": contents.is_table,
+            "notes": dict(contents.notes),
+        }
+    )
+    return contents
+
+
+def _write_frame(frame: Frame) -> None:
+    import polars as pl
+
+    clock, columns = frame
+    if not isinstance(columns, pl.DataFrame):
+        columns = pl.DataFrame(columns)
+    buffer = io.BytesIO()
+    columns.write_ipc_stream(buffer)
+    _write({"clock": clock, "bytes": buffer.tell()}, buffer.getbuffer())
+
+
+def _write(document: dict[str, Any], data: Any = b"") -> None:
+    assert _pipe is not None
+    _pipe.write(json.dumps(document).encode() + b"\n")
+    _pipe.write(data)
+    _pipe.flush()

@@ -1,0 +1,194 @@
+"""A file of another program, opened in a child process: its signals, or one sentence.
+
+Libraries that read such files end their process for some damaged ones, fill all memory, or never
+return. The child has limits of memory and of processor time, and must give signs of life.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from flexid.errors import RecordingError
+from flexid.files import check_file, sha256, shown
+from flexid.readers.contents import Series
+from flexid.readers.formats import files_of, format_of
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+    from pathlib import Path
+
+    import polars
+
+_OUT_OF_TIME = -getattr(signal, "SIGXCPU", 0) or None  # Windows has none
+PROGRAM = "from flexid.readers.child import main; main()"
+
+
+class Limits(NamedTuple):
+    """What a child may use. A large file gives it more time, as the slowest reader needs."""
+
+    memory: int = 4_000_000_000  # bytes
+    silence: float = 15.0  # s without a sign of life, and 1 s for each 50 MB of the file
+    processor: float = 15.0  # s, and 1 s for each 500 kB of the file
+    message: int = 1_000_000_000  # bytes that are handed back at once
+    file: int = 10_000_000_000  # bytes
+
+
+LIMITS = Limits()
+
+
+class Reading:
+    """A file of one of `FORMATS`, or a folder of such files, that a child process has opened."""
+
+    def __init__(self, path: Path) -> None:
+        found = format_of(path)
+        assert found is not None
+        self.file = shown(path)
+        self.format = found
+        sizes = [check_file(one, "a log", self._refusal) for one in files_of(path)]
+        if not all(sizes):
+            raise self._refusal("the file is empty: export the log again")
+        size = sum(sizes)
+        if size > LIMITS.file:
+            raise self._refusal(
+                f"the file is larger than {LIMITS.file / 1e6:g} MB, the most that is read: cut the "
+                f"log into shorter files"
+            )
+        self._silence = LIMITS.silence + size / 50e6
+        self._is_late = False
+        self._process = _started(
+            found.module, str(path), LIMITS.memory, round(LIMITS.processor + size / 500e3)
+        )
+        try:
+            held = self._next()[0]
+            self.series = [Series(*one) for one in held["series"]]
+            self.others: dict[str, str] = held["others"]
+            self.notes: dict[str, str] = held["notes"]
+            self.is_table: bool = held["is_table"]
+            self.sha256 = self._digest(files_of(path))
+        except BaseException:
+            self.close()
+            raise
+
+    def frames(self, paths: Collection[str], size: int) -> Iterator[tuple[str, polars.DataFrame]]:
+        """Values of some signals, about so many at a time, each frame with its clock."""
+        import polars as pl
+
+        rows: dict[str, int] = {}
+        of_one_clock = [one.length for one in self.series if one.path in paths and not one.clock]
+        fewest = min(of_one_clock, default=0)
+        asked = json.dumps({"paths": list(paths), "size": size}).encode() + b"\n"
+        assert self._process.stdin is not None
+        with suppress(OSError):  # of a process that has ended there is no answer
+            self._process.stdin.write(asked)
+            self._process.stdin.flush()
+        while True:
+            done = max(rows.values(), default=0)
+            answer, data = self._next(done)
+            if "end" in answer and done < fewest:  # some libraries skip what is damaged
+                raise self._reason({}, done)
+            if "end" in answer:
+                return
+            frame = pl.read_ipc_stream(io.BytesIO(data))
+            rows[answer["clock"]] = rows.get(answer["clock"], 0) + frame.height
+            yield answer["clock"], frame
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.communicate()
+
+    def __enter__(self) -> Reading:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _next(self, rows: int | None = None) -> tuple[dict[str, Any], bytes]:
+        """The child's next message, of values after so many rows; raise what it does wrong."""
+        out: Any = self._process.stdout
+        answer: dict[str, Any] = {"alive": True}
+        data = b""
+        while "alive" in answer:
+            timer = threading.Timer(self._silence, self._give_up)
+            timer.start()
+            try:
+                answer = json.loads(out.readline(LIMITS.message))
+                size = answer.get("bytes", 0)
+                if size <= LIMITS.message:
+                    data = out.read(size)
+            except ValueError:  # of a process that has ended there is none, or a part
+                answer = {"unreadable": ""}
+            finally:
+                timer.cancel()
+        if answer.keys() & {"series", "end"} or len(data) == answer.get("bytes", -1):
+            return answer, data
+        self.close()
+        raise self._reason(answer, rows)
+
+    def _give_up(self) -> None:
+        self._is_late = True
+        self._process.kill()
+
+    def _reason(self, answer: dict[str, Any], rows: int | None) -> RecordingError:
+        """What is wrong, by what the child said last, or how it ended."""
+        if "refused" in answer:
+            return RecordingError(self.file, *answer["refused"])
+        if "missing" in answer and self.format.extra:
+            return self._refusal(
+                f"such files are read by {answer['missing']}, which is not installed: pip install "
+                f"'flexid[{self.format.extra}]'"
+            )
+        part = "export it again, or a part of it"
+        if "memory" in answer:
+            return self._refusal(f"it asks for more memory than it may have: {part}")
+        if answer.get("bytes", 0) > LIMITS.message:
+            return self._refusal(f"its signals are too long to be handed over at once: {part}")
+        if self._is_late or self._process.returncode == _OUT_OF_TIME:
+            return self._refusal(f"reading it takes too long, as if without end: {part}")
+        if rows is not None:
+            return RecordingError(
+                self.file,
+                f"row {rows + 1} or after",
+                "the file cannot be read on from there: export or copy it again",
+            )
+        return self._refusal(
+            f"this is no {self.format.what.split(' ', 1)[1]} that can be read: export or copy it "
+            f"again, or name it .csv if it is text"
+        )
+
+    def _digest(self, files: list[Path]) -> str:
+        """Of the file's bytes; of several, that of their digests."""
+        try:
+            digests = [sha256(one) for one in files]
+        except OSError as error:
+            raise self._refusal(
+                f"the file cannot be read ({error.strerror}): copy it again"
+            ) from None
+        if len(digests) == 1:
+            return digests[0]
+        return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+    def _refusal(self, reason: str) -> RecordingError:
+        return RecordingError(self.file, "", reason)
+
+
+def _started(*arguments: object) -> subprocess.Popen[bytes]:
+    """A child with a fresh interpreter, which finds no module in the folder of the log."""
+    paths = os.pathsep.join(entry for entry in sys.path if entry)
+    few = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "POLARS_MAX_THREADS": "4"}
+    return subprocess.Popen(
+        [sys.executable, "-P", "-c", PROGRAM, *map(str, arguments)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, **few, "PYTHONPATH": paths},
+    )

@@ -1,0 +1,124 @@
+"""MDF files of measurement and calibration tools, versions 2 to 4, by asammdf."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexid.readers.child import still_alive
+from flexid.readers.contents import (
+    LONGEST_PATH,
+    MOST_SIGNALS,
+    STAMPS,
+    Contents,
+    RefusedError,
+    Series,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexid.readers.contents import Frame
+
+_TIME_MASTER = (0, 1)  # sync types: none stated, as in version 3, and time
+_NUMBERS = range(6)  # data types of version 4: integers and floating point, of either byte order
+_NUMBERS_3 = (*range(7), *range(9, 17))  # of version 3
+_TEXT_CONVERSION = 7  # and those above it make texts of numbers, or numbers of texts
+_TEXT_CONVERSION_3 = (10, 11, 12)
+
+
+def read(path: Path) -> Contents:
+    """The signals of an MDF file, each on the clock of its group."""
+    from asammdf import MDF
+
+    file: Any = MDF(path)
+    others: dict[str, str] = {}
+    channels = list(_channels(file, others))
+    names = Counter(name for _, _, name in channels)
+    series: list[Series] = []
+    places: dict[str, tuple[int, int]] = {}
+    groups: dict[str, int] = {}
+    for group, index, name in channels:
+        held = file.groups[group].channel_group
+        clock = f"group {group} {getattr(held, 'acq_name', '') or ''}".strip()
+        path_of = name if names[name] == 1 else f"{clock}/{name}"
+        if path_of in places:
+            path_of = f"{clock}/{index}/{name}"
+        unit = (file.get_channel_unit(group=group, index=index) or "").strip().strip("[]()")
+        series.append(Series(path_of, "number", int(held.cycles_nr), unit, clock))
+        places[path_of], groups[clock] = (group, index), group
+
+    def frames(paths: Collection[str], size: int) -> Iterator[Frame]:
+        """Parts of all groups in turn, as many as the longest group has of so many records."""
+        chosen = [one for one in series if one.path in paths]
+        lengths = {one.clock: one.length for one in chosen}
+        turns = -(-max(lengths.values()) // size)
+        for turn in range(turns):
+            for clock, length in lengths.items():
+                first, stop = length * turn // turns, length * (turn + 1) // turns
+                if first == stop:
+                    continue
+                part = {"record_offset": first, "record_count": stop - first}
+                columns = {STAMPS: _numbers(file.get_master(groups[clock], **part))}
+                for one in chosen:
+                    if one.clock == clock:
+                        columns[one.path] = _samples(file, *places[one.path], part)
+                yield clock, columns
+
+    return Contents(series, frames, others)
+
+
+def _channels(file: Any, others: dict[str, str]) -> Iterator[tuple[int, int, str]]:
+    """Group, index and name of every channel that is a signal."""
+    count = 0
+    for number, group in enumerate(file.groups):
+        master = file.masters_db.get(number)
+        timed = master is not None and (
+            getattr(group.channels[master], "sync_type", 0) in _TIME_MASTER
+        )
+        for index, channel in enumerate(group.channels):
+            still_alive()
+            count += 1
+            if count > MOST_SIGNALS:
+                raise RefusedError("", "it holds too many channels: export those of one joint")
+            name = str(channel.name)[:LONGEST_PATH]
+            if index == master:
+                continue
+            if not timed:
+                others[name] = "its group has no time"
+            elif not _is_number(file, group, index):
+                others[name] = "text, an array or a structure"
+            else:
+                yield number, index, name
+
+
+def _is_number(file: Any, group: Any, index: int) -> bool:
+    channel = group.channels[index]
+    kind = getattr(channel.conversion, "conversion_type", 0)
+    if group.channel_dependencies[index] is not None:
+        return False
+    if file.version < "4.00":
+        return channel.data_type in _NUMBERS_3 and kind not in _TEXT_CONVERSION_3
+    return channel.data_type in _NUMBERS and kind < _TEXT_CONVERSION
+
+
+def _samples(file: Any, group: int, index: int, part: dict[str, int]) -> np.ndarray:
+    """Values of some records; those that are marked as invalid are refused."""
+    signal = file.get(group=group, index=index, ignore_invalidation_bits=False, **part)
+    lost = part["record_count"] - len(signal.samples)  # those that are marked are left out
+    if lost:
+        first = part["record_offset"]
+        where = f", from {first + 1} on," if first else ""
+        raise RefusedError(
+            f"{signal.name!r}",
+            f"{lost} of its {part['record_count']} samples{where} are marked as invalid: cut the "
+            f"log to where all are valid",
+        )
+    return _numbers(signal.samples)
+
+
+def _numbers(values: Any) -> np.ndarray:
+    return np.asarray(values, dtype=float)

@@ -1,0 +1,341 @@
+"""ROS bags and MCAP files: the numbers in their messages as signals named ``topic.field``.
+
+MCAP files are taken apart by mcap, bags by rosbags, which decodes ROS's messages of both.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from array import array
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from flexid.readers.child import still_alive
+from flexid.readers.contents import (
+    DEEPEST,
+    LONGEST_PATH,
+    MOST_SIGNALS,
+    STAMPS,
+    WIDEST,
+    Contents,
+    RefusedError,
+    Series,
+)
+from flexid.readers.formats import files_of
+
+if TYPE_CHECKING:
+    from flexid.readers.contents import Frame
+
+_LARGEST_RECORD = 1_000_000_000  # bytes
+_LONGEST_DEFINITION = 200_000  # characters
+_LOOKED_AT = 50  # messages of each topic, from which its fields are known
+_TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,3}")
+_JOINT_STATE = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # with ROS's units
+
+
+class Topic(NamedTuple):
+    """A topic and how its messages are written."""
+
+    name: str
+    kind: str  # name of the messages' type
+    encoding: str  # cdr, ros1 or json; of others the messages are not read
+    definition: str  # of the type; empty where the file has none
+    language: str  # of the definition: ros1msg, ros2msg or ros2idl
+
+
+class _Signal(NamedTuple):
+    """A number in the messages of a topic."""
+
+    unit: str
+    clock: str
+    joint: str  # of which it is, by its name in each message; empty for no joint
+
+
+@dataclass
+class _Found:
+    """What is known of a topic."""
+
+    decode: Callable[[bytes], Any] | None
+    count: int = 0
+    stamped: bool | None = None
+    signals: dict[str, _Signal] = field(default_factory=dict)
+
+
+def read(path: Path) -> Contents:
+    """The signals of an MCAP file, a ROS 1 bag, or a ROS 2 bag, which may be a folder.
+
+    A `sensor_msgs/JointState` has its joints by name: ``/joint_states.position.elbow``. Each topic
+    has a clock of its own: the stamps in the headers of its messages, or where they have none, the
+    times at which they were logged.
+    """
+    files = files_of(path)
+    topics: dict[str, _Found] = {}
+    others: dict[str, str] = {}
+    damage: Exception | None = None
+    try:
+        _look_at(files, topics, others)
+    except Exception as error:  # what comes before can be played again
+        if not any(topic.signals for topic in topics.values()):
+            raise
+        damage = error
+    series, notes = [], {}
+    for topic in topics.values():
+        for name, signal in topic.signals.items():
+            series.append(Series(name, "number", topic.count, signal.unit, signal.clock))
+            if not topic.stamped:
+                notes[signal.clock] = (
+                    f"the messages of {signal.clock!r} carry no time stamps, so the times at which "
+                    f"they were logged were taken: log a message with a header"
+                )
+
+    def frames(paths: Collection[str], size: int) -> Iterator[Frame]:
+        yield from _frames(files, topics, paths, size)
+        if damage is not None:
+            raise damage
+
+    return Contents(series, frames, others, notes)
+
+
+def decoder(topic: Topic) -> tuple[Callable[[bytes], Any] | None, str]:
+    """What decodes the messages of a topic, or None, and why there is nothing."""
+    if topic.encoding == "json":
+        return json.loads, ""
+    if topic.encoding not in ("cdr", "ros1"):
+        return None, f"messages of encoding {topic.encoding[:40]!r}, which are not read"
+    if not _TYPE_NAME.fullmatch(topic.kind) or len(topic.definition) > _LONGEST_DEFINITION:
+        return None, "messages of a type whose name or definition cannot be read"
+    from rosbags.typesys.msg import normalize_msgtype
+
+    kind = normalize_msgtype(topic.kind)
+    try:
+        store = _store(topic, kind)
+    except Exception:  # whatever rosbags makes of a definition that is none
+        return None, "messages of a type whose definition cannot be read"
+    if kind not in store.types:
+        return None, f"messages of type {topic.kind[:80]!r}, of which the file has no definition"
+    decode = store.deserialize_ros1 if topic.encoding == "ros1" else store.deserialize_cdr
+    return lambda raw: decode(raw, kind), ""
+
+
+def _store(topic: Topic, kind: str) -> Any:
+    """The types that a topic's messages are made of."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if not topic.definition:
+        return get_typestore(Stores.LATEST)
+    if topic.language == "ros2idl":
+        types = get_types_from_idl(topic.definition)
+    else:
+        types = get_types_from_msg(topic.definition, kind)
+    # rosbags makes Python code of them, in which their names stand.
+    if not all(map(_TYPE_NAME.fullmatch, types)):
+        raise ValueError("a type's name is no name")
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    return store
+
+
+def _messages(
+    files: list[Path], topics: set[str] | None = None
+) -> Iterator[tuple[Topic, int, bytes]]:
+    """Messages of some topics, or of all, each with the time in ns at which it was logged."""
+    for path in files:
+        with path.open("rb") as opened:
+            is_mcap = opened.read(5) == b"\x89MCAP"
+        source = _of_mcap(path) if is_mcap else _of_bag(path, topics)
+        for message in source:
+            still_alive()
+            if topics is None or message[0].name in topics:
+                yield message
+
+
+def _of_mcap(path: Path) -> Iterator[tuple[Topic, int, bytes]]:
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import StreamReader
+
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Topic] = {}
+    with path.open("rb") as opened:
+        for record in StreamReader(opened, record_size_limit=_LARGEST_RECORD).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                schema = schemas.get(record.schema_id)
+                channels[record.id] = Topic(
+                    record.topic,
+                    schema.name if schema else "",
+                    record.message_encoding,
+                    schema.data.decode(errors="replace") if schema else "",
+                    schema.encoding if schema else "",
+                )
+            elif isinstance(record, Message):
+                yield channels[record.channel_id], record.log_time, record.data
+
+
+def _of_bag(path: Path, topics: set[str] | None) -> Iterator[tuple[Topic, int, bytes]]:
+    from rosbags.interfaces import MessageDefinitionFormat
+
+    if path.suffix == ".bag":
+        from rosbags.rosbag1 import Reader
+
+        encoding, language = "ros1", "ros1msg"
+    else:
+        from rosbags.rosbag2 import Reader
+
+        encoding, language = "cdr", "ros2msg"
+    with Reader(path) as reader:
+        wanted: list[Any] = [c for c in reader.connections if topics is None or c.topic in topics]
+        known = {}
+        for one in wanted:
+            is_idl = one.msgdef.format == MessageDefinitionFormat.IDL
+            spoken = "ros2idl" if is_idl else language
+            known[one.id] = Topic(one.topic, one.msgtype, encoding, one.msgdef.data, spoken)
+        if wanted:
+            for connection, time, raw in reader.messages(connections=wanted):
+                yield known[connection.id], time, bytes(raw)
+
+
+def _look_at(files: list[Path], topics: dict[str, _Found], others: dict[str, str]) -> None:
+    """Note topics and their fields, from their first messages, and what is no signal in them."""
+    for topic, _, raw in _messages(files):
+        known = topics.get(topic.name)
+        if known is None:
+            decode, why = decoder(topic)
+            known = topics[topic.name] = _Found(decode)
+            if decode is None:
+                others[topic.name] = why
+        known.count += 1
+        if known.decode is None or known.count > _LOOKED_AT:
+            continue
+        message = known.decode(raw)
+        if known.stamped is None:
+            known.stamped = bool(_stamp_of(message))
+        for path, value, joint in _numbers(message):
+            name = topic.name + path
+            if isinstance(value, str):
+                others[name] = value
+            elif len(name) <= LONGEST_PATH:
+                unit = _JOINT_STATE[path.split(".")[1]] if joint else ""
+                clock = f"{topic.name} of {joint}" if joint else topic.name
+                known.signals.setdefault(name, _Signal(unit, clock, joint))
+        if sum(len(one.signals) for one in topics.values()) > MOST_SIGNALS:
+            raise RefusedError(
+                "", "its messages hold too many numbers: log the topics of one joint"
+            )
+
+
+def _frames(
+    files: list[Path], topics: dict[str, _Found], paths: Collection[str], size: int
+) -> Iterator[Frame]:
+    """Values of chosen signals, of all clocks whenever one has so many."""
+    chosen = {
+        topic: {path: signal for path, signal in known.signals.items() if path in paths}
+        for topic, known in topics.items()
+    }
+    chosen = {topic: signals for topic, signals in chosen.items() if signals}
+    held: dict[str, dict[str, array]] = {}
+    for signals in chosen.values():
+        for path, signal in signals.items():
+            held.setdefault(signal.clock, {STAMPS: array("q")})[path] = array("d")
+    counts = dict.fromkeys(chosen, 0)
+    try:
+        for topic, logged, raw in _messages(files, {*chosen}):
+            known = topics[topic.name]
+            assert known.decode is not None
+            message = known.decode(raw)
+            counts[topic.name] += 1
+            values = _values(message, topic.name, counts[topic.name], chosen[topic.name])
+            for clock in {chosen[topic.name][path].clock for path in values}:
+                held[clock][STAMPS].append(_stamp_of(message) if known.stamped else logged)
+            for path, value in values.items():
+                held[chosen[topic.name][path].clock][path].append(value)
+            if any(len(columns[STAMPS]) >= size for columns in held.values()):
+                yield from _taken(held)
+    except Exception:  # what comes before is handed over
+        yield from _taken(held)
+        raise
+    yield from _taken(held)
+
+
+def _taken(held: dict[str, dict[str, array]]) -> Iterator[Frame]:
+    """What is held of each clock, which is then held no more."""
+    for clock, columns in held.items():
+        if columns[STAMPS]:
+            yield clock, {path: np.array(values) for path, values in columns.items()}
+        for values in columns.values():
+            del values[:]
+
+
+def _values(message: Any, topic: str, number: int, signals: dict[str, _Signal]) -> dict[str, float]:
+    """Values in a message, which lacks none but of joints that it is not about."""
+    found = {topic + path: value for path, value, _ in _numbers(message)}
+    values = {}
+    for path, signal in signals.items():
+        value = found.get(path)
+        if isinstance(value, float):
+            values[path] = value
+        elif not signal.joint or signal.joint in (_child(message, "name") or ()):
+            raise RefusedError(
+                f"message {number} of {topic!r}", f"it has no {path!r}: log it always"
+            )
+    return values
+
+
+def _fields(message: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(message, dict):
+        yield from ((str(name), value) for name, value in message.items())
+    else:
+        for name in getattr(message, "__dataclass_fields__", ()):
+            yield name, getattr(message, name)
+
+
+def _numbers(message: Any) -> Iterator[tuple[str, float | str, str]]:
+    """Where each number of a message stands, itself or why it is none, and the joint it is of."""
+    names = _child(message, "name")
+    if all(_child(message, key) is not None for key in _JOINT_STATE) and isinstance(names, list):
+        for key in _JOINT_STATE:
+            for name, value in zip(names, _child(message, key), strict=False):
+                yield f".{key}.{name}", float(value), str(name)
+        return
+    for name, value in _fields(message):
+        if name not in ("header", "structure_needs_at_least_one_member"):
+            for path, number in _within(value, 1):
+                yield f".{name}{path}", number, ""
+
+
+def _within(value: Any, depth: int) -> Iterator[tuple[str, float | str]]:
+    if isinstance(value, bool | np.bool_) or value is None or depth > DEEPEST:
+        return
+    if isinstance(value, int | float | np.integer | np.floating):
+        yield "", float(value)
+    elif isinstance(value, str):
+        yield "", "text"
+    elif isinstance(value, list | np.ndarray) and len(value) > WIDEST:
+        yield "", f"{len(value)} values in each message"
+    else:
+        is_list = isinstance(value, list | np.ndarray)
+        inner = enumerate(value) if is_list else _fields(value)
+        for name, one in inner:
+            for path, number in _within(one, depth + 1):
+                yield (f"[{name}]{path}" if is_list else f".{name}{path}"), number
+
+
+def _stamp_of(message: Any) -> int:
+    """Nanoseconds in a message's header; zero where it has none."""
+    stamp = _child(_child(message, "header"), "stamp")
+    seconds = _child(stamp, "sec")
+    parts = (_child(stamp, name) for name in ("nanosec", "nsec", "nsecs"))
+    rest = next((part for part in parts if part is not None), 0)
+    return int(seconds) * 1_000_000_000 + int(rest) if isinstance(seconds, int) else 0
+
+
+def _child(message: Any, name: str) -> Any:
+    """What a message has by a name; None where it has nothing."""
+    if isinstance(message, dict):
+        return message.get(name)
+    return getattr(message, name, None)

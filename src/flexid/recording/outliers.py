@@ -1,0 +1,136 @@
+"""Single samples that no motion explains: spikes of an encoder, and places where samples are lost.
+
+A sample, or a step, is compared with the cubic through its four neighbours. What differs by much
+more than noise while all around it is calm is no motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexid.recording.caution import Caution, Rank
+from flexid.recording.velocities import position_noise
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from flexid.arrays import FloatArray
+    from flexid.recording.channel import Channel
+
+_SENSORS = ("link_position", "motor_position", "deflection")
+_OFF = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # what a cubic through the others leaves over
+_SPIKE = 20.0  # times the noise, by which a spike is off: 14 standard deviations
+_CALM = 0.4  # of a spike, up to which the motion around it bends; where it stops dead, more than 1
+_CLEAR = 12.0  # times the noise, by which a step is off: 4.5 standard deviations
+_AROUND = 8  # samples on either side
+_MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
+_WHOLE = 0.25  # of a step, by which a long one may differ from whole steps
+_FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
+_SHOWN = 3  # times in a message
+
+
+def mended(
+    file: str, channels: dict[str, Channel], time: FloatArray
+) -> tuple[dict[str, Channel], tuple[str, ...]]:
+    """Replace spikes of encoders, and warn of lost samples that the time does not show.
+
+    Parameters
+    ----------
+    file : str
+        For messages.
+    channels : dict of str to Channel
+        By canonical name.
+    time : FloatArray, shape (n,)
+        Increasing, in s.
+
+    Returns
+    -------
+    channels : dict of str to Channel
+    warnings : tuple of str
+    """
+    if len(time) < 4 * _AROUND:
+        return channels, ()
+    clock = np.diff(time)
+    even = clock <= 1.5 * np.median(clock)
+    sensors = {name: channels[name] for name in _SENSORS if name in channels}
+    warnings = []
+    with np.errstate(all="ignore"):  # of numbers that no check has refused yet
+        for name, channel in sensors.items():
+            values = channel.values.copy()
+            found = list(_spikes(values, even))
+            if not 0 < len(found) <= max(1.0, _MOST * len(time)):
+                continue
+            places, sizes = map(np.array, zip(*found, strict=True))
+            values[places] -= sizes
+            channels = {**channels, name: replace(channel, values=values)}
+            single = "sample is" if len(found) == 1 else "samples are"
+            warnings.append(
+                f"{file}: column {channel.column!r}: {len(found)} {single} off the samples around "
+                f"by up to {np.abs(sizes).max():.2g} rad (at {_times(time, places)}), so a cubic "
+                f"through these was taken instead: check the sensor and its cable"
+            )
+        lost = _lost([channels[name].values for name in sensors], even)
+    if len(lost) >= _FEWEST_PLACES:
+        columns = " and ".join(repr(channel.column) for channel in sensors.values())
+        warnings.append(
+            f"{file}: columns {columns}: in {len(lost)} places all positions advance by whole "
+            f"steps more than around them (at {_times(time, lost)}), as if samples were lost and "
+            f"the time was counted from the rest: log the time of each sample"
+        )
+    return channels, tuple(Caution(warning, Rank.DATA) for warning in warnings)
+
+
+def _off(values: FloatArray) -> FloatArray:
+    """How far each value is off its neighbours, shape (n,); 0 where two are missing."""
+    off = np.zeros(len(values))
+    off[2:-2] = np.convolve(values, _OFF, mode="valid")
+    return off
+
+
+def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> Iterator[tuple[int, float]]:
+    """Place and size of each sample that is off alone.
+
+    The second difference of a spike is as 1, -2, 1; that of a velocity that jumps has one sign.
+    """
+    off = _off(values)
+    suspect = np.abs(off) > _SPIKE * position_noise(values)
+    usual = values[~suspect]
+    low, high = usual.min(initial=np.inf), usual.max(initial=-np.inf)
+    middle = _AROUND - 1  # of the second differences, the sample's own
+    for place in np.flatnonzero(suspect[_AROUND:-_AROUND]) + _AROUND:
+        bends = np.diff(values[place - _AROUND : place + _AROUND + 1], 2)
+        bends = (bends - np.median(bends)) / abs(off[place])
+        bends[middle - 1 : middle + 2] -= np.sign(off[place]) * np.array([1.0, -2.0, 1.0])
+        if np.abs(bends).max() > _CALM or not even[place - 2 : place + 2].all():
+            continue
+        # A counter that overflows may flicker from one end of its range to the other.
+        if low <= values[place] <= high and abs(off[place]) > 0.5 * (high - low):
+            continue
+        yield int(place), float(off[place])
+
+
+def _lost(positions: list[FloatArray], even: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Steps in which every position moves by the same whole number of steps more."""
+    agreed, before = even, None
+    for values in positions:
+        steps = np.diff(values)
+        more = _off(steps)
+        times = more / (steps - more)
+        whole = np.rint(times)
+        agreed = agreed & (np.abs(more) > _CLEAR * position_noise(values))
+        agreed &= (whole >= 1.0) & (np.abs(times - whole) < _WHOLE)
+        if before is not None:
+            agreed &= whole == before
+        before = whole
+    return np.flatnonzero(agreed)
+
+
+def _times(time: FloatArray, places: NDArray[np.intp]) -> str:
+    shown = ", ".join(f"{time[place]:.6g} s" for place in places[:_SHOWN])
+    more = len(places) - _SHOWN
+    return shown + (f" and {more} more times" if more > 0 else "")

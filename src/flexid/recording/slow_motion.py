@@ -1,0 +1,152 @@
+"""Scales and units that the joint's own mechanics contradict.
+
+Of the link, with what its viscous and dry friction and a late encoder add,
+
+    link - motor = -(J link'' + g sin(link + angle)) / k + a link' + b sign(link') + c.
+
+All of it may be smoothed alike, and then it holds for the smoothed signals: no derivative is taken
+of noise. A position that has a share of its own in the deflection, beside these, has another scale
+than the other position. A torque, or a deflection, that repeats with 57.3 times the angle or with
+1/57.3 of it, and not with the angle, is gravity in another unit.
+"""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexid.recording.caution import Caution, Rank
+from flexid.recording.velocities import best_half_window, velocity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from flexid.arrays import FloatArray
+    from flexid.recording.recording import Recording
+
+_REACH = 6.0  # standard deviations of the smoothing kernel on either side: 1e-8 is cut off
+_FEWEST = 40  # smoothed samples that tell apart seven signals
+_PARTS = 10  # of the recording, each left out once, for the standard error
+_DEGREES = 180.0 / np.pi
+_FITS_BETTER = 0.2
+"""Of the squares left over by gravity in the unit as read, those in another unit: 0.4 or more in
+logs that are right, 0.1 or less in most that are wrong."""
+_WIDE = 1.0  # rad of motion: in less an angle is too much like its sine
+_CERTAIN = 10.0  # standard errors: up to 7 where nothing is wrong, 50 of 0.5 % in most logs
+_SMALLEST, _LARGEST = 0.003, 0.1
+"""Errors of a scale that are named: smaller ones change next to nothing; larger ones are a soft
+joint, or one that is moved from outside, whose deflection the motion does not explain."""
+
+
+def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
+    """Warn of scales and units of angles that the motion contradicts.
+
+    Parameters
+    ----------
+    recording : Recording
+    place : str
+        File and columns of the positions.
+    """
+    motor, link = recording.motor_position, recording.link_position
+    sensed = motor if link is None else link
+    width = float(max(best_half_window(motor), best_half_window(sensed)))
+    smoothed = _Smoothing(width, recording.sample_time)
+    if len(motor) - smoothed.length < _FEWEST * width or not np.ptp(sensed):
+        return
+    acts = recording.input
+    moved = recording.deflection if acts is None else acts
+    others = [smoothed(sensed, 2), smoothed(motor, 2), smoothed(motor, 1), smoothed.sign(motor)]
+
+    def left(factor: float, *more: FloatArray) -> float:
+        angle = factor * sensed
+        return _left_over(smoothed(moved), [smoothed(np.sin(angle)), smoothed(np.cos(angle))], more)
+
+    # What a spring or a controller makes in proportion to the angle is no gravity in degrees.
+    if left(_DEGREES, *others) < _FITS_BETTER * left(1.0, *others):
+        wrong = "radians read as degrees"
+    elif left(1.0 / _DEGREES, *others) < _FITS_BETTER * left(1.0, *others, smoothed(sensed)):
+        wrong = "degrees read as radians"
+    else:
+        wrong = ""
+    if wrong:
+        yield Caution(
+            f"{place}: the load repeats with the angle, which moves by {np.ptp(sensed):.3g} rad as "
+            f"it is read, as gravity does for {wrong}: check the unit",
+            Rank.SCALE,
+        )
+    elif link is not None and np.ptp(motor) > _WIDE:
+        share, error = _own_share(smoothed, link, motor)
+        if _SMALLEST < abs(share) < _LARGEST and abs(share) > _CERTAIN * error:
+            yield Caution(
+                f"{place}: the link moves {1.0 + share:.4f} ± {2.0 * error:.1g} times as far as "
+                f"the motor, beyond what gravity and inertia bend the joint by: check the scales "
+                f"of both encoders and the gear ratio (motor position times {1.0 + share:.4f}, or "
+                f"gear_ratio divided by it, would agree)",
+                Rank.SCALE,
+            )
+
+
+class _Smoothing:
+    """A Gaussian kernel with its derivatives, at every so many samples as it makes much alike.
+
+    Parameters
+    ----------
+    width : float
+        Its standard deviation in samples.
+    sample_time : float
+        In s.
+    """
+
+    def __init__(self, width: float, sample_time: float) -> None:
+        reach = int(_REACH * width) + 1
+        at = np.arange(-reach, reach + 1) / width
+        bell = np.exp(-0.5 * at**2)
+        bell /= bell.sum()
+        span = width * sample_time
+        self.kernels = bell, at * bell / span, (at**2 - 1.0) * bell / span**2
+        self.length = 2 * reach
+        self._step = max(1, int(width))
+        self._time = sample_time
+
+    def __call__(self, values: FloatArray, derivative: int = 0) -> FloatArray:
+        windows = np.lib.stride_tricks.sliding_window_view(values, self.length + 1)
+        return windows[:: self._step] @ self.kernels[derivative]
+
+    def sign(self, position: FloatArray) -> FloatArray:
+        """Smoothed sign of a position's velocity."""
+        return self(np.sign(velocity(position, self._time)))
+
+
+def _left_over(target: FloatArray, *signals: Sequence[FloatArray]) -> float:
+    """Squares of a signal that others and a constant leave unexplained."""
+    matrix, _ = _scaled([np.ones_like(target), *chain(*signals)])
+    solution = np.linalg.lstsq(matrix, target, rcond=1e-10)[0]
+    return float(np.sum((target - matrix @ solution) ** 2))
+
+
+def _own_share(smoothed: _Smoothing, link: FloatArray, motor: FloatArray) -> tuple[float, float]:
+    """The motor position's own share in the deflection, and its standard error (jackknife)."""
+    signals = [smoothed(motor), smoothed(np.sin(link)), smoothed(np.cos(link))]
+    signals += [smoothed(link, 2), smoothed(link, 1), smoothed.sign(link)]
+    matrix, sizes = _scaled([*signals, np.ones_like(signals[0])])
+    target = smoothed(link - motor)
+    every = np.arange(len(target))
+
+    def share(left_out: NDArray[np.intp]) -> float:
+        kept = np.delete(every, left_out)
+        return float(np.linalg.lstsq(matrix[kept], target[kept], rcond=1e-10)[0][0] / sizes[0])
+
+    without = [share(part) for part in np.array_split(every, _PARTS)]
+    return float(np.mean(without)), float(np.std(without) * np.sqrt(_PARTS - 1.0))
+
+
+def _scaled(signals: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Signals as columns of one size, and their sizes."""
+    matrix = np.column_stack(signals)
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    return matrix / sizes, sizes

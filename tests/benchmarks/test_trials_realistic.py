@@ -1,0 +1,240 @@
+"""Realistic trials: repeatable, independent of flexid, and true to their low-frequency physics."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.trials.integrator import Law
+from benchmarks.trials.realistic.drafts import Sensor, truth_of
+from benchmarks.trials.realistic.drive import Plant, amplified, friction, simulate, warmth_at
+from benchmarks.trials.realistic.families import REALISTIC
+from benchmarks.trials.realistic.generate import make_realistic, record
+from benchmarks.trials.realistic.play import STEP, run_play
+from scipy.integrate import solve_ivp
+
+ROOT = Path(__file__).parents[2]
+drawn = cache(record)
+NONLINEAR = {
+    "coulomb": 0.0,
+    "static_extra": 0.0,
+    "ripple": 0.0,
+    "cable_stiffness": 0.0,
+    "cable_cubic": 0.0,
+    "dead_zone": 0.0,
+    "saturation": np.inf,
+    "drift": 0.0,
+}
+MANY_SINS = Plant(
+    near_inertia=0.3,
+    motor_inertia=0.4,
+    joint_stiffness=60.0,
+    joint_damping=0.1,
+    tip_inertia=0.05,
+    tip_stiffness=80.0,
+    tip_damping=0.02,
+    gravity_torque=2.0,
+    link_viscous=0.05,
+    motor_viscous=0.2,
+    coulomb=0.5,
+    static_extra=0.2,
+    stribeck_velocity=0.3,
+    friction_width=0.05,
+    drift=0.3,
+    drift_time=1.0,
+    cable_stiffness=0.4,
+    cable_cubic=0.2,
+    cable_angle=0.1,
+    ripple=0.2,
+    ripple_second=0.1,
+    ripple_number=10.0,
+    ripple_phase=0.4,
+    back_emf=0.5,
+    dead_zone=0.2,
+    saturation=4.0,
+    lag=2e-3,
+    gauge_lag=4e-3,
+)
+
+
+def test_the_generator_does_not_import_flexid():
+    """Assert that a log is drawn without a line of flexid."""
+    code = (
+        "import sys, benchmarks.trials.realistic.generate\n"
+        "assert not [name for name in sys.modules if name.split('.')[0] == 'flexid']"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+@pytest.mark.parametrize("family", ["strain_gauge_arm", "poor_logger"])
+def test_a_seed_is_a_log(family):
+    """Assert that family and seed give the same log again, and another seed another log."""
+    first, again, other = (make_realistic(family, seed) for seed in (3, 3, 4))
+    for name, values in first.columns.items():
+        np.testing.assert_array_equal(values, again.columns[name])
+    assert first.truth == again.truth
+    assert first.truth != other.truth
+
+
+def test_the_integrator_agrees_with_scipy():
+    """Assert that a drive with all sins moves as SciPy's integrator says, under a held input."""
+
+    def slope(time, state):
+        q, w, r, s, p, v, x, g = state
+        plant = MANY_SINS
+        joint = plant.joint_stiffness * (q - p) + plant.joint_damping * (w - v)
+        bend = plant.tip_stiffness * (r - q) + plant.tip_damping * (s - w)
+        inertias = np.array([plant.near_inertia, plant.tip_inertia])
+        near, tip = plant.gravity_torque * inertias / inertias.sum()
+        away = q - plant.cable_angle
+        cable = plant.cable_stiffness * away + plant.cable_cubic * away**3
+        warmth = 1.0 - plant.drift * (1.0 - np.exp(-time / plant.drift_time))
+        dry = plant.coulomb + plant.static_extra * np.exp(-((v / plant.stribeck_velocity) ** 2))
+        rub = warmth * (plant.motor_viscous * v + dry * np.tanh(v / plant.friction_width))
+        angle = 10.0 * p + 0.4
+        wave = 0.2 * np.sin(angle) + 0.1 * np.sin(2.0 * angle)
+        link = bend - joint - plant.link_viscous * w - near * np.sin(q) - cable + 0.3
+        return [
+            w,
+            link / plant.near_inertia,
+            s,
+            (-tip * np.sin(r) - bend) / plant.tip_inertia,
+            v,
+            (joint - rub + wave + x - 0.1) / plant.motor_inertia,
+            (1.8 - plant.back_emf * v - x) / plant.lag,
+            (q - p - g) / plant.gauge_lag,
+        ]
+
+    times = np.linspace(0.0, 1.0, 101)
+    held, pushes = np.full(101, 2.0), np.tile([0.3, -0.1], (101, 1))
+    run = simulate(MANY_SINS, times, held, Law(), np.zeros((101, 3)), pushes, 0.0, STEP)
+    exact = solve_ivp(slope, (0.0, 1.0), np.zeros(8), "DOP853", times, rtol=1e-10, atol=1e-11)
+    assert np.ptp(run[:, 0]) > 0.3
+    np.testing.assert_allclose(run[:, :5], exact.y[[0, 1, 4, 5, 7]].T, atol=1e-7)
+
+
+def test_the_amplifier_and_the_friction_are_what_they_are_called():
+    """Assert dead zone, straight part and saturation; and a friction that warms up."""
+    plant = Plant(1.0, 1.0, 1.0, dead_zone=0.5, saturation=2.0, coulomb=3.0, drift=0.4)
+    assert [amplified(plant, u) for u in (0.4, -1.5, 9.0)] == [0.0, -1.0, 2.0]
+    assert warmth_at(plant, 0.0) == 1.0
+    assert warmth_at(plant, 1e3) == pytest.approx(0.6)
+    assert friction(plant, -1.0, 0.6) == pytest.approx(-1.8)
+
+
+@pytest.mark.parametrize("family", REALISTIC)
+def test_half_the_step_changes_nothing_that_a_sensor_shows(family):
+    """Assert that steps are short enough; the controller reads fine steps, which do not flip."""
+    _, draft, plant, play, scale, _ = drawn(family, 0)
+    draft = replace(draft, motor=Sensor(60.0))
+    some = slice(0, play.first + int(3.0 / play.period))
+    fields = ("times", "unit", "rate", "dither", "pushes", "noise")
+    play = replace(play, **{name: getattr(play, name)[some] for name in fields})
+    whole, half = (run_play(draft, plant, play, scale, by * STEP) for by in (1.0, 0.5))
+    assert np.ptp(whole[:, 2]) > 0.1
+    assert np.abs(whole - half)[:, (0, 2, 4)].max() < 2e-6
+
+
+def response(plant, draft, frequency):
+    """Amplitudes of link, motor, deflection as it is logged, and input, to a slow small sine."""
+    inertia = plant.near_inertia + plant.tip_inertia + plant.motor_inertia
+    size = 0.01 * (inertia * frequency**2 + plant.gravity_torque)
+    times = np.arange(0.0, 24.0 * np.pi / frequency, 2e-3)
+    grid = np.exp(1j * frequency * times)
+    nothing = np.zeros((len(times), 3))
+    run = simulate(plant, times, size * grid.imag, Law(), nothing, nothing[:, 1:], 0.0, STEP)
+    late = times > 16.0 * np.pi / frequency
+    basis = np.column_stack((grid.real, grid.imag, np.ones(len(times)), times))[late]
+    found = np.linalg.lstsq(basis, run[late])[0]
+    link, motor, gauge, torque = (found[0] - 1j * found[1])[[0, 2, 4, 5]]
+    torque *= np.exp(-1j * frequency * 1e-3)  # held for 2 ms
+    if draft.has_gauge:
+        return motor + draft.gauge_scale * gauge, motor, draft.gauge_scale * gauge, torque
+    return link, motor, link - motor, torque
+
+
+@pytest.mark.parametrize("family", REALISTIC)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_truth_is_the_low_frequency_response(family, seed):
+    """Assert that lumped equations with the truth explain a slow sine.
+
+    Second mode, gauge, back-EMF and the lag of current or coil act; what is not linear does not.
+    The tolerance allows for the lag's phase. Viscous friction is raised, so that the start decays.
+    """
+    _, draft, plant, *_ = drawn(family, seed)
+    plant = plant._replace(**NONLINEAR, motor_viscous=5.0 * plant.motor_viscous)
+    truth, _ = truth_of(draft, plant, 1.0)
+    motor_inertia = plant.motor_inertia
+    if not draft.volts:
+        motor_inertia, link_inertia = truth["motor_inertia"], truth["link_inertia"]
+        stiffness_link = truth["joint_stiffness"] / link_inertia
+        stiffness_motor = truth["joint_stiffness"] / motor_inertia
+        viscous = truth["motor_viscous_friction"] / motor_inertia
+        gravity = truth["gravity_torque"] / link_inertia
+        damping = truth["joint_damping"]
+    else:
+        stiffness_link = truth["joint_stiffness_per_link_inertia"]
+        stiffness_motor = truth["joint_stiffness_per_motor_inertia"]
+        viscous = truth["viscous_friction_per_motor_inertia"]
+        gravity = truth["gravity_torque_per_link_inertia"]
+        damping = plant.joint_damping
+    frequency = 0.1 * draft.resonance
+    link, motor, deflection, torque = response(plant, draft, frequency)
+    rate = 1j * frequency
+    spring = (-(rate**2) - gravity) * link  # per inertia of the link
+    assert (spring / deflection).real == pytest.approx(stiffness_link, rel=5e-3)
+    needed = rate**2 * motor + viscous * rate * motor - stiffness_motor * deflection
+    needed -= damping / motor_inertia * rate * deflection
+    assert abs(motor_inertia * needed / torque - 1.0) < 0.01 + 1.5 * frequency * plant.lag
+
+
+def test_a_logged_voltage_has_the_gain_of_the_truth():
+    """Assert that the voltage times the true gain is the commanded torque, but for rounding."""
+    for seed in range(4):
+        trial, draft, plant, play, _, run = drawn("voltage_drive", seed)
+        gain = trial.truth.get("input_gain_per_motor_inertia")
+        if gain is None:
+            assert draft.motion in ("square", "binary")
+            continue
+        torque = run[play.first :: play.every, 5]
+        apart = trial.columns["motor_voltage [V]"] * gain * plant.motor_inertia - torque
+        step = 2.5 * draft.volts / 2.0**12 * gain * plant.motor_inertia
+        assert np.abs(apart).max() <= 0.501 * step
+        assert np.abs(trial.columns["motor_voltage [V]"]).max() <= 1.001 * draft.volts
+
+
+@pytest.mark.parametrize("family", REALISTIC)
+def test_every_family_draws_a_log_that_shows_its_resonance(family):
+    """Assert headers, a clock, eight samples in a period, a visible deflection, and a core."""
+    for seed in range(2):
+        trial, draft, _, play, _, run = drawn(family, seed)
+        time, *_, torque = trial.columns.values()
+        np.testing.assert_allclose(np.diff(time), 1.0 / draft.pace, rtol=1e-9)
+        assert 50.0 <= draft.pace <= 1000.0
+        assert 2.0 * np.pi * draft.pace >= 8.0 * draft.resonance
+        assert 9.0 < time[-1] < 41.0
+        assert 3e-4 < (run[play.first :, 0] - run[play.first :, 2]).std() < 0.13
+        assert all(np.all(np.isfinite(values)) for values in trial.columns.values())
+        assert np.ptp(torque) > 0.0
+        assert len(trial.sins) >= 2
+        assert all(trial.truth[name] > 0.0 for name in trial.core)
+        volts = "motor_voltage [V]" in trial.columns
+        assert volts == (family in ("voltage_drive", "strain_gauge_arm"))
+        assert ("deflection [rad]" in trial.columns) == (family == "strain_gauge_arm")
+
+
+def test_lost_samples_leave_no_gap_in_the_time():
+    """Assert that rows are missing while the clock goes on by the number of the row."""
+    for seed in range(6):
+        trial, draft, _, play, _, run = drawn("poor_logger", seed)
+        if not draft.dropped:
+            continue
+        whole = len(run[play.first :: play.every])
+        lost = whole - len(trial.columns["time [s]"])
+        assert lost == max(int(draft.dropped * whole), 1)
+        np.testing.assert_allclose(np.diff(trial.columns["time [s]"]), 1.0 / draft.pace, rtol=1e-9)
+        return
+    pytest.fail("no log has lost samples")

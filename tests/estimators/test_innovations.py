@@ -1,0 +1,234 @@
+"""Innovations of a disturbed motion, against filters and sizes that are known."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from disturbed_joint import (
+    DISTURBANCES,
+    NOISE,
+    RATES,
+    SAMPLE_TIME,
+    TRUTH,
+    VALUES,
+    disturbed_samples,
+    innovations,
+    jacobian,
+    kalman_gain,
+    riccati,
+    sampled,
+)
+from scipy.stats import t
+
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.innovations import (
+    Innovations,
+    Sizes,
+    _steady_covariance,
+    _steady_gains,
+    fit_innovations,
+)
+from flexid.estimators.prediction_error import described
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Observer, Point, SegmentedMotion, segmented_motion
+from flexid.estimators.segments import divide
+from flexid.estimators.unknowns import Unknowns
+from flexid.models.flexible_joint import flexible_joint
+
+SIZES = Sizes(NOISE, DISTURBANCES, RATES)
+SLOWEST = 3.0  # 1/s
+
+
+def motion(samples: Samples) -> SegmentedMotion:
+    """A log as one segment, in steps whose error is far below the noise."""
+    segments = divide([samples], len(samples) * SAMPLE_TIME)
+    joint = flexible_joint()
+    unknowns = Unknowns(joint, fixed={"theta1": 0.0})
+    problem = segmented_motion(joint, segments, Timing("zero"), unknowns)
+    assert problem.names == tuple(TRUTH)
+    return problem.at(Point(VALUES, np.zeros((1, 4))), 1.0 / NOISE)
+
+
+def observed(samples: Samples) -> SegmentedMotion:
+    """The same with the gains for the truth."""
+    problem = motion(samples)
+    gains = _steady_gains(problem, jacobian(), SAMPLE_TIME, SIZES)
+    own, disturbed, decay, whitening = (each[None] for each in gains[:4])
+    return replace(problem, observer=Observer(own, disturbed, decay, still(samples), whitening))
+
+
+def still(samples: Samples) -> np.ndarray:
+    """Directions of a friction that does not act."""
+    return np.zeros((len(samples), 2))
+
+
+AT_REST = Point(VALUES, np.zeros((1, 4)))
+
+
+def test_steady_covariance_is_that_of_the_riccati_equation():
+    """Assert that doubling the time ends where SciPy solves the equation."""
+    system = sampled()
+    found = _steady_covariance(system.step, system.noise, system.sees, system.sensors)
+    exact = riccati(system)
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    assert np.abs((found - exact) / scale).max() < 1e-8
+
+
+def test_linearised_motion_is_that_of_the_equations():
+    """Assert that derivatives of the rates are those of the joint's equations."""
+    samples = disturbed_samples(1)
+    found = motion(samples).linearised(AT_REST, 0)
+    assert found == pytest.approx(jacobian(), rel=1e-12)
+
+
+def apart(problem: SegmentedMotion, samples: Samples) -> float:
+    """Largest difference from a filter of the exactly sampled joint, over their size."""
+    found = problem.equations(AT_REST, "nothing").residuals
+    expected = innovations(samples)
+    size = float(np.sqrt(np.mean(expected**2)))
+    assert size > 1.5 * NOISE.max()  # disturbances act
+    return float(np.abs(found - expected).max()) / size
+
+
+def test_kernel_is_a_kalman_filter():
+    """Assert that the kernel, given Kalman's gains, foresees what the exact filter does."""
+    samples = disturbed_samples(2)
+    problem = observed(samples)
+    assert problem.observer is not None
+    gain = kalman_gain()[None]
+    observer = replace(problem.observer, gain=gain[:, :4], disturbance_gain=gain[:, 4:])
+    assert apart(replace(problem, observer=observer), samples) < 1e-3
+
+
+def test_gains_of_states_are_kalmans():
+    """Assert that positions and velocities are corrected as by the exact filter."""
+    observer = observed(disturbed_samples(2)).observer
+    assert observer is not None
+    assert observer.gain[0] == pytest.approx(kalman_gain()[:4], rel=1e-6)
+
+
+@pytest.mark.xfail(reason="a disturbance's gain is that of the interval after next", strict=True)
+def test_innovations_are_those_of_a_kalman_filter():
+    """Assert that the gains made for the truth foresee as much as the exact filter."""
+    samples = disturbed_samples(2)
+    assert apart(observed(samples), samples) < 1e-3
+
+
+def test_whitened_innovations_are_white():
+    """Assert unit variance and no correlation of neighbours, both outputs together.
+
+    Of 2 · 3000 numbers the mean square has a standard error of 1.8 %, the correlation 1.3 %.
+    """
+    samples = disturbed_samples(3, 3000)
+    problem = observed(samples)
+    assert problem.observer is not None
+    residuals = problem.equations(AT_REST, "nothing").residuals[50:]
+    white = residuals @ problem.observer.whitening[0].T
+    assert np.mean(white**2) == pytest.approx(1.0, abs=0.075)
+    assert abs(np.mean(white[1:] * white[:-1])) < 0.055
+
+
+def slope(problem: SegmentedMotion, place: int) -> float:
+    """Derivative of half the cost by a value or, beyond these, by an initial state."""
+    k = len(VALUES)
+    size = 1e-5 * (VALUES[place] if place < k else 1.0)
+
+    def cost(step: float) -> float:
+        values, states = VALUES.copy(), np.zeros((1, 4))
+        if place < k:
+            values[place] += step
+        else:
+            states[0, place - k] += step
+        return problem.equations(Point(values, states), "nothing").cost
+
+    return (cost(size) - cost(-size)) / (4.0 * size)
+
+
+def test_derivatives_are_those_of_differences():
+    """Assert that the right-hand side is minus half the slope of the cost, the gains held."""
+    problem = observed(disturbed_samples(4))
+    equations = problem.equations(AT_REST)
+    gradient = np.roll(equations.gradient.sum(axis=0), -4)  # values first, then states
+    sizes = np.roll(np.sqrt(np.diag(equations.normal.sum(axis=0))), -4)
+    for place, size in enumerate(sizes):
+        # Differences are good to 1e-5 of a deviation; one is what a deviation changes.
+        assert abs(gradient[place] + slope(problem, place)) < 1e-3 * size, place
+
+
+def test_normal_matrix_is_that_of_differences_of_innovations():
+    """Assert that the normal matrix is that of the whitened innovations' derivatives."""
+    problem = observed(disturbed_samples(4))
+    assert problem.observer is not None
+    columns = []
+    for place, value in enumerate(VALUES):
+        step = np.zeros(len(VALUES))
+        step[place] = 1e-5 * value
+        high, low = (
+            problem.equations(Point(VALUES + sign * step, np.zeros((1, 4))), "nothing").residuals
+            for sign in (1.0, -1.0)
+        )
+        columns.append(((high - low) @ problem.observer.whitening[0].T).ravel() / (2e-5 * value))
+    expected = np.column_stack(columns)
+    found = problem.equations(AT_REST).normal.sum(axis=0)[4:, 4:]
+    scale = np.linalg.norm(expected, axis=0)
+    apart = (found - expected.T @ expected) / np.outer(scale, scale)
+    assert np.abs(apart).max() < 1e-5
+
+
+def test_no_gain_is_no_observer():
+    """Assert that an observer that corrects nothing leaves residuals and cost as they are."""
+    samples = disturbed_samples(5)
+    problem = motion(samples)
+    nothing = Observer(
+        np.zeros((1, 4, 2)),
+        np.zeros((1, 2, 2)),
+        np.zeros((1, 2)),
+        still(samples),
+        np.diag(problem.weights)[None],
+    )
+    plain = problem.equations(AT_REST)
+    found = replace(problem, observer=nothing).equations(AT_REST)
+    np.testing.assert_allclose(found.residuals, plain.residuals, rtol=0.0, atol=1e-9 * NOISE.min())
+    assert found.cost == pytest.approx(plain.cost, rel=1e-9)
+
+
+@cache
+def fitted(seed: int, *, known: bool) -> Innovations:
+    """A fit from values that are off by a tenth, sizes to begin with known or not."""
+    samples = disturbed_samples(seed, 600 if known else 3000)
+    problem = motion(samples)
+    point = Point(VALUES * np.array([0.9, 1.1, 0.9, 1.1]), problem.start_states)
+    sizes = SIZES if known else None
+    return fit_innovations(problem, point, still(samples), SLOWEST, sizes)
+
+
+def held(found: Innovations) -> np.ndarray:
+    """Whether each 95 % interval holds the truth."""
+    fit = described(found.problem, found.minimum, 0, 60.0)
+    quantile = t.ppf(0.975, np.array(fit.degrees_of_freedom))
+    return np.abs(fit.values - VALUES) <= quantile * fit.standard_deviations
+
+
+def test_sizes_are_recovered():
+    """Assert that sizes of disturbances and noise are found to a factor of 1.5, none known."""
+    found = fitted(6, known=False).sizes
+    assert np.abs(np.log(found.disturbances / DISTURBANCES)).max() < np.log(1.5)
+    assert np.abs(np.log(found.sensors / NOISE)).max() < np.log(1.5)
+
+
+def test_coefficients_are_recovered():
+    """Assert that intervals hold the truth, and are no wider than a tenth of it."""
+    found = fitted(6, known=False)
+    assert held(found).all()
+    fit = described(found.problem, found.minimum, 0, 60.0)
+    assert np.all(fit.standard_deviations[[0, 1, 3]] < 0.05 * VALUES[[0, 1, 3]])
+
+
+def test_coverage():
+    """Assert that nominal 95 % intervals hold the truth in 88 to 100 % of 160 cases.
+
+    Forty seeds, four coefficients: were the cases independent, the standard error would be 1.7 %.
+    """
+    share = np.mean([held(fitted(100 + seed, known=True)) for seed in range(40)])
+    assert 0.88 <= share <= 1.0

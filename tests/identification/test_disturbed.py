@@ -1,0 +1,109 @@
+"""The fit with disturbances: what it finds, and what widens its intervals."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from disturbed_drive import TRUTH, data, drive, recording
+from scipy.stats import t
+
+from flexid.estimators.channel_timing import Timing
+from flexid.identification.estimation.disturbed import (
+    Disturbed,
+    disturbed_estimate,
+    fit_disturbed,
+    skew,
+)
+from flexid.identification.full_model.model import Data, Structure
+from flexid.identification.preparation.joint import flexible
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
+
+JOINT = flexible()
+CORE = ("theta2", "alpha1", "beta1")
+
+
+def fitted(log: Data, *terms: str) -> Disturbed:
+    """A log fitted with viscous friction of the motor, and more terms to be considered."""
+    on = {c for term in ("motor_viscous", *terms) for c in JOINT.terms[term]}
+    structure = Structure(JOINT, frozenset(JOINT.optional - on), Timing("cubic"))
+    return fit_disturbed(structure, log, (), ("cubic",), THRESHOLDS)
+
+
+@cache
+def pushed(every: int = 1) -> tuple[Disturbed, Estimate]:
+    """A drive whose link is pushed, logged at 500 Hz or a part of it."""
+    log = data(recording(*drive(1, link_push=1.0), every))
+    found = fitted(log)
+    return found, disturbed_estimate(found, log)
+
+
+def half_widths(estimate: Estimate) -> dict[str, float]:
+    """Half the 95 % interval of each value."""
+    quantiles = t.ppf(0.975, np.array(estimate.degrees_of_freedom))
+    return dict(zip(estimate.names, quantiles * estimate.deviations, strict=True))
+
+
+@pytest.mark.parametrize("name", CORE)
+def test_a_pushed_link_leaves_the_core_known(name):
+    """Assert that intervals hold the truth, and are no wider than a tenth of it."""
+    _, estimate = pushed()
+    half = half_widths(estimate)[name]
+    assert abs(estimate.by_name[name] - TRUTH[name]) <= half
+    assert half < 0.1 * TRUTH[name]
+
+
+def test_the_push_is_found_in_its_row():
+    """Assert that the link's disturbance is found to a factor of 1.5, and the motor's is small."""
+    link, motor = pushed()[0].sizes.disturbances
+    assert 1.0 / 1.5 < link < 1.5
+    assert motor < 0.3 * link
+
+
+@pytest.mark.parametrize("every", [2, 4])
+@pytest.mark.parametrize("name", CORE)
+def test_the_rate_of_the_logger_hardly_matters(name, every):
+    """Assert that half and a fourth of the samples move a value by a tenth of its interval."""
+    _, estimate = pushed()
+    _, other = pushed(every)
+    apart = abs(other.by_name[name] - estimate.by_name[name])
+    assert apart < 0.1 * 2.0 * half_widths(estimate)[name]
+
+
+@pytest.mark.parametrize(("size", "kept"), [(0.06, False), (1.0, True)])
+def test_gravity_is_considered_where_the_joint_turns_far(size, kept):
+    """Assert that it is left out of a log within 0.5 rad, and found beyond."""
+    log = data(recording(*drive(3, size=size, gravity=8.0, link_push=0.3 * size)))
+    turned = np.ptp(log.samples[0].positions[:, 0])
+    assert (turned > 0.5) == kept
+    assert abs(turned - 0.5) > 0.1
+    assert ("theta1" in fitted(log, "gravity").full.names) == kept
+
+
+def test_a_delay_between_encoders_is_found():
+    """Assert that 3 ms are found on a rigid joint, and explain more than 0.8 of the deflection."""
+    time, positions, inputs = drive(4, rigid=True)
+    late = np.interp(time - 3e-3, time, positions[:, 0])
+    log = data(recording(time, np.column_stack((late, positions[:, 1])), inputs))
+    delay, explained = skew(log)
+    assert delay == pytest.approx(3e-3, rel=0.05)
+    assert explained > 0.8
+
+
+def test_a_spring_is_no_delay():
+    """Assert that a delay explains less than a fifth of a compliant joint's deflection."""
+    assert abs(skew(data(recording(*drive(1))))[1]) < 0.2
+
+
+def test_halves_of_two_drives_widen_the_interval():
+    """Assert that a stiffness that changes by 10 % has an interval that reaches both values."""
+
+    def stiffer(time: float) -> float:
+        return 1.1 if time > 8.0 else 1.0
+
+    log = data(recording(*drive(5, link_push=0.3, stiffer=stiffer)))
+    found = fitted(log)
+    estimate = disturbed_estimate(found, log)
+    value, half = estimate.by_name["theta2"], half_widths(estimate)["theta2"]
+    assert value - half <= TRUTH["theta2"]
+    assert value + half >= 1.1 * TRUTH["theta2"]

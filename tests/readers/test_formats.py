@@ -1,0 +1,40 @@
+"""The registry of formats: every list of them derives from it."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from flexid.readers.formats import FORMATS, Format, format_of, kinds, looks_like, suffixes
+
+PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
+
+
+@pytest.mark.parametrize("one", FORMATS, ids=lambda one: one.name)
+def test_a_format(one: Format):
+    """Assert that a format has a function, ends of names of its own, and a row in the docs."""
+    assert callable(import_module(one.module).read)
+    for suffix in one.suffixes:
+        assert format_of(Path(f"log{suffix.upper()}")) == one
+        assert sum(suffix in other.suffixes for other in FORMATS) == 1
+        assert f"`{suffix}`" in PAGE.read_text(encoding="utf-8").partition("\nSuch a file")[0]
+    assert one.name in kinds()
+    assert {*one.suffixes} <= {*suffixes()}
+    assert all(looks_like(magic + b"more") == one for magic in one.magic)
+
+
+def test_text():
+    """Assert that other files are text."""
+    assert format_of(Path("log.csv")) is None
+    assert looks_like(b"time,motor_position\n") is None
+
+
+def test_a_folder(tmp_path: Path):
+    """Assert that a folder is of the format of the bags in it."""
+    assert format_of(tmp_path) is None
+    (tmp_path / "a.db3").write_bytes(b"")
+    found = format_of(tmp_path)
+    assert found is not None
+    assert found.name == "ROS 2 bag"

@@ -1,0 +1,190 @@
+"""The child process that reads: whatever it does, the answer is a log or one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from flexid.errors import RecordingError
+from flexid.readers import formats, guard
+from flexid.readers.formats import Format
+from flexid.readers.guard import Limits, Reading
+from flexid.recording.series import table_of_file, tables_of_file
+
+GOOD = """
+import polars as pl
+from flexid.readers.contents import Contents, RefusedError, Series
+
+def table():
+    time = [0.01 * k for k in range(100)]
+    return pl.DataFrame({"time": time, "motor_position": time, "link_position": time})
+"""
+PARTS = """
+def read(path):
+    def frames(paths, size):
+        for start in range(0, 100, size):
+            if start >= 50:
+                fail()
+            yield "", table()[start:start + size].select(paths)
+    return Contents([Series(name, "", 100) for name in table().columns], frames, is_table=True)
+"""
+Readers = Callable[[str], Path]
+
+
+@pytest.fixture
+def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Readers:
+    """Register a reader of files that end in ``.odd`` by its source, and make such a file."""
+    name = f"odd_{abs(hash(tmp_path))}"
+    folder = tmp_path / "modules"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(folder)
+    odd = Format("Odd", "an odd file", (".odd",), name, (), "odd")
+    monkeypatch.setattr(formats, "FORMATS", [*formats.FORMATS, odd])
+    monkeypatch.setattr(guard, "LIMITS", Limits(400_000_000, 5.0, 5.0, 10_000_000, 1_000_000))
+
+    def register(source: str) -> Path:
+        (folder / f"{name}.py").write_text(GOOD + source)
+        path = tmp_path / "log.odd"
+        path.write_bytes(b"anything")
+        return path
+
+    return register
+
+
+def refusal(path: Path) -> str:
+    """The one line with which a file is refused."""
+    with pytest.raises(RecordingError) as caught:
+        table_of_file(path, None)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(str(path))
+    return message
+
+
+def test_one_function_and_one_line(reader: Readers):
+    """Assert that a format is read that is a function `read` and a registration."""
+    table = table_of_file(reader("def read(path): return table()"), None)
+    assert table.names == ("time", "motor_position", "link_position")
+    assert table.frame["motor_position"].to_list() == [0.01 * k for k in range(100)]
+
+
+def test_what_a_library_prints(reader: Readers):
+    """Assert that what is printed in the child disturbs no answer."""
+    source = "import os\ndef read(path):\n    print('{'); os.write(1, b'noise'); return table()"
+    assert table_of_file(reader(source), None).frame.height == 100
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("import os; os.kill(os.getpid(), 11)", "no odd file that can be read"),
+        ("import os; os._exit(0)", "no odd file that can be read"),
+        ("raise KeyError('x')", "no odd file that can be read"),
+        ("return 3", "no odd file that can be read"),
+        ("return bytearray(10**12)", "more memory than it may have"),
+        (
+            "kept = []\n    while True: kept.append(bytearray(10**7))",
+            "more memory than it may have",
+        ),
+        ("deep = lambda: deep()\n    deep()", "no odd file that can be read"),
+        ("import time; time.sleep(900)", "takes too long"),
+        ("while True: pass", "takes too long"),
+        ("raise RefusedError('page 3', 'it is torn: export it again')", "page 3: it is torn"),
+        ("import no_such_package", "read by no_such_package, which is not installed: pip install "),
+        ("return pl.DataFrame({'time': [1.0], 'big': ['x' * 20_000_000]})", "no motor_position"),
+    ],
+    ids=lambda value: value[:30],
+)
+def test_what_a_reader_may_do(reader: Readers, body: str, words: str):
+    """Assert that a crash, a bomb, a hang and an error are one sentence."""
+    assert words in refusal(reader(f"def read(path):\n    {body}"))
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("import os; os.abort()", "row 51 or after: the file cannot be read on from there"),
+        ("raise ValueError('two\\nlines')", "row 51 or after: the file cannot be read on"),
+        ("raise RefusedError('row 7', 'it is torn: mend it')", "row 7: it is torn: mend it"),
+        ("while True: pass", "takes too long"),
+        ("return bytearray(10**12)", "more memory than it may have"),
+    ],
+    ids=lambda value: value[:30],
+)
+def test_what_a_reader_may_do_later(reader: Readers, body: str, words: str):
+    """Assert that the parts before are handed over, and then one sentence."""
+    path = reader(f"def fail():\n    {body}\n{PARTS}")
+    tables = tables_of_file(path, None, 25)
+    assert [next(tables).frame.height for _ in range(2)] == [25, 25]
+    with pytest.raises(RecordingError, match=words):
+        next(tables)
+
+
+def test_too_much_at_once(reader: Readers):
+    """Assert that an answer of more bytes than a limit is not read."""
+    source = "def read(path):\n    return pl.concat([table()] * 10_000)"
+    assert "too long to be handed over at once" in refusal(reader(source))
+
+
+def test_a_file_too_large(reader: Readers):
+    """Assert that a large file starts no child."""
+    path = reader("")
+    with path.open("wb") as file:
+        file.truncate(2_000_000)
+    assert "the file is larger than 1 MB" in refusal(path)
+
+
+def test_signs_of_life(reader: Readers, monkeypatch: pytest.MonkeyPatch):
+    """Assert that a reader that takes long, and says that it goes on, is waited for."""
+    monkeypatch.setattr(guard, "LIMITS", guard.LIMITS._replace(silence=2.0))
+    source = """
+import time
+from flexid.readers.child import still_alive
+
+def read(path):
+    for _ in range(30):
+        time.sleep(0.1)
+        still_alive()
+    return table()
+"""
+    assert table_of_file(reader(source), None).frame.height == 100
+
+
+def test_a_child_ends_with_its_reading(reader: Readers):
+    """Assert that no process is left, whether a file is read to its end or not."""
+    path = reader("def read(path): return table()")
+    with Reading(path) as reading:
+        next(reading.frames(["time"], 10))
+    assert reading._process.returncode is not None
+    tables = tables_of_file(path, None, 10)
+    next(tables)
+    tables.close()
+
+
+def test_modules_beside_a_log_are_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Assert that the folder of a log lends no module to the process that reads it."""
+    pl.DataFrame({"time": [0.0], "motor_position": [0.0]}).write_parquet(tmp_path / "a.parquet")
+    (tmp_path / "json.py").write_text("open('was_run', 'w')")
+    monkeypatch.chdir(tmp_path)
+    Reading(Path("a.parquet")).close()
+    assert not (tmp_path / "was_run").exists()
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "extra"),
+    [("h5py", "a.h5", "hdf5"), ("asammdf", "a.mf4", "mdf"), ("rosbags", "a.bag", "ros")],
+)
+def test_without_a_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: str, name: str, extra: str
+):
+    """Assert that where the library of a format is not installed its extra is named."""
+    stub = f"raise ModuleNotFoundError('no', name={package!r})"
+    (tmp_path / f"{package}.py").write_text(stub)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / name).write_bytes(b"anything")
+    assert f"read by {package}, which is not installed: pip install 'flexid[{extra}]'" in refusal(
+        tmp_path / name
+    )

@@ -1,0 +1,271 @@
+"""Logs that are wrong in meaning, of a joint that is known: each fault is named, and alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from benchmarks.trials.integrator import Drive, Law, Smooth, simulate
+
+from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
+from flexid.identification.preparation.recordings import prepare
+from flexid.library.logs import read_log
+from flexid.recording import Log
+from flexid.recording.caution import Rank, rank_of
+
+STEP = 2e-3  # s
+COUNT = 6000
+NOISE = 1e-5  # rad
+LINK, MOTOR, TORQUE = "link_position [rad]", "motor_position [rad]", "motor_torque [N m]"
+LINK_SPEED, MOTOR_SPEED = "link_velocity [rad/s]", "motor_velocity [rad/s]"
+
+Columns = dict[str, FloatArray]
+
+
+def simulated(size: float = 1.0) -> Columns:
+    """12 s of a joint with gravity, friction and white noise on its sensors."""
+    rng = np.random.default_rng(1)
+    tones = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0])
+    forces = size * np.array([2.5, 3.0, 4.0, 4.0, 4.0, 4.0, 4.0])
+    phases = rng.uniform(0.0, 2.0 * np.pi, len(tones))
+
+    def torque(at: FloatArray) -> FloatArray:
+        return np.asarray(np.sin(np.outer(at, tones) + phases) @ forces, dtype=np.float64)
+
+    time = STEP * np.arange(COUNT, dtype=np.float64)
+    drive = Drive(1.0, 0.3, 100.0, gravity_torque=5.0, motor_viscous=0.2)
+    smooth = Smooth(torque(-0.02 + 1e-4 * np.arange(120_600, dtype=np.float64)), -0.02, 1e-4)
+    zeros = np.zeros((COUNT, 3))
+    states, _ = simulate(
+        drive, time, time, time, torque(time), zeros[:, 0], smooth, Law(), zeros, 0.0, 5e-4
+    )
+    return {
+        "time [s]": time,
+        LINK: states[:, 0] + NOISE * rng.standard_normal(COUNT),
+        MOTOR: states[:, 2] + NOISE * rng.standard_normal(COUNT),
+        TORQUE: torque(time),
+        LINK_SPEED: states[:, 1] + 1e-3 * rng.standard_normal(COUNT),
+        MOTOR_SPEED: states[:, 3] + 1e-3 * rng.standard_normal(COUNT),
+    }
+
+
+CLEAN = simulated()
+POSITIONS = ("time [s]", LINK, MOTOR, TORQUE)
+
+
+def changed(**changes: Callable[[FloatArray], FloatArray]) -> Log:
+    """The log without velocities, some of its channels changed."""
+    columns = {name: CLEAN[name].copy() for name in POSITIONS}
+    for name, change in changes.items():
+        column = {"link": LINK, "motor": MOTOR, "torque": TORQUE}[name]
+        columns[column] = change(columns[column])
+    return read_log(columns)
+
+
+def times(factor: float) -> Callable[[FloatArray], FloatArray]:
+    """Return a change that scales a channel."""
+    return lambda values: factor * values
+
+
+def held(first: int, last: int) -> Callable[[FloatArray], FloatArray]:
+    """Return a change that repeats a sample."""
+
+    def hold(values: FloatArray) -> FloatArray:
+        values[first:last] = values[first]
+        return values
+
+    return hold
+
+
+def spiked(places: list[int], size: float) -> Callable[[FloatArray], FloatArray]:
+    """Return a change that displaces single samples."""
+
+    def spike(values: FloatArray) -> FloatArray:
+        values[places] += size
+        return values
+
+    return spike
+
+
+def test_a_right_log_has_no_warning():
+    """Assert that nothing is found in a log that is right, with and without velocities."""
+    assert changed().warnings == ()
+    assert read_log(dict(CLEAN)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("link", "motor", "said"),
+    [(1.005, 1.0, "1.004"), (1.0, 1.02, "0.980"), (1.0, 1.0 / 1.02, "1.02"), (1.002, 1.0, "")],
+)
+def test_a_scale_that_is_wrong(link: float, motor: float, said: str):
+    """Assert that a scale off by 0.5 % is named with its factor, and one off by 0.2 % is not."""
+    found = changed(link=times(link), motor=times(motor)).warnings
+    assert len(found) == bool(said)
+    for warning in found:
+        assert f"the link moves {said}" in warning
+        assert "gear ratio" in warning
+        assert rank_of(warning) == Rank.SCALE
+
+
+def test_a_scale_in_a_small_motion_is_left_open():
+    """Assert that nothing is said where the angle is too much like its sine."""
+    small = simulated(0.1)
+    small[MOTOR] = 1.02 * small[MOTOR]
+    assert read_log({name: small[name] for name in POSITIONS}).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(np.pi / 180.0, "radians read as degrees"), (180.0 / np.pi, "degrees read as radians")],
+)
+def test_an_angle_in_another_unit(factor: float, said: str):
+    """Assert that gravity shows the unit of the angles, and is asked for nothing else then."""
+    found = [w for w in changed(link=times(factor), motor=times(factor)).warnings if "load" in w]
+    assert len(found) == 1
+    assert said in found[0]
+
+
+def test_a_controller_is_no_gravity_in_degrees():
+    """Assert that a torque in proportion to angle and velocity does not pass for gravity."""
+    torque = -30.0 * CLEAN[MOTOR] - 2.0 * CLEAN[MOTOR_SPEED]
+    assert changed(torque=lambda _: torque).warnings == ()
+
+
+@pytest.mark.parametrize(("every", "said"), [(33, True), (2500, False)])
+def test_samples_that_are_lost(every: int, said: bool):
+    """Assert that lost samples are found in positions alone, and that two are not worth a word."""
+    kept = np.arange(COUNT) % every != every - 1
+    columns = {name: CLEAN[name][kept] for name in POSITIONS}
+    found = read_log(columns | {"time [s]": STEP * np.arange(kept.sum())}).warnings
+    assert [("samples were lost" in w and "log the time" in w) for w in found] == [True] * said
+
+
+def test_spikes_are_replaced():
+    """Assert that single samples are named, and taken from their neighbours to 10 times noise."""
+    log = changed(link=spiked([900, 2000, 3333], 0.05), motor=spiked([2500], 40.0))
+    assert ["link_position" in w and "3 samples" in w for w in log.warnings] == [True, False]
+    assert "1 sample is off the samples around by up to 40 rad (at 5 s)" in log.warnings[1]
+    (recording,) = log.recordings
+    np.testing.assert_allclose(recording.needed_link_position, CLEAN[LINK], atol=10 * NOISE)
+    np.testing.assert_allclose(recording.motor_position, CLEAN[MOTOR], atol=10 * NOISE)
+
+
+@pytest.mark.parametrize(("size", "count"), [(40.0, 1), (10.0, 0)])
+def test_a_spike_in_noise_is_left(size: float, count: int):
+    """Assert that a sample is left that noise may have moved."""
+    assert len(changed(link=spiked([900], size * NOISE)).warnings) == count
+
+
+@pytest.mark.parametrize("power", [0, 1, 2])
+@pytest.mark.parametrize("part", [0.0, 0.5])
+def test_a_stop_is_no_spike(power: int, part: float):
+    """Assert that a position, velocity or acceleration that jumps is not smoothed."""
+    after = np.maximum(np.arange(COUNT) - 3000.0 - part, 0.0)
+    jump = 0.01 * np.sign(after) * after**power
+    log = changed(link=lambda q: q + jump, motor=lambda q: q + jump)
+    assert not any("off the samples" in warning for warning in log.warnings)
+
+
+@pytest.mark.parametrize("side", ["link", "motor"])
+@pytest.mark.parametrize("first", [2000, 3200])
+def test_a_sensor_that_is_stuck_for_a_while(side: str, first: int):
+    """Assert that 0.3 s of 12 s are named and left out as a gap."""
+    log = changed(**{side: held(first, first + 150)})
+    assert [len(recording) for recording in log.recordings] == [first + 1, COUNT - first - 150]
+    assert f"{side}_position does not change from {first * STEP:g} s" in log.warnings[0]
+    assert rank_of(log.warnings[0]) == Rank.DATA
+
+
+def test_a_sensor_that_dies_is_kept():
+    """Assert that a side that rests to the end is only named: it may have met a brake."""
+    log = changed(motor=held(5000, COUNT))
+    (warning,) = log.warnings
+    assert "motor_position does not change from 10 s to 11.998 s" in warning
+    assert sum(map(len, log.recordings)) == COUNT
+
+
+def test_a_link_that_sticks_is_no_fault():
+    """Assert that a side that rests and goes on smoothly while the other one winds up is kept."""
+    link = CLEAN[LINK].copy()
+    rest = np.zeros(200)
+    at = 3000
+    stuck = np.concatenate((link[:at], link[at] + rest, link[at:-200]))
+    motor = CLEAN[MOTOR] + 0.0
+    motor[at : at + 200] = np.linspace(motor[at], motor[at] + 0.02, 200)
+    columns = {"time [s]": CLEAN["time [s]"], LINK: stuck, MOTOR: motor, TORQUE: CLEAN[TORQUE]}
+    columns[LINK][at + 200 :] = link[at] + 0.5 * (STEP * np.arange(COUNT - at - 200)) ** 2
+    assert sum(map(len, read_log(columns).recordings)) == COUNT
+
+
+VELOCITIES: dict[str, tuple[dict[str, FloatArray], str]] = {
+    "swapped": (
+        {LINK_SPEED: CLEAN[MOTOR_SPEED], MOTOR_SPEED: CLEAN[LINK_SPEED]},
+        "follows the other side",
+    ),
+    "scaled": ({LINK_SPEED: 1.28 * CLEAN[LINK_SPEED]}, "28 % RMS, as if it were scaled by 1.28"),
+    "late": ({MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], 10)}, "ms late"),
+    "another signal": (
+        {LINK_SPEED: np.random.default_rng(8).standard_normal(COUNT)},
+        "differs from the derivative of its position",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VELOCITIES)
+def test_a_velocity_that_is_wrong_is_not_used(name: str):
+    """Assert that it is named with its cause, and that the position takes its place."""
+    columns, said = VELOCITIES[name]
+    log = read_log(CLEAN | columns)
+    assert len(log.warnings) == len(columns)
+    assert all(said in warning and "it is not used" in warning for warning in log.warnings)
+    (recording,) = log.recordings
+    assert (recording.link_velocity is None) == (LINK_SPEED in columns)
+    assert (recording.motor_velocity is None) == (MOTOR_SPEED in columns)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_velocity_that_is_slightly_late_is_used(late: int):
+    """Assert that 2 ms are no reason to leave a velocity out."""
+    log = read_log(CLEAN | {MOTOR_SPEED: np.roll(CLEAN[MOTOR_SPEED], late)})
+    assert log.recordings[0].motor_velocity is not None
+
+
+def noise(level: float = NOISE) -> FloatArray:
+    """White noise of one channel."""
+    return level * np.random.default_rng(5).standard_normal(COUNT)
+
+
+REFUSED: dict[str, tuple[Callable[[], Log], str]] = {
+    "dead motor": (lambda: changed(motor=lambda _: 0.3 + noise()), "motor_position is constant"),
+    "dead link": (lambda: changed(link=lambda _: 0.3 + noise()), "link_position is constant"),
+    "torque is a velocity": (
+        lambda: changed(torque=lambda _: CLEAN[MOTOR_SPEED]),
+        "same signal as the derivative of motor_position",
+    ),
+    "torque is a position": (
+        lambda: changed(torque=lambda _: CLEAN[LINK]),
+        "same signal as link_position",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_dead_or_copied_channel_is_refused(name: str):
+    """Assert that what can be identified from nothing is refused at once."""
+    made, said = REFUSED[name]
+    with pytest.raises(RecordingError, match=said):
+        made()
+
+
+def test_a_deflection_of_noise_alone_is_a_rigid_joint():
+    """Assert that the spring is sought only where the encoders differ by more than noise."""
+    copied = changed(link=lambda _: CLEAN[MOTOR] + noise())
+    recordings, (warning,) = prepare([copied], 0.3)
+    assert recordings.recorded[0].link_position is None
+    assert "the joint was taken as rigid" in warning
+    assert prepare([copied], 0.3, "flexible")[0].recorded[0].link_position is not None
+    recordings, warnings = prepare([changed()], 0.3)
+    assert recordings.recorded[0].link_position is not None
+    assert warnings == ()
