@@ -59,7 +59,7 @@ def filtered_least_squares(
     system : ParametricSystem
         The model; its constants have the values declared in it.
     filter_rate : float, optional
-        λ in 1/s. See `choose_filter_rate`.
+        λ in 1/s.
     hold : {"linear", "zero"}, optional
         Whether the inputs run linearly between samples or are constant until the next one.
     unknowns : Unknowns, optional
