@@ -87,12 +87,11 @@ def filtered_least_squares(
     signals = filtered_signals(used, system, filter_rate, hold, wanted)
     lengths = [len(recording) - 2 for recording in used]
     regressors, left_hand_sides = sought_signals(signals, unknowns, usable, lengths)
-    time = np.concatenate([np.zeros(0), *(recording.time[1:-1] for recording in used)])
     most = max(len(unknowns.names_of(row)) for row in system.rows)
     blocks = block_lengths(
         lengths, [recording.sample_time for recording in used], filter_rate, most
     )
-    values, rows = fit_rows(unknowns, regressors, left_hand_sides, time)
+    values, rows = fit_rows(unknowns, regressors, left_hand_sides)
     return LeastSquaresFit(unknowns.names, values, rows, tuple(blocks), hold, float(filter_rate))
 
 
