@@ -12,8 +12,8 @@ from flexid.identification.estimation.disturbed import (
     Disturbed,
     disturbed_estimate,
     fit_disturbed,
-    skew,
 )
+from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.vocabulary.estimate import Estimate
@@ -85,14 +85,19 @@ def test_a_delay_between_encoders_is_found():
     time, positions, inputs = drive(4, rigid=True)
     late = np.interp(time - 3e-3, time, positions[:, 0])
     log = data(recording(time, np.column_stack((late, positions[:, 1])), inputs))
-    delay, explained = skew(log)
-    assert delay == pytest.approx(3e-3, rel=0.05)
-    assert explained > 0.8
+    found = skew(JOINT, log)
+    assert found.delay == pytest.approx(3e-3, rel=0.05)
+    assert abs(found.delay - 3e-3) < 4.0 * found.deviation
+    assert found.makes_the_deflection
+    assert found.excess < 10.0
 
 
 def test_a_spring_is_no_delay():
     """Assert that a delay explains less than a fifth of a compliant joint's deflection."""
-    assert abs(skew(data(recording(*drive(1))))[1]) < 0.2
+    found = skew(JOINT, data(recording(*drive(1))))
+    assert abs(found.explained) < 0.2
+    assert not found.makes_the_deflection
+    assert found.excess > 100.0
 
 
 def test_halves_of_two_drives_widen_the_interval():

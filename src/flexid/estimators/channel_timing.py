@@ -12,10 +12,12 @@ from flexid.estimators.held_input import held_input
 from flexid.estimators.segments import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
+from flexid.recording.shift import SETTLING, later
 
 INPUT = "input_delay"
 """Name of the inputs' delay; that of a row's position is the row's name and ``_delay``."""
 
+_SMALL = 1e-3  # of a sample, by which a delay differs where a derivative is by differences
 _ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relative to
 
 
@@ -102,13 +104,11 @@ class ChannelTiming:
             late[a] -= whole * shortest
         return outputs, late
 
-    def interpolated(self, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-        """Outputs between their samples, when they were true, and that nothing is left to move.
+    def on_time(self, delays: Mapping[str, float]) -> FloatArray:
+        """Outputs moved by any part of a sample to when they were true.
 
-        It suits outputs without much noise between their samples: low-passed ones.
+        White noise stays white, so that no delay makes innovations smaller than another.
         """
-        from scipy.interpolate import CubicSpline  # slow to import, and few logs need it
-
         late = np.array([delays[name] if name else 0.0 for name in self.output_delays])
         outputs = self.segments.outputs.copy()
         for a in np.flatnonzero(late).tolist():
@@ -116,10 +116,22 @@ class ChannelTiming:
             for part, sample_time in self.segments.by_recording():
                 column = self.segments.outputs[part, a]
                 still = np.zeros_like(column) if reference is None else reference[part]
-                times = sample_time * np.arange(len(column))
-                then = np.clip(times + late[a], times[0], times[-1])
-                outputs[part, a] = CubicSpline(times, column - still)(then) + still
-        return outputs, np.zeros_like(late)
+                column = column - still
+                before = 2.0 * column[0] - column[SETTLING:0:-1]  # turned round about its ends
+                after = 2.0 * column[-1] - column[-2 : -SETTLING - 2 : -1]
+                padded = np.concatenate((before, column, after))
+                moved = later(padded, -late[a] / sample_time)
+                outputs[part, a] = moved[len(before) : len(before) + len(column)] + still
+        return outputs
+
+    def rates_on_time(self, delays: Mapping[str, float]) -> FloatArray:
+        """Derivatives of `on_time` by each output's own delay."""
+        step = _SMALL * float(self.segments.sample_times.min())
+        sooner, later = (
+            self.on_time({name: delay + sign * step for name, delay in delays.items()})
+            for sign in (-1.0, 1.0)
+        )
+        return (later - sooner) / (2.0 * step)
 
     def _reference_of(self, output: int) -> FloatArray | None:
         """What an output was measured relative to, shape (n_samples,), as far as delays go."""

@@ -22,7 +22,7 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import Minimum, minimise
 from flexid.estimators.segmented_motion import Observer, Point, SegmentedMotion
 
-_ROUNDS = (4, 2)  # of coefficients and sizes in turn, from afar and from sizes that are known
+_ROUNDS = (4, 2)  # of sizes and coefficients in turn, from afar and from values nearly right
 _STEPS = (8, 30)  # of Gauss and Newton in each, and in the last
 _TRIALS = (80, 40)  # of sizes and rates in each
 _SPREAD = 0.7  # natural logarithm, by which the first trials differ; less in later rounds
@@ -125,7 +125,7 @@ def fit_innovations(
     rounds = _ROUNDS[near]
     for turn in range(rounds):
         cost_of = _cost(problem, point, directions)
-        if turn:
+        if turn or near:  # from afar, coefficients come first
             spread = _SPREAD / (2.0 if near else turn)
             sizes = _likeliest(cost_of, sizes, bounds, spread, _TRIALS[near])
         cost, observed = cost_of(sizes)

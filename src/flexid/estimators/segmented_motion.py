@@ -318,9 +318,12 @@ class SegmentedMotion:
         coefficients = self._coefficients(point.values)
         delays = self.delays(point.values)
         channels = self._channels
-        # An observer's gain is for outputs of its own samples.
-        timely = channels.timely if self.observer is None else channels.interpolated
-        outputs, late = timely(delays)
+        outputs, late = channels.timely(delays)
+        speeds = np.zeros((0, len(late)))  # by the model
+        if self.observer is not None:  # its gain is for outputs at its own samples
+            outputs, late = channels.on_time(delays), np.zeros_like(late)
+            if by == "everything":
+                speeds = channels.rates_on_time(delays)
         drives = channels.drives(delays[INPUT])
         dry = self._dry(coefficients, wanted) & (self.observer is None)
         delays_sought = self.timing.sought
@@ -348,7 +351,15 @@ class SegmentedMotion:
         )
         observer = self._observer
         whitening = observer.whitening
-        sensors = outputs, segments.measured, channels.reference, late, late_columns, whitening
+        sensors = (
+            outputs,
+            segments.measured,
+            channels.reference,
+            late,
+            late_columns,
+            whitening,
+            speeds,
+        )
         gains = observer.gain, observer.disturbance_gain, observer.decay, observer.directions
         model = drives, coefficients, self.constants, dry, gains
         sought = wanted, delay_sought

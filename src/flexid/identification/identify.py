@@ -11,7 +11,7 @@ import numpy as np
 
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.state_variable_filter import LeastSquaresFit
-from flexid.identification.estimation.answers import answer
+from flexid.identification.estimation.answers import Answer, answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
@@ -109,7 +109,7 @@ def identify(
     whole = data_of(job.joint, recordings.whole, recordings.groups)
     found = answer(job, training, whole, recordings, progress, thresholds)
     fits, validation, choice = found.fits, found.validation, found.fits.choice
-    numbers = _without_stiffness(_numbers(job, fits, found.estimate, thresholds), found.doubts)
+    numbers = _doubted(_numbers(job, fits, found.estimate, thresholds), found)
     turned = turned_round(
         choice.full, recordings.whole, recordings.groups, thresholds.mirrored_share
     )
@@ -119,7 +119,8 @@ def identify(
     )
     if (found.doubts or not exact) and np.isfinite(compliance.deflection):
         reason = f"the deflection moves by {compliance.deflection:.2g} rad, {found.prediction}"
-        compliance = replace(compliance, visible=not found.doubts, reason=reason)
+        visible = not found.doubts or "theta2" not in found.doubted
+        compliance = replace(compliance, visible=visible, reason=reason)
     choices = _choices(fits, numbers.estimate, settings)
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, numbers.estimate))
@@ -220,18 +221,14 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
     )
 
 
-def _without_stiffness(numbers: _Numbers, doubts: Sequence[str]) -> _Numbers:
-    """The same where no stiffness is known: nothing that rests on one is.
-
-    Nor is what rests on the motor's inertia: without a spring the link may be part of it.
-    """
-    if not doubts:
+def _doubted(numbers: _Numbers, found: Answer) -> _Numbers:
+    """The same where a spring is doubted: nothing that rests on it is known."""
+    if not found.doubts:
         return numbers
-    springs = {"theta2", "alpha1", "beta1"}
-    unknown: dict[str, Any] = {"verdict": "undetermined", "reason": str(doubts[0])}
+    unknown: dict[str, Any] = {"verdict": "undetermined", "reason": str(found.doubts[0])}
     coefficients, parameters = (
         {
-            name: replace(e, **unknown) if springs & e.slopes.keys() else e
+            name: replace(e, **unknown) if found.doubted & e.slopes.keys() else e
             for name, e in each.items()
         }
         for each in (numbers.coefficients, numbers.parameters)

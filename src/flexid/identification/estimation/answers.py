@@ -39,7 +39,11 @@ from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.recording.caution import Caution, Rank
 
+SPRINGS = frozenset({"theta2", "alpha1", "beta1"})
+"""What is not known without the spring: of the motor, as the link may be part of it, all."""
+
 _PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
+_UNEXPLAINED = 0.25  # of a balance's acceleration: with less, its spring is there all the same
 _BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
 
@@ -59,7 +63,9 @@ class Answer:
     disturbances : Disturbances or None
         Of the fit with disturbances, if that is it.
     doubts : tuple of str
-        Why no stiffness is known, whatever the intervals say.
+        Why some coefficient is not known, whatever its interval says.
+    doubted : frozenset of str
+        Which these are: those of the spring, in one balance or in both.
     prediction : str
         How well the spring predicts the deflection.
     """
@@ -69,6 +75,7 @@ class Answer:
     estimate: Estimate
     disturbances: Disturbances | None = None
     doubts: tuple[Caution, ...] = ()
+    doubted: frozenset[str] = SPRINGS
     prediction: str = ""
 
 
@@ -191,7 +198,27 @@ def _judged(
         f"of which the spring predicts {max(predicted, 0.0):.0f} % over {period:.2g} s, a period "
         f"of the resonance"
     )
-    return replace(found, doubts=_doubts(job, whole, period, predicted), prediction=prediction)
+    found = replace(found, prediction=prediction)
+    skewed = _skewed(job, whole, entirely=False)
+    if skewed or predicted >= _PREDICTED:
+        return replace(found, doubts=skewed)
+    shares = {} if found.disturbances is None else found.disturbances.shares
+    doubted = {c for c in SPRINGS if shares.get(_balance(c), 1.0) > _UNEXPLAINED}
+    if not doubted:
+        return found
+    what = "joint" if doubted == SPRINGS else _balance(min(doubted))
+    doubt = Caution(
+        f"more moves this {what} than the model has: over {period:.2g} s, a period of the "
+        f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the deflection; look for "
+        f"other axes, loads and backlash{_whole_drive(job)}",
+        Rank.MODEL,
+    )
+    return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
+
+
+def _balance(coefficient: str) -> str:
+    """Whose balance a coefficient of the spring is of."""
+    return "link" if coefficient == "theta2" else "motor"
 
 
 def _over_a_period(fitted: Fitted, whole: Data, recordings: SplitRecordings) -> tuple[float, float]:
@@ -201,23 +228,6 @@ def _over_a_period(fitted: Fitted, whole: Data, recordings: SplitRecordings) -> 
     period = float(np.clip(period, 5.0 * whole.samples[0].sample_time, 0.1 * whole.duration))
     found = validate(fitted, whole, recordings.starts, horizons=(period,)).horizons
     return period, found[period].get("deflection", np.nan) if found else np.nan
-
-
-def _doubts(job: Job, whole: Data, period: float, predicted: float) -> tuple[Caution, ...]:
-    """Why no stiffness is known: a delay makes the deflection, or no spring predicts it."""
-    skewed = _skewed(job, whole, entirely=False)
-    if skewed:
-        return skewed
-    if predicted < _PREDICTED:
-        return (
-            Caution(
-                f"more moves this joint than the model has: over {period:.2g} s, a period of the "
-                f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the deflection; "
-                f"look for other axes, loads and backlash{_whole_drive(job)}",
-                Rank.MODEL,
-            ),
-        )
-    return ()
 
 
 def _skewed(job: Job, whole: Data, *, entirely: bool) -> tuple[Caution, ...]:

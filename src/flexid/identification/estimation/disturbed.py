@@ -257,7 +257,9 @@ def _again(found: Disturbed, data: Data, factor: int) -> Fitted | None:
         other, _ = _fit(fitted.structure, data, factor, fitted.by_name, found.sizes)
     except ConvergenceError:
         return None
-    return other if other.names == fitted.names and other.converged else None
+    # A channel that is moved out of the log leaves nothing to compare.
+    usable = other.names == fitted.names and other.converged and other.has_partners
+    return other if usable else None
 
 
 def _half(samples: Samples, *, second: bool) -> Samples:

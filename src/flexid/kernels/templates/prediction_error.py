@@ -61,7 +61,7 @@ def add_delay(row, x, rate, derivatives, drive, h, sensor):
         acceleration -= drive[i, 1] / h
     row[0] += late * (0.5 * late * acceleration - speed)
     if late_column >= 0:
-        row[1 + late_column] += late * acceleration - speed
+        row[1 + late_column] = late * acceleration - speed
     for sign, place in ((1.0, state), (-1.0, reference)):
         if place < 0:
             continue
@@ -137,16 +137,16 @@ Room = namedtuple(
 def run_segment(s, segments, sensors, model, substeps, room, results):
     """Add a segment to the normal equations of its blocks; its cost, infinite if it diverged."""
     starts, lengths, first_blocks, sample_times, initial_states = segments
-    outputs, measured, reference, late, late_columns, whitening = sensors
+    outputs, measured, reference, late, late_columns, whitening, speeds = sensors
     drives, p, c, dry, observer = model
     x, rate, errors, rows, mixed, derivatives, step, alone, modes, at, delay, u, du, bends = room[
         :14
     ]
     disturbance, noise, is_late = room[14:]
     normal, gradient, residuals, _ = results
-    any_late = is_late.any()
     gain, disturbance_gain, decay, directions = observer
     observed = gain.shape[2] > 0
+    any_late = is_late.any() and not observed
     cost, h = 0.0, sample_times[s]
     for i in range(N_STATES):
         x[i] = initial_states[s, i]
@@ -176,7 +176,10 @@ def run_segment(s, segments, sensors, model, substeps, room, results):
             row[0] = x[state]
             for j in range(1, derivatives.n):
                 row[j] = derivatives.z[state * WIDTH + j]
-            if is_late[a]:
+            if observed:  # outputs come on time, with their own rates
+                if late_columns[a] >= 0:
+                    row[1 + late_columns[a]] -= speeds[k, a]
+            elif is_late[a]:
                 sensor = state, reference[a], late[a], late_columns[a]
                 add_delay(row, x, rate, derivatives, drives[k], h, sensor)
             errors[a] = outputs[k, a] - row[0]
@@ -204,8 +207,9 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
     sensors   outputs, shape (n, n_outputs), and of each column a the state that it measures, less
               the state reference[a], if that is not -1, or less the input -2 - reference[a], if
               that is below, of which the next input is the velocity, as far as delays go; the
-              delay in s, the place of that among what is sought (-1: not sought), and, for each
-              segment, the lower triangle that whitens the outputs' noise
+              delay in s, the place of that among what is sought (-1: not sought), for each segment
+              the lower triangle that whitens the outputs' noise, and, where an observer follows
+              outputs that were moved beforehand, their rates
     model     drives[k], of each input over the interval from sample k on its start and its change,
               and the derivatives of both by the delay; coefficients of each segment; constants;
               which rows can stick; and the observer: for each segment the gains of the states and
@@ -218,7 +222,7 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
               squares of each segment: infinite, and then the last one, if its motion diverged.
               If n is 0, the motion runs without derivatives
     """
-    _, measured, _, late, late_columns, whitening = sensors
+    _, measured, _, late, late_columns, whitening, _ = sensors
     wanted, delay_sought = sought
     normal, _, _, costs = results
     observed = model[4][0].shape[2] > 0
