@@ -1,0 +1,216 @@
+"""The fit of an arm: from least squares over short segments to long ones."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import ConvergenceError
+from flexid.estimators.balance_motion import balance_motion, balance_unknowns
+from flexid.estimators.balance_start import starts
+from flexid.estimators.channel_timing import INPUT, Timing
+from flexid.estimators.cluster_covariance import cluster_influences
+from flexid.estimators.gauss_newton import Minimum, minimise
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segments import Segments, divide
+from flexid.estimators.shrunken_covariance import shrunken
+from flexid.models.torque_balance import TorqueBalance
+from flexid.recording.recording import Hold
+from flexid.recording.velocities import position_noise
+
+SHORTEST = 0.1
+"""Length in s of the segments that a fit begins with."""
+
+LONGEST = 1.6
+"""Length in s of the longest segments: those after it hold little more, and friction drifts."""
+
+_ROUGH, _FINE = 0.1, 1e-3  # standard deviations that the last step is shorter than
+_TRIAL_STEPS = 4  # of each start over the shortest segments
+_HOLDS: tuple[Hold, ...] = ("zero", "linear")
+_HOLD_FROM = 0.35  # s: segments from which on the hold shows
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit:
+    """A fit over segments of one length.
+
+    Parameters
+    ----------
+    problem : SegmentedMotion
+        What was fitted.
+    minimum : Minimum
+        Where it ended.
+    covariance : array, shape (k, k)
+        Of what was sought.
+    degrees_of_freedom : array, shape (k,)
+        Of each variance; 0 where the log says nothing.
+    """
+
+    problem: SegmentedMotion
+    minimum: Minimum
+    covariance: FloatArray
+    degrees_of_freedom: FloatArray
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What was sought, by name."""
+        return dict(zip(self.problem.names, self.minimum.point.values.tolist(), strict=True))
+
+    @property
+    def duration(self) -> float:
+        """Mean length of a segment in s."""
+        segments = self.problem.segments
+        return float(np.mean(segments.lengths * segments.sample_times))
+
+
+def fit_arm(
+    balance: TorqueBalance,
+    recordings: Sequence[Samples],
+    fixed: Mapping[str, float],
+    progress: Callable[[str], None],
+) -> ArmFit:
+    """Fit a torque balance to recordings.
+
+    Parameters
+    ----------
+    balance : TorqueBalance
+        The model.
+    recordings : sequence of Samples
+        Of links and motors in turn, and the motors' inputs.
+    fixed : mapping of str to float
+        Parameters that keep a value.
+    progress : callable
+        Takes each step in words.
+
+    Raises
+    ------
+    ConvergenceError
+        If no start leads anywhere.
+    """
+    ladder = _ladder(recordings)
+    noise = _noise(recordings)
+    progress("least squares")
+    best = _begin(balance, recordings, dict(fixed), ladder[0], noise)
+    chosen = False
+    found = [best]
+    for segments in ladder[1:]:
+        duration = float(np.mean(segments.lengths * segments.sample_times))
+        progress(f"segments of {duration:.2g} s")
+        holds = _HOLDS if duration >= _HOLD_FROM and not chosen else (found[-1][0].timing.hold,)
+        tried = []
+        for hold in holds:
+            try:
+                tried.append(_onward(found[-1], segments, hold, noise))
+            except ConvergenceError:
+                continue
+        if not tried:
+            break
+        chosen = chosen or len(holds) > 1
+        found.append(min(tried, key=lambda one: one[1].equations.cost))
+    return min(
+        (_with_covariance(*one) for one in _finished(found[-2:])), key=lambda one: _width(one)
+    )
+
+
+Solved = tuple[SegmentedMotion, Minimum]
+
+
+def _finished(found: Sequence[Solved]) -> list[Solved]:
+    """The last fits, each to its end."""
+    ends = []
+    for problem, minimum in found:
+        try:
+            own = _reweighted(problem, minimum)
+            ends.append((own, minimise(own, minimum.point, _FINE, insist=False)))
+        except ConvergenceError:
+            ends.append((problem, minimum))
+    return ends
+
+
+def _reweighted(problem: SegmentedMotion, minimum: Minimum) -> SegmentedMotion:
+    """The same with each output's weight from what it leaves over, and steps that suit."""
+    noise = np.maximum(minimum.noise(problem), 0.3 / problem.weights)
+    return problem.at(minimum.point, 1.0 / noise)
+
+
+def _width(fit: ArmFit) -> float:
+    """Geometric mean of the variances that are known, infinite ones left out."""
+    known = fit.degrees_of_freedom > 0.0
+    variances = np.diag(fit.covariance)[known]
+    return float(np.mean(np.log(np.maximum(variances, 1e-300)))) if known.any() else np.inf
+
+
+def _ladder(recordings: Sequence[Samples]) -> list[Segments]:
+    """The recordings cut into segments of growing length, each of two of the length before."""
+    shortest = min(len(recording) * recording.sample_time for recording in recordings)
+    ladder = [divide(recordings, min(LONGEST, 0.25 * shortest))]
+    while ladder[-1].can_be_halved:
+        mean = float(np.mean(ladder[-1].lengths * ladder[-1].sample_times))
+        if mean < 1.5 * SHORTEST:
+            break
+        ladder.append(ladder[-1].halved())
+    return ladder[::-1]
+
+
+def _noise(recordings: Sequence[Samples]) -> FloatArray:
+    """Standard deviation of each position's noise."""
+    noise = np.array([[position_noise(c) for c in r.positions.T] for r in recordings]).max(axis=0)
+    largest = max(float(np.abs(r.positions).max()) for r in recordings)
+    return np.maximum(noise, 1e-9 * largest)
+
+
+def _begin(
+    balance: TorqueBalance,
+    recordings: Sequence[Samples],
+    fixed: dict[str, float],
+    segments: Segments,
+    noise: FloatArray,
+) -> Solved:
+    """The start that gets closest to the log within a few steps, and where these lead."""
+    unknowns = balance_unknowns(balance, fixed)
+    problem = balance_motion(balance, segments, Timing("zero"), unknowns)
+    states = problem.start_states
+    best: Solved | None = None
+    for start in starts(balance, recordings, fixed):
+        point = Point(np.array([start[name] for name in problem.names]), states)
+        own = problem.at(point, 1.0 / noise)
+        try:
+            found = minimise(own, point, _ROUGH, insist=False, iterations=_TRIAL_STEPS)
+        except ConvergenceError:
+            continue
+        if best is None or found.equations.cost < best[1].equations.cost:
+            best = own, found
+    if best is None:
+        raise ConvergenceError(
+            "arm",
+            "the model cannot follow the log from any start: check the signs and units of the "
+            "torques and angles, the order of the joints, and the lengths",
+        )
+    own, found = best
+    return own, minimise(own, found.point, _ROUGH, insist=False)
+
+
+def _onward(before: Solved, segments: Segments, hold: Hold, noise: FloatArray) -> Solved:
+    """Go on over longer segments, with a hold and the delay of the inputs."""
+    problem, minimum = before
+    states = minimum.point.initial_states[:: len(problem.segments) // len(segments)]
+    timing = Timing(hold, {}, (INPUT,))
+    values = dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
+    longer = replace(problem, segments=segments, timing=timing)
+    point = Point(np.array([values.get(name, 0.0) for name in longer.names]), states)
+    longer = longer.at(point, 1.0 / noise)
+    return longer, minimise(longer, point, _ROUGH, insist=False)
+
+
+def _with_covariance(problem: SegmentedMotion, minimum: Minimum) -> ArmFit:
+    """The covariance from the scores of the blocks, drawn towards that of white noise."""
+    reduced = minimum.reduced
+    variance = minimum.variance(problem)
+    influences, freedom = cluster_influences(problem.clusters(minimum.equations, reduced))
+    freedom = np.where(reduced.free, 0.0, freedom)
+    covariance, freedom = shrunken(
+        influences @ influences.T, reduced.inverse * max(variance, 1e-300), freedom
+    )
+    return ArmFit(problem, minimum, covariance, freedom)
