@@ -17,7 +17,6 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
 from flexid.estimators.shrunken_covariance import shrunken
 from flexid.models.torque_balance import TorqueBalance
-from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise
 
 SHORTEST = 0.1
@@ -27,9 +26,13 @@ LONGEST = 1.6
 """Length in s of the longest segments: those after it hold little more, and friction drifts."""
 
 _ROUGH, _FINE = 0.1, 1e-3  # standard deviations that the last step is shorter than
-_TRIAL_STEPS = 4  # of each start over the shortest segments
-_HOLDS: tuple[Hold, ...] = ("zero", "linear")
-_HOLD_FROM = 0.35  # s: segments from which on the hold shows
+_TRIAL_STEPS = 3  # of each start
+_TRIAL_SEGMENTS = 40  # over which starts are compared
+_STEPS = 8  # over segments that are not the last
+_MOST_SUBSTEPS = 30  # per sample: a model that is faster is not yet the right one
+_TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows
+_TIMINGS = (Timing("zero"), Timing("zero", {}, (INPUT,)), Timing("linear", {}, (INPUT,)))
+_TIMING_FALL = 50.0  # of the weighted squares, over their variance, that an unusual timing brings
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +49,15 @@ class ArmFit:
         Of what was sought.
     degrees_of_freedom : array, shape (k,)
         Of each variance; 0 where the log says nothing.
+    noise : array, shape (n_rows,)
+        Standard deviation of each encoder's noise.
     """
 
     problem: SegmentedMotion
     minimum: Minimum
     covariance: FloatArray
     degrees_of_freedom: FloatArray
+    noise: FloatArray
 
     @property
     def values(self) -> dict[str, float]:
@@ -92,29 +98,40 @@ def fit_arm(
     ladder = _ladder(recordings)
     noise = _noise(recordings)
     progress("least squares")
-    best = _begin(balance, recordings, dict(fixed), ladder[0], noise)
-    chosen = False
-    found = [best]
+    found = [_begin(balance, recordings, dict(fixed), ladder[0], noise)]
+    timings = _TIMINGS[:1]
     for segments in ladder[1:]:
         duration = float(np.mean(segments.lengths * segments.sample_times))
         progress(f"segments of {duration:.2g} s")
-        holds = _HOLDS if duration >= _HOLD_FROM and not chosen else (found[-1][0].timing.hold,)
+        first_timed = len(timings) == 1 and duration >= _TIMED_FROM
         tried = []
-        for hold in holds:
+        for timing in _TIMINGS if first_timed else timings[-1:]:
             try:
-                tried.append(_onward(found[-1], segments, hold, noise))
+                tried.append(_onward(found[-1], segments, timing, noise))
             except ConvergenceError:
                 continue
         if not tried:
             break
-        chosen = chosen or len(holds) > 1
-        found.append(min(tried, key=lambda one: one[1].equations.cost))
-    return min(
-        (_with_covariance(*one) for one in _finished(found[-2:])), key=lambda one: _width(one)
-    )
+        found.append(_timed(tried))
+        if first_timed:
+            timings = (*timings, found[-1][0].timing)
+    progress("intervals")
+    ends = [_with_covariance(*one, noise) for one in _finished(found[-2:])]
+    best = min(ends, key=_width)
+    return _spread(best, ends)
 
 
 Solved = tuple[SegmentedMotion, Minimum]
+
+
+def _timed(tried: Sequence[Solved]) -> Solved:
+    """The first of several fits, unless another timing of the inputs is clearly better."""
+    best = tried[0]
+    for problem, minimum in tried[1:]:
+        variance = minimum.variance(problem)
+        if minimum.equations.cost < best[1].equations.cost - _TIMING_FALL * variance:
+            best = problem, minimum
+    return best
 
 
 def _finished(found: Sequence[Solved]) -> list[Solved]:
@@ -123,7 +140,7 @@ def _finished(found: Sequence[Solved]) -> list[Solved]:
     for problem, minimum in found:
         try:
             own = _reweighted(problem, minimum)
-            ends.append((own, minimise(own, minimum.point, _FINE, insist=False)))
+            ends.append((own, minimise(own, minimum.point, _FINE, insist=False, iterations=_STEPS)))
         except ConvergenceError:
             ends.append((problem, minimum))
     return ends
@@ -132,7 +149,7 @@ def _finished(found: Sequence[Solved]) -> list[Solved]:
 def _reweighted(problem: SegmentedMotion, minimum: Minimum) -> SegmentedMotion:
     """The same with each output's weight from what it leaves over, and steps that suit."""
     noise = np.maximum(minimum.noise(problem), 0.3 / problem.weights)
-    return problem.at(minimum.point, 1.0 / noise)
+    return at_point(problem, minimum.point, noise)
 
 
 def _width(fit: ArmFit) -> float:
@@ -171,11 +188,11 @@ def _begin(
     """The start that gets closest to the log within a few steps, and where these lead."""
     unknowns = balance_unknowns(balance, fixed)
     problem = balance_motion(balance, segments, Timing("zero"), unknowns)
-    states = problem.start_states
+    few = replace(problem, segments=segments.some(_TRIAL_SEGMENTS))
     best: Solved | None = None
     for start in starts(balance, recordings, fixed):
-        point = Point(np.array([start[name] for name in problem.names]), states)
-        own = problem.at(point, 1.0 / noise)
+        point = Point(np.array([start[name] for name in problem.names]), few.start_states)
+        own = at_point(few, point, noise)
         try:
             found = minimise(own, point, _ROUGH, insist=False, iterations=_TRIAL_STEPS)
         except ConvergenceError:
@@ -188,23 +205,39 @@ def _begin(
             "the model cannot follow the log from any start: check the signs and units of the "
             "torques and angles, the order of the joints, and the lengths",
         )
-    own, found = best
-    return own, minimise(own, found.point, _ROUGH, insist=False)
+    point = Point(best[1].point.values, problem.start_states)
+    own = at_point(problem, point, noise)
+    return own, minimise(own, point, _ROUGH, insist=False, iterations=_STEPS)
 
 
-def _onward(before: Solved, segments: Segments, hold: Hold, noise: FloatArray) -> Solved:
-    """Go on over longer segments, with a hold and the delay of the inputs."""
+def at_point(problem: SegmentedMotion, point: Point, noise: FloatArray) -> SegmentedMotion:
+    """The problem with the encoders' weights, and with steps that suit the motion at a point."""
+    own = problem.at(point, 1.0 / noise)
+    return replace(own, substeps=min(own.substeps, _MOST_SUBSTEPS))
+
+
+def _onward(before: Solved, segments: Segments, timing: Timing, noise: FloatArray) -> Solved:
+    """Go on over longer segments, with a timing of the inputs."""
     problem, minimum = before
     states = minimum.point.initial_states[:: len(problem.segments) // len(segments)]
-    timing = Timing(hold, {}, (INPUT,))
     values = dict(zip(problem.names, minimum.point.values.tolist(), strict=True))
     longer = replace(problem, segments=segments, timing=timing)
     point = Point(np.array([values.get(name, 0.0) for name in longer.names]), states)
-    longer = longer.at(point, 1.0 / noise)
-    return longer, minimise(longer, point, _ROUGH, insist=False)
+    longer = at_point(longer, point, noise)
+    return longer, minimise(longer, point, _ROUGH, insist=False, iterations=_STEPS)
 
 
-def _with_covariance(problem: SegmentedMotion, minimum: Minimum) -> ArmFit:
+def _spread(best: ArmFit, ends: Sequence[ArmFit]) -> ArmFit:
+    """A fit whose covariance holds what other lengths of the segments make of the log."""
+    covariance = best.covariance.copy()
+    for other in ends:
+        if other is not best and other.problem.names == best.problem.names:
+            apart = other.minimum.point.values - best.minimum.point.values
+            covariance += 0.5 * np.outer(apart, apart)
+    return replace(best, covariance=covariance)
+
+
+def _with_covariance(problem: SegmentedMotion, minimum: Minimum, noise: FloatArray) -> ArmFit:
     """The covariance from the scores of the blocks, drawn towards that of white noise."""
     reduced = minimum.reduced
     variance = minimum.variance(problem)
@@ -213,4 +246,4 @@ def _with_covariance(problem: SegmentedMotion, minimum: Minimum) -> ArmFit:
     covariance, freedom = shrunken(
         influences @ influences.T, reduced.inverse * max(variance, 1e-300), freedom
     )
-    return ArmFit(problem, minimum, covariance, freedom)
+    return ArmFit(problem, minimum, covariance, freedom, noise)
