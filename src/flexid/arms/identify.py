@@ -166,7 +166,7 @@ def _ratio(above: str, below: str, joint: int, fit: ArmFit, fixed: dict[str, flo
     std = float(np.sqrt(gradient @ fit.covariance @ gradient)) if freedom > 0.0 else np.inf
     ends = interval(value, std, freedom)
     word, reason = verdict(value, ends)
-    return ArmParameter(f"{above}_over_inertia", joint, value, ends, "1/s^2", word, reason)
+    return ArmParameter(f"stiffness_over_inertia_{joint}", joint, value, ends, "1/s^2", word, reason)
 
 
 def _shares(

@@ -40,11 +40,6 @@ class _File(BaseModel):
     arm: _Arm
 
 
-def is_arm_file(model: str) -> bool:
-    """Whether the word after ``--model`` is the path of a TOML file."""
-    return model.endswith(".toml")
-
-
 def read_arm(path: Path) -> PlanarArm:
     """Read an arm.
 
