@@ -16,10 +16,10 @@ from flexid.estimators.channel_timing import INPUT
 from flexid.identification.judgement.verdict import verdict
 from flexid.identification.vocabulary.intervals import interval
 from flexid.models.planar_arm import PlanarArm, planar_arm
-from flexid.models.torque_balance import TorqueBalance
+from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
-REFERENCE = "link_inertia_1"
-"""What is fixed at 1 where no torque is calibrated."""
+REFERENCE = "torque_constant_1"
+"""What is fixed at 1 where no torque is calibrated: torques then have the unit of that input."""
 
 _CALIBRATED = "N m"
 _EFFECT_BAND = 20.0  # Hz up to which a parameter's share of its balance is taken
@@ -86,17 +86,14 @@ def _result(
     runs: Mapping[str, float],
 ) -> ArmIdentification:
     names = fit.problem.names
-    relative = _CALIBRATED not in log.input_units
     shares = _shares(balance, log, fit, fixed)
     parameters: dict[str, ArmParameter] = {}
     for name, joint, term in balance.placed():
         if name in names:
-            unit = f"{term.unit} per kg m^2" if relative else term.unit
-            if term.name == "torque_constant":
-                unit = f"N m/{log.input_units[joint - 1]}" + (" per kg m^2" if relative else "")
+            unit = _unit(term, log.input_units, joint)
             parameters[name] = _judged(name, joint, unit, fit, shares.get(name, 0.0))
     for joint in range(1, arm.joints + 1):
-        ratio = _ratio(f"joint_stiffness_{joint}", f"link_inertia_{joint}", joint, fit, fixed)
+        ratio = _ratio(balance, arm, joint, fit, fixed)
         parameters[ratio.name] = ratio
     noise = fit.noise
     left = np.sqrt(np.mean(fit.minimum.equations.residuals[fit.problem.segments.within] ** 2, 0))
@@ -152,21 +149,49 @@ def _confusion(place: int, fit: ArmFit) -> str:
     )
 
 
-def _ratio(above: str, below: str, joint: int, fit: ArmFit, fixed: dict[str, float]) -> ArmParameter:
-    """Stiffness over inertia: the square of the antiresonance with all other joints locked."""
+def _unit(term: JointTerm | BodyTerm, input_units: tuple[str, ...], joint: int) -> str:
+    """Unit of a parameter; relative to the first input where no torque is calibrated."""
+    first, own = input_units[0], input_units[joint - 1]
+    if term.name == "torque_constant":
+        return f"N m/{own}" if _CALIBRATED in input_units else f"{first}/{own}"
+    if _CALIBRATED in input_units:
+        return term.unit
+    return term.unit.replace("kg m^2", f"{first} s^2/rad").replace("N m", first).replace(
+        "kg m", f"{first} s^2/(m rad)"
+    )
+
+
+def _ratio(
+    balance: TorqueBalance, arm: PlanarArm, joint: int, fit: ArmFit, fixed: dict[str, float]
+) -> ArmParameter:
+    """Stiffness over the inertia that a joint turns where the arm is straight and motors stand.
+
+    It is the square of the antiresonance with all other joints locked, and needs no scale.
+    """
     names, values = fit.problem.names, {**fixed, **fit.values}
-    value = values[above] / values[below]
-    gradient = np.zeros(len(names))
-    gradient[names.index(above)] = 1.0 / values[below]
-    used = [names.index(above)]
-    if below in names:
-        gradient[names.index(below)] = -value / values[below]
-        used.append(names.index(below))
-    freedom = float(fit.degrees_of_freedom[used].min())
-    std = float(np.sqrt(gradient @ fit.covariance @ gradient)) if freedom > 0.0 else np.inf
+    carried = _carried(arm, joint)
+    inertia = sum(weight * values[name] for name, weight in carried.items())
+    stiffness = f"joint_stiffness_{joint}"
+    value = values[stiffness] / inertia if inertia else np.inf
+    slopes = {stiffness: 1.0 / inertia if inertia else np.inf}
+    slopes |= {name: -value * weight / inertia for name, weight in carried.items() if inertia}
+    places = [names.index(name) for name in slopes if name in names]
+    gradient = np.array([slopes[names[place]] for place in places])
+    freedom = float(fit.degrees_of_freedom[places].min())
+    square = float(gradient @ fit.covariance[np.ix_(places, places)] @ gradient)
+    std = np.sqrt(square) if freedom > 0.0 and np.isfinite(square) else np.inf
     ends = interval(value, std, freedom)
     word, reason = verdict(value, ends)
     return ArmParameter(f"stiffness_over_inertia_{joint}", joint, value, ends, "1/s^2", word, reason)
+
+
+def _carried(arm: PlanarArm, joint: int) -> dict[str, float]:
+    """Parameters that make up the inertia that a joint turns, by name, with their weights."""
+    n = arm.joints
+    found = {f"link_inertia_{k}": 1.0 for k in range(joint, n + 1)}
+    for k in range(joint + 1, n + 1):
+        found[f"link_moment_along_{k}"] = 2.0 * sum(arm.lengths[joint - 1 : k - 1])
+    return found
 
 
 def _shares(
@@ -188,7 +213,7 @@ def _shares(
 def _condition(fit: ArmFit) -> float:
     """Condition number of the information, each parameter scaled to a unit diagonal."""
     information: FloatArray = fit.minimum.reduced.information
-    scale = np.sqrt(np.diag(information))
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     if not (scale > 0.0).all():
         return np.inf
     values = np.linalg.eigvalsh(information / np.outer(scale, scale))

@@ -101,6 +101,8 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
     """The spring from the motor's balance, with the deflection on the left; then the links."""
     values = _fixed_values(data, fixed)
     columns, free = data.columns, _free(data, fixed)
+    values[data.inputs] = 1.0
+    scales: list[list[int]] = []
     for joint, (spring, source) in enumerate(zip(data.springs, data.inputs, strict=True)):
         row = 2 * joint + 1
         used = [k for k in free if k != spring and columns[:, row, k].any()]
@@ -110,13 +112,19 @@ def _by_deflection(data: Filtered, fixed: dict[str, float]) -> FloatArray:
         values[spring] = stiffness
         motor = [k for k in used if k != source and not columns[:, row - 1, k].any()]
         values[motor] = [share[used.index(k)] * stiffness for k in motor]
+        scales.append([spring, source, *motor])
+    open_ = [joint for joint, source in enumerate(data.inputs) if source in free]
     rows = columns[:, ::2]
-    known = [k for k in range(columns.shape[2]) if k in data.springs or k not in free]
-    used = [k for k in free if k not in data.springs and rows[:, :, k].any()]
+    sought = [k for k in free if k not in {*data.springs, *data.inputs} and rows[:, :, k].any()]
     stiffness = np.abs(values[data.springs])
-    right = -(rows[:, :, known] @ values[known]) / stiffness
-    left = rows[:, :, used] / stiffness[:, None]
-    values[used] = _least_squares(left.reshape(-1, len(used)), right.ravel())
+    springs = rows[:, :, data.springs] * values[data.springs]
+    closed = [joint for joint in range(len(scales)) if joint not in open_]
+    left = np.concatenate((rows[:, :, sought], springs[:, :, open_]), axis=2) / stiffness[:, None]
+    right = -springs[:, :, closed].sum(axis=2) / stiffness
+    found = _least_squares(left.reshape(-1, left.shape[2]), right.ravel())
+    values[sought] = found[: len(sought)]
+    for joint, scale in zip(open_, found[len(sought) :], strict=True):
+        values[scales[joint]] *= scale  # of an input that is not calibrated
     return values
 
 
