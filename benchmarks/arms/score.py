@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.arms.arm import Arm, random_arm
 from benchmarks.arms.log import Motion, random_motion, save, simulate
-from flexid.arms.identify import identify_arm
+from flexid.arms.identify import carried_inertia, identify_arm
 from flexid.arms.result import ArmIdentification
 from flexid.errors import FlexidError
 from flexid.models.planar_arm import PlanarArm
@@ -51,15 +51,15 @@ def trial(seed: int, joints: int, harsh: bool) -> Score:
             spent = time.perf_counter() - began, time.process_time() - worked
             return Score(seed, arm, motion, *spent, failure=str(error))
         spent = time.perf_counter() - began, time.process_time() - worked
-    return _scored(Score(seed, arm, motion, *spent), found)
+    return _scored(Score(seed, arm, motion, *spent), known, found)
 
 
-def _scored(score: Score, found: ArmIdentification) -> Score:
+def _scored(score: Score, known: PlanarArm, found: ArmIdentification) -> Score:
     truth = score.arm.truth()
     for joint in range(1, score.arm.joints + 1):
-        truth[f"stiffness_over_inertia_{joint}"] = (
-            truth[f"joint_stiffness_{joint}"] / truth[f"link_inertia_{joint}"]
-        )
+        carried = carried_inertia(known, joint).items()
+        inertia = sum(weight * truth[name] for name, weight in carried)
+        truth[f"stiffness_over_inertia_{joint}"] = truth[f"joint_stiffness_{joint}"] / inertia
     stiffness = [f"joint_stiffness_{i}" for i in range(1, score.arm.joints + 1)]
     own = [found.parameters[name] for name in stiffness]
     determined = [p for p in found.parameters.values() if p.verdict == "determined"]

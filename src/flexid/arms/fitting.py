@@ -22,17 +22,19 @@ from flexid.recording.velocities import position_noise
 SHORTEST = 0.1
 """Length in s of the segments that a fit begins with."""
 
-LONGEST = 1.6
-"""Length in s of the longest segments: those after it hold little more, and friction drifts."""
+LONGEST = 10.0
+"""Length in s of the longest segments, if the log has room for two of them."""
 
 _ROUGH, _FINE = 0.1, 1e-3  # standard deviations that the last step is shorter than
 _TRIAL_STEPS = 3  # of each start
 _TRIAL_SEGMENTS = 40  # over which starts are compared
 _STEPS = 8  # over segments that are not the last
 _MOST_SUBSTEPS = 30  # per sample: a model that is faster is not yet the right one
+_USUAL = 1.7  # s: segments that a fit goes up to in any case
+_GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
 _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows
 _TIMINGS = (Timing("zero"), Timing("zero", {}, (INPUT,)), Timing("linear", {}, (INPUT,)))
-_TIMING_FALL = 50.0  # of the weighted squares, over their variance, that an unusual timing brings
+_TIMING_FALL = 25.0  # of the weighted squares, over their variance, that an unusual timing brings
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +69,7 @@ class ArmFit:
     @property
     def duration(self) -> float:
         """Mean length of a segment in s."""
-        segments = self.problem.segments
-        return float(np.mean(segments.lengths * segments.sample_times))
+        return _duration(self.problem.segments)
 
 
 def fit_arm(
@@ -101,7 +102,7 @@ def fit_arm(
     found = [_begin(balance, recordings, dict(fixed), ladder[0], noise)]
     timings = _TIMINGS[:1]
     for segments in ladder[1:]:
-        duration = float(np.mean(segments.lengths * segments.sample_times))
+        duration = _duration(segments)
         progress(f"segments of {duration:.2g} s")
         first_timed = len(timings) == 1 and duration >= _TIMED_FROM
         tried = []
@@ -116,9 +117,8 @@ def fit_arm(
         if first_timed:
             timings = (*timings, found[-1][0].timing)
     progress("intervals")
-    ends = [_with_covariance(*one, noise) for one in _finished(found[-2:])]
-    best = min(ends, key=_width)
-    return _spread(best, ends)
+    *before, last = [_with_covariance(*one, noise) for one in _finished(_trusted(found))]
+    return _spread(last, before)
 
 
 Solved = tuple[SegmentedMotion, Minimum]
@@ -152,20 +152,33 @@ def _reweighted(problem: SegmentedMotion, minimum: Minimum) -> SegmentedMotion:
     return at_point(problem, minimum.point, noise)
 
 
-def _width(fit: ArmFit) -> float:
-    """Geometric mean of the variances that are known, infinite ones left out."""
-    known = fit.degrees_of_freedom > 0.0
-    variances = np.diag(fit.covariance)[known]
-    return float(np.mean(np.log(np.maximum(variances, 1e-300)))) if known.any() else np.inf
+def _trusted(found: Sequence[Solved]) -> Sequence[Solved]:
+    """The fit that is taken, and the one before it.
+
+    Long segments say more of what is slow, if the model is right. Where it is not, residuals grow
+    with the length, and what the model lacks biases the values.
+    """
+    first = found[0][1].variance(found[0][0])
+    taken = 0
+    for place, (problem, minimum) in enumerate(found):
+        usual = _duration(problem.segments) <= _USUAL
+        if usual or minimum.variance(problem) <= _GROWTH * first:
+            taken = place
+        else:
+            break
+    return found[max(0, taken - 1) : taken + 1]
+
+
+def _duration(segments: Segments) -> float:
+    return float(np.mean(segments.lengths * segments.sample_times))
 
 
 def _ladder(recordings: Sequence[Samples]) -> list[Segments]:
     """The recordings cut into segments of growing length, each of two of the length before."""
     shortest = min(len(recording) * recording.sample_time for recording in recordings)
-    ladder = [divide(recordings, min(LONGEST, 0.25 * shortest))]
+    ladder = [divide(recordings, min(LONGEST, 0.5 * shortest))]
     while ladder[-1].can_be_halved:
-        mean = float(np.mean(ladder[-1].lengths * ladder[-1].sample_times))
-        if mean < 1.5 * SHORTEST:
+        if _duration(ladder[-1]) < 1.5 * SHORTEST:
             break
         ladder.append(ladder[-1].halved())
     return ladder[::-1]

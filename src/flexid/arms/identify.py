@@ -169,7 +169,7 @@ def _ratio(
     It is the square of the antiresonance with all other joints locked, and needs no scale.
     """
     names, values = fit.problem.names, {**fixed, **fit.values}
-    carried = _carried(arm, joint)
+    carried = carried_inertia(arm, joint)
     inertia = sum(weight * values[name] for name, weight in carried.items())
     stiffness = f"joint_stiffness_{joint}"
     value = values[stiffness] / inertia if inertia else np.inf
@@ -185,7 +185,7 @@ def _ratio(
     return ArmParameter(f"stiffness_over_inertia_{joint}", joint, value, ends, "1/s^2", word, reason)
 
 
-def _carried(arm: PlanarArm, joint: int) -> dict[str, float]:
+def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:
     """Parameters that make up the inertia that a joint turns, by name, with their weights."""
     n = arm.joints
     found = {f"link_inertia_{k}": 1.0 for k in range(joint, n + 1)}
