@@ -1,6 +1,7 @@
 """The fit of an arm: from least squares over short segments to long ones."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +33,8 @@ _STEPS = 8  # over segments that are not the last
 _MOST_SUBSTEPS = 30  # per sample: a model that is faster is not yet the right one
 _USUAL = 1.7  # s: segments that a fit goes up to in any case
 _GROWTH = 1.01  # of the residuals' variance with the segments' length, up to which it goes on
+_UNFINISHED = 1.0  # standard deviations, of the step that would come next
+_COMPARED = 2  # lengths of segments whose fits are compared
 _TIMED_FROM = 0.35  # s: length of segments from which on the inputs' timing shows
 _TIMINGS = (Timing("zero"), Timing("zero", {}, (INPUT,)), Timing("linear", {}, (INPUT,)))
 _TIMING_FALL = 25.0  # of the weighted squares, over their variance, that an unusual timing brings
@@ -114,10 +117,12 @@ def fit_arm(
         if not tried:
             break
         found.append(_timed(tried))
+        if duration > _USUAL and not _holds(found[-1], found[0]):
+            break
         if first_timed:
             timings = (*timings, found[-1][0].timing)
     progress("intervals")
-    *before, last = [_with_covariance(*one, noise) for one in _finished(_trusted(found))]
+    last, *before = _ends(found, noise)
     return _spread(last, before)
 
 
@@ -134,39 +139,40 @@ def _timed(tried: Sequence[Solved]) -> Solved:
     return best
 
 
-def _finished(found: Sequence[Solved]) -> list[Solved]:
-    """The last fits, each to its end."""
-    ends = []
-    for problem, minimum in found:
+def _ends(found: Sequence[Solved], noise: FloatArray) -> list[ArmFit]:
+    """The fit over the longest segments that can be trusted, and the one before it.
+
+    Long segments say more of what is slow, if the model is right. Where it is not, residuals grow
+    with the length, and what the model lacks biases the values.
+    """
+    ends: list[ArmFit] = []
+    longest = [
+        one for one in found if _duration(one[0].segments) <= _USUAL or _holds(one, found[0])
+    ]
+    for problem, minimum in reversed(longest):
         try:
             own = _reweighted(problem, minimum)
-            ends.append((own, minimise(own, minimum.point, _FINE, insist=False, iterations=_STEPS)))
+            end = minimise(own, minimum.point, _FINE, insist=False, iterations=_STEPS)
         except ConvergenceError:
-            ends.append((problem, minimum))
-    return ends
+            continue
+        # Sensitivities that grew beyond all bounds leave nothing known, and no step to take.
+        if end.last_step <= _UNFINISHED and not end.reduced.free.all():
+            ends.append(_with_covariance(own, end, noise))
+        if len(ends) == _COMPARED:
+            break
+    # Where no fit ends, the last one is shown for what it is: its intervals are infinite.
+    return ends or [_with_covariance(*longest[-1], noise)]
+
+
+def _holds(one: Solved, first: Solved) -> bool:
+    """Whether the residuals are hardly larger than those of the shortest segments."""
+    return one[1].variance(one[0]) <= _GROWTH * first[1].variance(first[0])
 
 
 def _reweighted(problem: SegmentedMotion, minimum: Minimum) -> SegmentedMotion:
     """The same with each output's weight from what it leaves over, and steps that suit."""
     noise = np.maximum(minimum.noise(problem), 0.3 / problem.weights)
     return at_point(problem, minimum.point, noise)
-
-
-def _trusted(found: Sequence[Solved]) -> Sequence[Solved]:
-    """The fit that is taken, and the one before it.
-
-    Long segments say more of what is slow, if the model is right. Where it is not, residuals grow
-    with the length, and what the model lacks biases the values.
-    """
-    first = found[0][1].variance(found[0][0])
-    taken = 0
-    for place, (problem, minimum) in enumerate(found):
-        usual = _duration(problem.segments) <= _USUAL
-        if usual or minimum.variance(problem) <= _GROWTH * first:
-            taken = place
-        else:
-            break
-    return found[max(0, taken - 1) : taken + 1]
 
 
 def _duration(segments: Segments) -> float:
@@ -202,25 +208,24 @@ def _begin(
     unknowns = balance_unknowns(balance, fixed)
     problem = balance_motion(balance, segments, Timing("zero"), unknowns)
     few = replace(problem, segments=segments.some(_TRIAL_SEGMENTS))
-    best: Solved | None = None
+    tried: list[Minimum] = []
     for start in starts(balance, recordings, fixed):
         point = Point(np.array([start[name] for name in problem.names]), few.start_states)
         own = at_point(few, point, noise)
-        try:
-            found = minimise(own, point, _ROUGH, insist=False, iterations=_TRIAL_STEPS)
-        except ConvergenceError:
-            continue
-        if best is None or found.equations.cost < best[1].equations.cost:
-            best = own, found
-    if best is None:
-        raise ConvergenceError(
-            "arm",
-            "the model cannot follow the log from any start: check the signs and units of the "
-            "torques and angles, the order of the joints, and the lengths",
-        )
-    point = Point(best[1].point.values, problem.start_states)
-    own = at_point(problem, point, noise)
-    return own, minimise(own, point, _ROUGH, insist=False, iterations=_STEPS)
+        with suppress(ConvergenceError):
+            tried.append(
+                minimise(own, point, _ROUGH, insist=False, iterations=_TRIAL_STEPS)
+            )
+    for found in sorted(tried, key=lambda one: one.equations.cost):
+        point = Point(found.point.values, problem.start_states)
+        own = at_point(problem, point, noise)
+        with suppress(ConvergenceError):
+            return own, minimise(own, point, _ROUGH, insist=False, iterations=_STEPS)
+    raise ConvergenceError(
+        "arm",
+        "the model cannot follow the log from any start: check the signs and units of the "
+        "torques and angles, the order of the joints, and the lengths",
+    )
 
 
 def at_point(problem: SegmentedMotion, point: Point, noise: FloatArray) -> SegmentedMotion:

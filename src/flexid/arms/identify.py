@@ -1,6 +1,7 @@
 """The job: the log of an arm, and what is known of it, to a table per joint."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ _CALIBRATED = "N m"
 _EFFECT_BAND = 20.0  # Hz up to which a parameter's share of its balance is taken
 _CONFUSED = 0.9  # correlation from which on two parameters are named together
 _POOR_FIT = 80.0  # per cent of a free run, below which a warning says so
+_WRONG = 10.0  # of what is left over the encoders' noise, from which on no number is trusted
 _EXCESS = 1.5  # of what is left over the encoders' noise
 
 
@@ -100,6 +102,8 @@ def _result(
     excess = {
         row.name: float(x) for row, x in zip(balance.rows, left / noise, strict=True)
     }
+    if max(excess.values()) > _WRONG:
+        parameters = {name: _doubted(p, excess) for name, p in parameters.items()}
     free = dict(runs)
     return ArmIdentification(
         arm=arm,
@@ -147,6 +151,16 @@ def _confusion(place: int, fit: ArmFit) -> str:
         f"the motion hardly separates it from {fit.problem.names[other]} "
         f"(correlation {correlation[other]:.3f})"
     )
+
+
+def _doubted(parameter: ArmParameter, excess: dict[str, float]) -> ArmParameter:
+    """A parameter of a model that is plainly wrong."""
+    worst = max(excess, key=lambda name: excess[name])
+    reason = (
+        f"the model leaves {excess[worst]:.3g} times the encoder's noise of {worst}, and what it "
+        f"lacks may pass for this parameter"
+    )
+    return replace(parameter, verdict="undetermined", reason=reason)
 
 
 def _unit(term: JointTerm | BodyTerm, input_units: tuple[str, ...], joint: int) -> str:
