@@ -33,6 +33,7 @@ class Arm:
 
     @property
     def joints(self) -> int:
+        """How many."""
         return len(self.links)
 
     def truth(self) -> dict[str, float]:

@@ -121,9 +121,7 @@ def save(log: Log, path: Path) -> None:
     for i in range(n):
         names += [f"{kind}_{i + 1} [{unit}]" for kind, unit in _CHANNELS]
         columns += [log.motor[:, i], log.link[:, i], log.torque[:, i]]
-    np.savetxt(
-        path, np.column_stack(columns), "%.12g", ",", header=",".join(names), comments=""
-    )
+    np.savetxt(path, np.column_stack(columns), "%.12g", ",", header=",".join(names), comments="")
 
 
 _CHANNELS = (("motor_position", "rad"), ("link_position", "rad"), ("motor_torque", "N m"))

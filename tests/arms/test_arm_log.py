@@ -107,5 +107,5 @@ def test_arms_that_cannot_be_used(tmp_path: Path, text: str, word: str):
 
 def test_an_arm_that_is_not_there(tmp_path: Path):
     """Assert that a missing file is named."""
-    with pytest.raises(FlexidError, match="no.toml"):
+    with pytest.raises(FlexidError, match=r"no\.toml"):
         read_arm(tmp_path / "no.toml")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Outcome
-
 from benchmarks.arms.arm import Arm, Link
 from benchmarks.arms.log import Motion, save, simulate
+
+from conftest import Outcome
 from flexid.arms.fitting import fit_arm
 from flexid.arms.log import read_arm_log
 from flexid.library.identify import identify

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.arms.arm import mjcf, random_arm
 from two_links import ARM, TRUTH, TwoLinks, motion, truth_values
 
-from benchmarks.arms.arm import mjcf, random_arm
 from flexid.arrays import FloatArray
 from flexid.estimators.balance_motion import balance_kernel, balance_motion, balance_unknowns
 from flexid.estimators.channel_timing import Timing

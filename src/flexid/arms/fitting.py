@@ -213,9 +213,7 @@ def _begin(
         point = Point(np.array([start[name] for name in problem.names]), few.start_states)
         own = at_point(few, point, noise)
         with suppress(ConvergenceError):
-            tried.append(
-                minimise(own, point, _ROUGH, insist=False, iterations=_TRIAL_STEPS)
-            )
+            tried.append(minimise(own, point, _ROUGH, insist=False, iterations=_TRIAL_STEPS))
     for found in sorted(tried, key=lambda one: one.equations.cost):
         point = Point(found.point.values, problem.start_states)
         own = at_point(problem, point, noise)

@@ -58,15 +58,13 @@ def identify_arm(
     """
     log = read_arm_log(path, arm.joints, columns)
     balance = planar_arm(arm)
-    fixed = fixed_parameters(balance, arm, log.input_units)
+    fixed = fixed_parameters(arm, log.input_units)
     fit = fit_arm(balance, log.recordings, fixed, progress)
     progress("free run")
     return _result(arm, balance, log, fit, fixed, free_run(balance, log.recordings, fit))
 
 
-def fixed_parameters(
-    balance: TorqueBalance, arm: PlanarArm, input_units: tuple[str, ...]
-) -> dict[str, float]:
+def fixed_parameters(arm: PlanarArm, input_units: tuple[str, ...]) -> dict[str, float]:
     """Parameters that are not sought: what cannot show, and what the units say."""
     fixed = {}
     for joint, unit in enumerate(input_units, 1):
@@ -95,13 +93,11 @@ def _result(
             unit = _unit(term, log.input_units, joint)
             parameters[name] = _judged(name, joint, unit, fit, shares.get(name, 0.0))
     for joint in range(1, arm.joints + 1):
-        ratio = _ratio(balance, arm, joint, fit, fixed)
+        ratio = _ratio(arm, joint, fit, fixed)
         parameters[ratio.name] = ratio
     noise = fit.noise
     left = np.sqrt(np.mean(fit.minimum.equations.residuals[fit.problem.segments.within] ** 2, 0))
-    excess = {
-        row.name: float(x) for row, x in zip(balance.rows, left / noise, strict=True)
-    }
+    excess = {row.name: float(x) for row, x in zip(balance.rows, left / noise, strict=True)}
     if max(excess.values()) > _WRONG:
         parameters = {name: _doubted(p, excess) for name, p in parameters.items()}
     free = dict(runs)
@@ -170,14 +166,14 @@ def _unit(term: JointTerm | BodyTerm, input_units: tuple[str, ...], joint: int) 
         return f"N m/{own}" if _CALIBRATED in input_units else f"{first}/{own}"
     if _CALIBRATED in input_units:
         return term.unit
-    return term.unit.replace("kg m^2", f"{first} s^2/rad").replace("N m", first).replace(
-        "kg m", f"{first} s^2/(m rad)"
+    return (
+        term.unit.replace("kg m^2", f"{first} s^2/rad")
+        .replace("N m", first)
+        .replace("kg m", f"{first} s^2/(m rad)")
     )
 
 
-def _ratio(
-    balance: TorqueBalance, arm: PlanarArm, joint: int, fit: ArmFit, fixed: dict[str, float]
-) -> ArmParameter:
+def _ratio(arm: PlanarArm, joint: int, fit: ArmFit, fixed: dict[str, float]) -> ArmParameter:
     """Stiffness over the inertia that a joint turns where the arm is straight and motors stand.
 
     It is the square of the antiresonance with all other joints locked, and needs no scale.
@@ -196,7 +192,9 @@ def _ratio(
     std = np.sqrt(square) if freedom > 0.0 and np.isfinite(square) else np.inf
     ends = interval(value, std, freedom)
     word, reason = verdict(value, ends)
-    return ArmParameter(f"stiffness_over_inertia_{joint}", joint, value, ends, "1/s^2", word, reason)
+    return ArmParameter(
+        f"stiffness_over_inertia_{joint}", joint, value, ends, "1/s^2", word, reason
+    )
 
 
 def carried_inertia(arm: PlanarArm, joint: int) -> dict[str, float]:

@@ -53,9 +53,7 @@ def free_run(
 
 
 def _part(recording: Samples, part: slice) -> Samples:
-    return replace(
-        recording, positions=recording.positions[part], inputs=recording.inputs[part]
-    )
+    return replace(recording, positions=recording.positions[part], inputs=recording.inputs[part])
 
 
 def _values_of(balance: TorqueBalance, recordings: Sequence[Samples], fit: ArmFit) -> np.ndarray:

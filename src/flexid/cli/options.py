@@ -197,9 +197,7 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
     return with_options
 
 
-def _arm_alone(
-    options: dict[str, Any], defaults: dict[str, Any], takes_arms: bool
-) -> Path:
+def _arm_alone(options: dict[str, Any], defaults: dict[str, Any], takes_arms: bool) -> Path:
     """The file of an arm.
 
     Raises

@@ -21,6 +21,7 @@ from flexid.derivation.model_functions import module_header
 from flexid.derivation.sensitivities import variation
 from flexid.derivation.source import assignments, function, unpack
 from flexid.derivation.symbolic import symbol, to_sympy
+from flexid.models.parametric_system import ParametricSystem
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
 _TOGETHER = 8  # columns that one instruction may take
@@ -51,7 +52,11 @@ class SymbolicBalance:
         rows = len(self.balance.rows)
         return [
             sp.Add(
-                *(p * c[row] for p, c in zip(self.parameters, self.columns, strict=True) if row in c)
+                *(
+                    p * c[row]
+                    for p, c in zip(self.parameters, self.columns, strict=True)
+                    if row in c
+                )
             )
             for row in range(rows)
         ]
@@ -77,9 +82,7 @@ def _mode(row: int) -> sp.Symbol:
 def _of_joint(term: JointTerm, joint: int) -> dict[int, sp.Expr]:
     link, motor = 2 * joint - 2, 2 * joint - 1
     if term.place == "input":
-        torque = to_sympy(term.expression, {"u"}, term.name).subs(
-            symbol("u"), symbol(f"u{joint}")
-        )
+        torque = to_sympy(term.expression, {"u"}, term.name).subs(symbol("u"), symbol(f"u{joint}"))
         return {motor: cast(sp.Expr, -torque)}
     found = to_sympy(term.expression, {"q", "v", "a"}, term.name)
     local = tuple(symbol(name) for name in "qva")
@@ -132,7 +135,7 @@ def balance_functions(balance: TorqueBalance) -> str:
     symbolic = symbolic_balance(balance)
     mass = _Mass.of(symbolic)
     parts = (
-        module_header(balance, "Segmented prediction error"),
+        module_header(cast(ParametricSystem, balance), "Segmented prediction error"),
         _sizes(balance),
         _dry(symbolic),
         _rates(symbolic, mass),
@@ -188,7 +191,7 @@ class _Mass:
                 entry = sp.diff(sums[i], accelerations[j])
                 if entry != 0:
                     entries[i, j] = entry
-        still = dict.fromkeys(accelerations, sp.S.Zero)
+        still = [(a, 0) for a in accelerations]
         return cls(entries, [cast(sp.Expr, s.subs(still)) for s in sums], order)
 
     def inverse(self) -> tuple[list[str], dict[tuple[int, int], str]]:
@@ -336,7 +339,7 @@ def _slopes(symbolic: SymbolicBalance, mass: _Mass) -> str:
             lines.append(f"    {place.format(i)} = {value}")
 
     for state, name in enumerate(balance.states):
-        slopes = {j: sp.diff(sums[j], symbol(name)) for j in rows}
+        slopes = {j: cast(sp.Expr, sp.diff(sums[j], symbol(name))) for j in rows}
         column = {j: slope for j, slope in slopes.items() if slope != 0}
         users = [i for i in rows if state in _depends(mass, i)]
         solve(column, f"s{state}", f"_a[{{}}, {state}]", users)

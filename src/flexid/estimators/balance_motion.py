@@ -43,9 +43,7 @@ def balance_motion(
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
 
 
-def balance_columns(
-    balance: TorqueBalance, signals: FloatArray, inputs: FloatArray
-) -> FloatArray:
+def balance_columns(balance: TorqueBalance, signals: FloatArray, inputs: FloatArray) -> FloatArray:
     """φ of every parameter along a motion.
 
     Parameters

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
 JOINT_TERMS = (
-    JointTerm(
-        "joint_stiffness", "spring", "q", "N m/rad", 1, meaning="of the spring of the joint"
-    ),
+    JointTerm("joint_stiffness", "spring", "q", "N m/rad", 1, meaning="of the spring of the joint"),
     JointTerm("joint_damping", "spring", "v", "N m s/rad", meaning="of the spring of the joint"),
     JointTerm(
-        "joint_offset", "spring", "1", "N m", meaning="torque of the spring where the encoders agree"
+        "joint_offset",
+        "spring",
+        "1",
+        "N m",
+        meaning="torque of the spring where the encoders agree",
     ),
     JointTerm("motor_inertia", "motor", "a", "kg m^2", 1, meaning="at the link's side of the gear"),
     JointTerm("motor_viscous_friction", "motor", "v", "N m s/rad", meaning="of the motor"),
@@ -82,10 +84,10 @@ def planar_arm(arm: PlanarArm) -> TorqueBalance:
             f"-gx*cos({angle}) - gy*sin({angle})",
             f"gx*sin({angle}) - gy*cos({angle})",
         )
-        for name, kinetic, weight in zip(("along", "across"), (along, across), weights, strict=True):
-            body.append(
-                BodyTerm(f"link_moment_{name}_{k}", k, " + ".join(kinetic), weight, "kg m")
-            )
+        for name, kinetic, weight in zip(
+            ("along", "across"), (along, across), weights, strict=True
+        ):
+            body.append(BodyTerm(f"link_moment_{name}_{k}", k, " + ".join(kinetic), weight, "kg m"))
         if k > 1:
             coupling = f"w{k}*({_sum('v', 1, k - 1)})"
             body.append(BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2"))

@@ -37,7 +37,12 @@ def joint_table(result: ArmIdentification, joint: int) -> Table:
     table = Table(f"Joint {joint}", columns)
     for p in result.of_joint(joint):
         cells = value_cells(p.value, *p.interval)
-        table.add(p.name.removesuffix(f"_{joint}"), *cells, p.unit, Cell((p.verdict,), _COLOURS[p.verdict]))
+        table.add(
+            p.name.removesuffix(f"_{joint}"),
+            *cells,
+            p.unit,
+            Cell((p.verdict,), _COLOURS[p.verdict]),
+        )
     return table
 
 
