@@ -20,8 +20,6 @@ from benchmarks.coverage_page import BLOCK, PAGE, RESULTS, merged, render
 from benchmarks.page_block import write_block
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.block_prediction_error import BlockPredictionError, block_prediction_error
-from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.recursive_least_squares import (
     RecursiveLeastSquares,
@@ -89,9 +87,7 @@ def segmented(duration: float) -> Callable[[Samples, LeastSquaresFit], Predictio
     return lambda samples, start: prediction_error([samples], JOINT, start, duration)
 
 
-def streamed(
-    online: RecursiveLeastSquares | BlockPredictionError,
-) -> Callable[[Samples], Ends]:
+def streamed(online: RecursiveLeastSquares) -> Callable[[Samples], Ends]:
     def fit(samples: Samples) -> Ends:
         state = online.replay(online.init(), online.pack(samples)).state
         return _ends(online.coefficients(state), *online.covariance(state))
@@ -109,7 +105,6 @@ FITS: Mapping[str, Callable[[Samples, LeastSquaresFit], Any]] = {
 
 STREAMS: Mapping[str, Callable[[Samples], Ends]] = {
     "recursive": streamed(recursive_least_squares(JOINT, SAMPLE_TIME)),
-    "blocks": streamed(block_prediction_error(JOINT, SAMPLE_TIME)),
 }
 
 
@@ -118,16 +113,15 @@ def _of_fit(fit: Any) -> Ends:
 
 
 def _gauss_newton(fit: PredictionErrorFit) -> Ends:
-    return _ends(fit.values, fit.gauss_newton_covariance, (np.inf,) * len(fit.names))
+    return _ends(fit.values, np.linalg.inv(fit.information), (np.inf,) * len(fit.names))
 
 
 ESTIMATORS: Mapping[str, tuple[str, Callable[[Any], Ends]]] = {
-    "least squares, chosen filter rate": ("least squares", _of_fit),
+    "least squares": ("least squares", _of_fit),
     "prediction error, segments of 1 s": ("1 s", _of_fit),
     "prediction error, segments of 5 s": ("5 s", _of_fit),
     "prediction error, segments of 10 s": ("10 s", _of_fit),
     "online: recursive least squares": ("recursive", lambda ends: ends),
-    "online: prediction error by blocks of 1 s": ("blocks", lambda ends: ends),
     "for contrast: Gauss-Newton, 1 s": ("1 s", _gauss_newton),
 }
 """What is measured: of which fit, and how its intervals are read."""
@@ -153,8 +147,7 @@ def measure(noise: str, names: list[str], seeds: int) -> list[dict[str, Any]]:
         wanted = {ESTIMATORS[name][0] for name in names}
         fits = {key: fit(samples) for key, fit in STREAMS.items() if key in wanted}
         if wanted - set(STREAMS):
-            rate = choose_filter_rate([samples], JOINT, "linear")
-            start = filtered_least_squares([samples], JOINT, rate)
+            start = filtered_least_squares([samples], JOINT)
             for key in wanted & set(FITS):
                 with suppress(ConvergenceError):  # then there is no interval to count
                     fits[key] = FITS[key](samples, start)

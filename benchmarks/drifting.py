@@ -1,4 +1,4 @@
-"""How fast the online estimators follow a load that changes and a spring that ages.
+"""How fast recursive least squares follows a load that changes and a spring that ages.
 
 Run in the repository: ``python -m benchmarks.drifting [--seeds 10]``. It prints the tables of
 `docs/drifting.md` and draws `docs/assets/drifting.png`.
@@ -12,11 +12,10 @@ import matplotlib as mpl
 import numpy as np
 
 from flexid.arrays import FloatArray
-from flexid.estimators.block_prediction_error import block_prediction_error
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
-from flexid.report.style import BLUE, GREEN, GREY, INK, ORANGE, STYLE, new_figure, save
+from flexid.report.style import BLUE, GREY, INK, ORANGE, STYLE, new_figure, save
 from flexid.simulation.free_run import free_run
 
 JOINT = flexible_joint()
@@ -28,10 +27,6 @@ AGEING, AGEING_DURATION = 0.10, 60.0  # part of the stiffness that is lost, over
 MEMORY_TIMES = (0.5, 1.0, 2.0, 5.0, 10.0)
 NOISES = (1e-5, 1e-4, 1e-3)
 LEVELS = (0.05, 0.01)
-ESTIMATORS: dict[str, Callable] = {
-    "recursive least squares": recursive_least_squares,
-    "block prediction error": block_prediction_error,
-}
 
 
 def torque(time: FloatArray) -> FloatArray:
@@ -66,11 +61,11 @@ def ageing(time: float) -> dict[str, float]:
     return BEFORE | {name: left * BEFORE[name] for name in ("theta2", "alpha1")}
 
 
-def errors(samples: Samples, truth: FloatArray, noise: float, seed: int, build: Callable, tau):
+def errors(samples: Samples, truth: FloatArray, noise: float, seed: int, tau: float):
     """Relative errors of all coefficients over time."""
     generator = np.random.default_rng(seed)
     noisy = samples.positions + noise * generator.standard_normal(samples.positions.shape)
-    estimator = build(JOINT, SAMPLE_TIME, memory_time=tau)
+    estimator = recursive_least_squares(JOINT, SAMPLE_TIME, memory_time=tau)
     packed = estimator.pack(Samples(noisy, None, samples.inputs, SAMPLE_TIME))
     found = estimator.replay(estimator.init(), packed).coefficients
     return found / truth - 1.0, found
@@ -80,35 +75,31 @@ def payload_table(seeds: int) -> None:
     samples, truth = moved(payload, DURATION, round(CHANGE / SAMPLE_TIME))
     change = round(CHANGE / SAMPLE_TIME)
     print("payload: s until theta2 stays within 5 and 1 %; worst RMS error before the change, %")
-    for name, build in ESTIMATORS.items():
-        for noise in NOISES:
-            for tau in MEMORY_TIMES:
-                settled, price = [], []
-                for seed in range(seeds):
-                    error, _ = errors(samples, truth, noise, seed, build, tau)
-                    off = np.abs(error[change:, 1])
-                    settled.append(
-                        [np.flatnonzero(off > level)[-1:] * SAMPLE_TIME for level in LEVELS]
-                    )
-                    before = error[change // 2 : change]
-                    price.append(100.0 * np.sqrt(np.mean(before**2, axis=0)).max())
-                times = " ".join(f"{t:.1f}" for t in np.median(settled, axis=0).ravel())
-                print(f"  {name}, {noise:g} rad, {tau:g} s: {times}; {np.median(price):.4f}")
+    for noise in NOISES:
+        for tau in MEMORY_TIMES:
+            settled, price = [], []
+            for seed in range(seeds):
+                error, _ = errors(samples, truth, noise, seed, tau)
+                off = np.abs(error[change:, 1])
+                settled.append([np.flatnonzero(off > level)[-1:] * SAMPLE_TIME for level in LEVELS])
+                before = error[change // 2 : change]
+                price.append(100.0 * np.sqrt(np.mean(before**2, axis=0)).max())
+            times = " ".join(f"{t:.1f}" for t in np.median(settled, axis=0).ravel())
+            print(f"  {noise:g} rad, {tau:g} s: {times}; {np.median(price):.4f}")
 
 
 def ageing_table(seeds: int) -> None:
     samples, truth = moved(ageing, AGEING_DURATION, SLICE)
     print("ageing: RMS error of theta2 from 20 s on, %")
-    for name, build in ESTIMATORS.items():
-        for noise in NOISES:
-            cells = []
-            for tau in (*MEMORY_TIMES, np.inf):
-                squares = [
-                    np.mean(errors(samples, truth, noise, seed, build, tau)[0][20_000:, 1] ** 2)
-                    for seed in range(seeds)
-                ]
-                cells.append(f"{100.0 * np.sqrt(np.mean(squares)):.4f}")
-            print(f"  {name}, {noise:g} rad: {' '.join(cells)}")
+    for noise in NOISES:
+        cells = []
+        for tau in (*MEMORY_TIMES, np.inf):
+            squares = [
+                np.mean(errors(samples, truth, noise, seed, tau)[0][20_000:, 1] ** 2)
+                for seed in range(seeds)
+            ]
+            cells.append(f"{100.0 * np.sqrt(np.mean(squares)):.4f}")
+        print(f"  {noise:g} rad: {' '.join(cells)}")
 
 
 def draw(directory: Path) -> None:
@@ -121,12 +112,10 @@ def draw(directory: Path) -> None:
         ):
             samples, truth = moved(coefficients, duration, part)
             time = samples.time
-            for tau, colour in ((1.0, ORANGE), (5.0, GREEN), (np.inf, GREY)):
-                _, found = errors(samples, truth, 1e-4, 0, recursive_least_squares, tau)
+            for tau, colour in ((1.0, ORANGE), (5.0, BLUE), (np.inf, GREY)):
+                _, found = errors(samples, truth, 1e-4, 0, tau)
                 label = "nothing forgotten" if np.isinf(tau) else f"memory {tau:g} s"
                 ax.plot(time[::20], found[::20, 1], color=colour, label=label)
-            _, found = errors(samples, truth, 1e-4, 0, block_prediction_error, 5.0)
-            ax.plot(time[::20], found[::20, 1], color=BLUE, label="blocks, memory 5 s")
             ax.plot(time, truth[:, 1], color=INK, linestyle=":", label="truth")
             ax.set(xlabel="time, s", xlim=(0.0, duration))
         left.set(title="Payload: inertia and gravity +50 %", ylim=(60.0, 105.0))

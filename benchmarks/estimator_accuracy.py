@@ -1,4 +1,4 @@
-"""Accuracy, coverage and choice of the filter rate on the noisy joint of the tests.
+"""Accuracy and coverage of least squares and the observer on the noisy joint of the tests.
 
 Run in the repository: ``PYTHONPATH=tests/estimators python benchmarks/estimator_accuracy.py``
 """
@@ -10,10 +10,8 @@ import numpy as np
 from noisy_joint import TRUTH, VALUES, joint_samples, worst_error
 from scipy.stats import t
 
-from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
-from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
 from flexid.models.flexible_joint import flexible_joint
 
@@ -42,22 +40,6 @@ def coverage() -> None:
                 held.append(np.abs(fit.values - VALUES) <= width)
             each = " ".join(f"{share:.3f}" for share in np.mean(held, axis=0))
             print(f"  from {first} ms, {rate:g} 1/s: {each}, {np.mean(held):.3f}")
-
-
-def encoder(bits: int) -> Samples:
-    """The clean record as an encoder with so many bits per turn gives it."""
-    clean, step = joint_samples(), 2 * np.pi / 2**bits
-    return replace(clean, positions=np.round(clean.positions / step) * step, velocities=None)
-
-
-def chosen_rates() -> None:
-    print("filter rate chosen in 1/s, worst error in percent at that rate")
-    cases = {f"white noise, seed {seed}": joint_samples(seed) for seed in range(4)}
-    cases |= {f"{bits} bit encoders": encoder(bits) for bits in (16, 14, 12)}
-    for name, samples in cases.items():
-        rate = choose_filter_rate([samples], JOINT)
-        error = worst_error(filtered_least_squares([samples], JOINT, rate).values)
-        print(f"  {name}: {rate:.1f}, {error:.4f}")
 
 
 def observer() -> None:
@@ -102,6 +84,5 @@ def speed() -> None:
 if __name__ == "__main__":
     accuracy()
     coverage()
-    chosen_rates()
     observer()
     speed()

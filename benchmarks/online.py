@@ -8,20 +8,9 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from noisy_joint import (
-    POSITION_NOISE,
-    SAMPLE_TIME,
-    TRUTH,
-    VALUES,
-    VELOCITY_NOISE,
-    joint_samples,
-    worst_error,
-)
+from noisy_joint import SAMPLE_TIME, TRUTH, VALUES, joint_samples, worst_error
 
 from flexid.arrays import FloatArray
-from flexid.estimators.block_prediction_error import block_prediction_error
-from flexid.estimators.extended_kalman import extended_kalman_filter
-from flexid.estimators.memory_regressor import memory_regressor
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.recursive_least_squares import (
@@ -40,15 +29,8 @@ def estimators() -> dict[str, OnlineEstimator]:
     gains = suggest_gains(joint_samples(), JOINT, 100.0)
     return {
         "recursive least squares": recursive_least_squares(JOINT, SAMPLE_TIME),
-        "block prediction error": block_prediction_error(JOINT, SAMPLE_TIME),
         "observer, constant gain": parametric_observer(JOINT, gains, SAMPLE_TIME),
         "observer, least-squares gain": least_squares_observer(JOINT, SAMPLE_TIME),
-        "memory gradient": memory_regressor(JOINT, SAMPLE_TIME, "gradient"),
-        "DREM": memory_regressor(JOINT, SAMPLE_TIME, "drem"),
-        "Kalman, encoders": extended_kalman_filter(JOINT, SAMPLE_TIME, POSITION_NOISE),
-        "Kalman, all states": extended_kalman_filter(
-            JOINT, SAMPLE_TIME, POSITION_NOISE, VELOCITY_NOISE
-        ),
     }
 
 

@@ -15,7 +15,6 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
-from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.samples import rigid_samples
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.models.physical import rigid_parameters
@@ -39,11 +38,8 @@ FloatArray = NDArray[np.float64]
 
 
 def fit(recording: Recording, terms: tuple[str, ...] = TERMS) -> LeastSquaresFit:
-    """Least squares on the filtered position, at the rate that the log asks for."""
-    samples = [rigid_samples(with_velocities(recording))]
-    return filtered_least_squares(
-        samples, rigid_joint(terms), choose_filter_rate(samples, rigid_joint(terms))
-    )
+    """Least squares on the filtered position."""
+    return filtered_least_squares([rigid_samples(with_velocities(recording))], rigid_joint(terms))
 
 
 def values_of(found: LeastSquaresFit) -> dict[str, float]:

@@ -58,11 +58,8 @@ _HOMES = {
     "History": "estimators.online",
     "Status": "estimators.online",
     "recursive_least_squares": "estimators.recursive_least_squares",
-    "block_prediction_error": "estimators.block_prediction_error",
     "parametric_observer": "estimators.parametric_observer",
     "least_squares_observer": "estimators.recursive_least_squares",
-    "memory_regressor": "estimators.memory_regressor",
-    "extended_kalman_filter": "estimators.extended_kalman",
     # for python-control
     "plant_io_system": "library.python_control",
     "controller_io_system": "library.python_control",

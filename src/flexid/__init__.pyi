@@ -10,11 +10,6 @@ from flexid.errors import ModelError as ModelError
 from flexid.errors import RecordingError as RecordingError
 from flexid.errors import SettingError as SettingError
 from flexid.errors import SimulationError as SimulationError
-from flexid.estimators.block_prediction_error import (
-    block_prediction_error as block_prediction_error,
-)
-from flexid.estimators.extended_kalman import extended_kalman_filter as extended_kalman_filter
-from flexid.estimators.memory_regressor import memory_regressor as memory_regressor
 from flexid.estimators.online import History as History
 from flexid.estimators.online import OnlineEstimator as OnlineEstimator
 from flexid.estimators.online import Status as Status

@@ -7,9 +7,6 @@ from functools import cache
 import numpy as np
 from scipy.linalg import expm
 
-from flexid.estimators.block_prediction_error import block_prediction_error
-from flexid.estimators.extended_kalman import extended_kalman_filter
-from flexid.estimators.memory_regressor import memory_regressor
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.recursive_least_squares import (
@@ -23,7 +20,6 @@ from flexid.recording.recording import Hold
 TRUE = {"spring": 4.0, "friction": 0.5, "gain": 2.0}
 REGRESSORS = {"spring": "-q", "friction": "-v", "gain": "u"}
 SAMPLE_TIME = 2e-3
-NOISE = 1e-4
 Builder = Callable[[ParametricSystem, Hold], OnlineEstimator]
 
 
@@ -36,15 +32,6 @@ ONLINE: dict[str, Builder] = {
     "parametric observer": _observer,
     "recursive least squares": lambda s, hold: recursive_least_squares(s, SAMPLE_TIME, hold=hold),
     "least-squares observer": lambda s, hold: least_squares_observer(s, SAMPLE_TIME, hold),
-    "memory gradient": lambda s, hold: memory_regressor(s, SAMPLE_TIME, "gradient", hold),
-    "block prediction error": lambda s, hold: block_prediction_error(s, SAMPLE_TIME, hold=hold),
-    "extended Kalman filter": lambda s, hold: extended_kalman_filter(
-        s, SAMPLE_TIME, NOISE, hold=hold
-    ),
-    "extended Kalman filter, velocities": lambda s, hold: extended_kalman_filter(
-        s, SAMPLE_TIME, NOISE, NOISE, hold
-    ),
-    "DREM": lambda s, hold: memory_regressor(s, SAMPLE_TIME, "drem", hold),
 }
 """Builders by name; each takes the model and the hold of its input."""
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexid.estimators.integral_least_squares import integral_least_squares
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.rowwise import RowwiseFit
 from flexid.estimators.samples import Samples
@@ -29,18 +28,13 @@ def by_filter(recordings: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
     return filtered_least_squares(recordings, unknowns.system, unknowns=unknowns)
 
 
-def by_integrals(recordings: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
-    """Segmented integral least squares."""
-    return integral_least_squares(recordings, unknowns.system, unknowns=unknowns)
-
-
 def by_motion(recordings: Sequence[Samples], unknowns: Unknowns) -> BatchFit:
     """Segmented prediction error, from the filter."""
     start = filtered_least_squares(recordings, unknowns.system, unknowns=unknowns)
     return prediction_error(recordings, unknowns.system, start, unknowns=unknowns)
 
 
-estimators = pytest.mark.parametrize("estimate", [by_filter, by_integrals, by_motion])
+estimators = pytest.mark.parametrize("estimate", [by_filter, by_motion])
 
 
 def run(seed: int, duration: float = 30.0, h: float = 2e-3) -> Samples:

@@ -108,7 +108,6 @@ def test_gains_of_states_are_kalmans():
     assert observer.gain[0] == pytest.approx(kalman_gain()[:4], rel=1e-6)
 
 
-@pytest.mark.xfail(reason="a disturbance's gain is that of the interval after next", strict=True)
 def test_innovations_are_those_of_a_kalman_filter():
     """Assert that the gains made for the truth foresee as much as the exact filter."""
     samples = disturbed_samples(2)
@@ -129,13 +128,13 @@ def test_whitened_innovations_are_white():
     assert abs(np.mean(white[1:] * white[:-1])) < 0.055
 
 
-def slope(problem: SegmentedMotion, place: int) -> float:
+def slope(problem: SegmentedMotion, at: np.ndarray, place: int, deviation: float) -> float:
     """Derivative of half the cost by a value or, beyond these, by an initial state."""
-    k = len(VALUES)
-    size = 1e-5 * (VALUES[place] if place < k else 1.0)
+    k = len(at)
+    size = 1e-3 * deviation
 
     def cost(step: float) -> float:
-        values, states = VALUES.copy(), np.zeros((1, 4))
+        values, states = at.copy(), np.zeros((1, 4))
         if place < k:
             values[place] += step
         else:
@@ -145,15 +144,23 @@ def slope(problem: SegmentedMotion, place: int) -> float:
     return (cost(size) - cost(-size)) / (4.0 * size)
 
 
-def test_derivatives_are_those_of_differences():
-    """Assert that the right-hand side is minus half the slope of the cost, the gains held."""
+@pytest.mark.parametrize("delays", [(), ("input_delay", "link_delay")], ids=["timely", "late"])
+def test_derivatives_are_those_of_differences(delays):
+    """Assert that the right-hand side is minus half the slope of the cost, the gains held.
+
+    A late position corrects what comes after it, so that all innovations depend on a delay.
+    """
     problem = observed(disturbed_samples(4))
-    equations = problem.equations(AT_REST)
+    timing = Timing("linear" if delays else "zero", sought=delays)
+    problem = replace(problem, timing=timing)
+    at = np.append(VALUES, np.full(len(delays), 3e-3))
+    equations = problem.equations(Point(at, np.zeros((1, 4))))
     gradient = np.roll(equations.gradient.sum(axis=0), -4)  # values first, then states
     sizes = np.roll(np.sqrt(np.diag(equations.normal.sum(axis=0))), -4)
     for place, size in enumerate(sizes):
         # Differences are good to 1e-5 of a deviation; one is what a deviation changes.
-        assert abs(gradient[place] + slope(problem, place)) < 1e-3 * size, place
+        apart = gradient[place] + slope(problem, at, place, 1.0 / size)
+        assert abs(apart) < 1e-3 * size, place
 
 
 def test_normal_matrix_is_that_of_differences_of_innovations():

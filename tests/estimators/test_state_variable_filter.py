@@ -115,7 +115,7 @@ def test_recordings_need_not_follow_each_other():
     ]
     fit = filtered_least_squares(recordings, JOINT)
     assert worst_error(fit.values) < 1e-3
-    assert len(fit.rows[0].time) == len(recordings[0]) + len(recordings[1]) - 4
+    assert len(fit.rows[0].left_hand_side) == len(recordings[0]) + len(recordings[1]) - 4
 
 
 def test_equal_columns_are_undetermined():

@@ -7,7 +7,6 @@ import pytest
 from noisy_joint import TRUTH, VALUES, joint_samples
 
 from flexid.errors import SettingError
-from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
@@ -140,12 +139,6 @@ def test_terms_that_are_off_leave_the_smaller_model():
     assert by_part.values == pytest.approx(by_small.values, rel=1e-9)
     assert by_part.covariance == pytest.approx(by_small.covariance, rel=1e-6)
     assert by_part.information.shape == (5, 5)
-
-
-def test_filter_rate_is_that_of_the_smaller_model():
-    """Assert that terms that are off have no say in the filter rate."""
-    rate = choose_filter_rate([record()], MORE, unknowns=Unknowns(MORE, OFF))
-    assert rate == choose_filter_rate([record()], JOINT)
 
 
 def test_only_terms_that_are_on_need_velocities():

@@ -164,7 +164,7 @@ def test_an_observer_starts_where_it_is_told(drive):
     np.testing.assert_allclose(found, [0.0, 70.0, 0.0, 0.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("build", ["recursive_least_squares", "parametric_observer", "block"])
+@pytest.mark.parametrize("build", ["recursive_least_squares", "parametric_observer"])
 def test_an_online_estimator_steps_as_its_replay(build, examples):
     """Assert that its outputs in discrete time are the estimates before each sample."""
     system = flexid.flexible_joint(("gravity", "motor_viscous"))
@@ -173,8 +173,6 @@ def test_an_online_estimator_steps_as_its_replay(build, examples):
         velocities = np.gradient(samples.positions, samples.sample_time, axis=0)
         samples = replace(samples, velocities=velocities)
         online = flexid.parametric_observer(system, {"link": 1.0, "motor": 1.0}, 1e-3)
-    elif build == "block":
-        online = flexid.block_prediction_error(system, 1e-3)
     else:
         online = flexid.recursive_least_squares(system, 1e-3)
     packed = online.pack(samples)[:1500]

@@ -14,15 +14,6 @@ def test_deviations_are_roots_of_variances():
     assert ESTIMATE.deviations.tolist() == [2.0, 3.0, np.inf]
 
 
-def test_part_keeps_what_belongs_together():
-    """Assert that a part has its own values, covariances and freedom, in the estimate's order."""
-    part = ESTIMATE.only(["b", "a"])
-    assert part.names == ("a", "b")
-    assert part.values.tolist() == [1.0, 2.0]
-    assert part.covariance.tolist() == [[4.0, 1.0], [1.0, 9.0]]
-    assert part.degrees_of_freedom == (5.0, 7.0)
-
-
 def test_widening_adds_covariances():
     """Assert that what is added is added in full, and that values and freedom stay."""
     more = np.array([[1.0, 0.5, 2.0], [0.5, 2.0, 2.0], [2.0, 2.0, 3.0]])

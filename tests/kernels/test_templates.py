@@ -24,8 +24,6 @@ from flexid.derivation.regressor_classes import filter_functions
 from flexid.derivation.sampled_loop import sampled_loop_source
 from flexid.derivation.sensitivities import sensitivity_functions
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.extended_kalman import extended_kalman_filter
-from flexid.estimators.memory_regressor import memory_regressor
 from flexid.estimators.parametric_observer import parametric_observer
 from flexid.estimators.recursive_least_squares import (
     least_squares_observer,
@@ -156,20 +154,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         lambda: estimate(least_squares_observer(JOINT, H)),
         ROWS | {"velocity_rows"},
     ),
-    "gradient": (
-        lambda: estimate(memory_regressor(JOINT, H, "gradient")),
-        {"status", "velocity_rows", "memory_gain", "online"},
-    ),
-    "DREM": (
-        lambda: estimate(memory_regressor(JOINT, H, "drem")),
-        {"status", "velocity_rows", "memory_gain", "online"},
-    ),
     "guard of a stream": (watch_a_stream, {"stream_guard"}),
-    "Kalman filter": (
-        lambda: estimate(extended_kalman_filter(JOINT, H, 1e-4)),
-        # Beside it least squares runs, from which it starts.
-        ROWS | {"filtered_rows", "bound", "runge_kutta", "dry_motion", "extended_kalman"},
-    ),
 }
 
 

@@ -68,8 +68,6 @@ class LyapunovMonitor:
         V = Σ |p̃|²/2.  # Huang (2003), eq. (8)
     rate : (n,) ndarray
         V' = -Σ c (rᵀp̃)², per second.  # Huang (2003), eq. (9)
-    mismatches : (n, n_rows) ndarray
-        rᵀp̃ of every row.
     limits : tuple of Limit
         One per coefficient.
     largest_rise : float
@@ -82,7 +80,6 @@ class LyapunovMonitor:
     time: FloatArray
     value: FloatArray
     rate: FloatArray
-    mismatches: FloatArray
     limits: tuple[Limit, ...]
     largest_rise: float
     rise_in_tolerances: float
@@ -161,7 +158,6 @@ def monitor(
         time,
         value,
         -(mismatches**2) @ gains,
-        mismatches,
         tuple(limit for row in rows for limit in _limits(row, last)),
         float(rise.max()),
         float(np.max(np.divide(rise, at_smallest, out=np.zeros_like(rise), where=rise > 0))),

@@ -38,15 +38,12 @@ class DriveFunctions:
     held : tuple of bool
         Of each signal (regressors row by row, then a known part for each row), whether an input
         occurs in it.
-    velocity_needed : tuple of str
-        Signals that are nonlinear in a velocity, by coefficient or row.
     """
 
     source: str
     calls: frozenset[str]
     names: dict[str, str]
     held: tuple[bool, ...]
-    velocity_needed: tuple[str, ...]
 
 
 def drive_functions(system: ParametricSystem, positions_only: bool) -> DriveFunctions:
@@ -84,7 +81,6 @@ def drive_functions(system: ParametricSystem, positions_only: bool) -> DriveFunc
         frozenset(printer.calls),
         {name: printer.name(name) for name in names},
         tuple(part.depends_on_input for part in parts),
-        tuple(name for name, part in zip(labels, parts, strict=True) if part.remainder != 0),
     )
 
 

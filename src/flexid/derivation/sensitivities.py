@@ -121,7 +121,8 @@ def _dry(symbolic: SymbolicSystem) -> str:
 
 
 def _sizes(symbolic: SymbolicSystem) -> str:
-    columns = 1 + len(symbolic.states) + len(symbolic.coefficients) + 1
+    # One for the value, and those of states, coefficients, and delays of inputs and of each row.
+    columns = 1 + len(symbolic.states) + len(symbolic.coefficients) + 1 + len(symbolic.rows)
     width = _TOGETHER * -(-columns // _TOGETHER)
     return f"N_MEMORIES = {len(symbolic.memories)}\nWIDTH = {width}\n"
 

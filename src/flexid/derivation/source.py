@@ -88,9 +88,9 @@ def assignments(
     return "\n".join(indent + line for line in lines or ["pass"])
 
 
-def unpack(array: str, symbols: Sequence[sp.Symbol], indent: str = "    ") -> str:
+def unpack(array: str, symbols: Sequence[sp.Symbol]) -> str:
     """Lines that read symbols from consecutive places of an array."""
-    return "\n".join(f"{indent}{name} = {array}[{place}]" for place, name in enumerate(symbols))
+    return "\n".join(f"    {name} = {array}[{place}]" for place, name in enumerate(symbols))
 
 
 DECORATORS = """

@@ -148,7 +148,8 @@ def balance_functions(balance: TorqueBalance) -> str:
 
 
 def _sizes(balance: TorqueBalance) -> str:
-    columns = 1 + len(balance.states) + len(balance.coefficients) + 1
+    # One for the value, and those of states, parameters, and delays of inputs and of each row.
+    columns = 1 + len(balance.states) + len(balance.coefficients) + 1 + len(balance.rows)
     width = _TOGETHER * -(-columns // _TOGETHER)
     return f"N_MEMORIES = 0\nN_CORNERS = 0\nWIDTH = {width}\n"
 

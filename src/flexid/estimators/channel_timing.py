@@ -102,6 +102,25 @@ class ChannelTiming:
             late[a] -= whole * shortest
         return outputs, late
 
+    def interpolated(self, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Outputs between their samples, when they were true, and that nothing is left to move.
+
+        It suits outputs without much noise between their samples: low-passed ones.
+        """
+        from scipy.interpolate import CubicSpline  # slow to import, and few logs need it
+
+        late = np.array([delays[name] if name else 0.0 for name in self.output_delays])
+        outputs = self.segments.outputs.copy()
+        for a in np.flatnonzero(late).tolist():
+            reference = self._reference_of(a)
+            for part, sample_time in self.segments.by_recording():
+                column = self.segments.outputs[part, a]
+                still = np.zeros_like(column) if reference is None else reference[part]
+                times = sample_time * np.arange(len(column))
+                then = np.clip(times + late[a], times[0], times[-1])
+                outputs[part, a] = CubicSpline(times, column - still)(then) + still
+        return outputs, np.zeros_like(late)
+
     def _reference_of(self, output: int) -> FloatArray | None:
         """What an output was measured relative to, shape (n_samples,), as far as delays go."""
         place = int(self.reference[output])

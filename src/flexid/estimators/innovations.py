@@ -261,7 +261,7 @@ def _steady_gains(
         solve_triangular(triangle, np.eye(len(triangle)), lower=True), dtype=np.float64
     )
     entropy = 2.0 * float(np.log(np.diag(triangle)).sum())
-    return gain[:n], decay[:, None] * gain[n:], decay, whitening, entropy
+    return gain[:n], gain[n:], decay, whitening, entropy
 
 
 def _steady_covariance(

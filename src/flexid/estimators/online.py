@@ -30,8 +30,6 @@ class Status(IntEnum):
     """Taken in; the data do not determine the estimates yet: wait, or excite more."""
     REJECTED = 2
     """A number in it is not finite: nothing changed, and the next sample begins a new recording."""
-    CONTRADICTED = 3
-    """Taken in; the estimates contradict least squares: start anew from those."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,6 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences
-from flexid.estimators.filter_rate import choose_filter_rate
 from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights
 from flexid.estimators.integration_error import refinement
 from flexid.estimators.rowwise import RowwiseFit
@@ -24,7 +23,6 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
 from flexid.estimators.unknowns import Unknowns, unknowns_of
-from flexid.estimators.whiteness import whiteness
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise, velocity
@@ -49,10 +47,6 @@ class PredictionErrorFit:
     covariance : array, shape (k, k)
         From the spread of the scores of blocks of a second or less; right for correlated residuals
         too. Infinite variance marks what the data leave free, or what a single block decides.
-    gauss_newton_covariance : array, shape (k, k)
-        From the residuals' size alone; right for white residuals only.
-    whiteness : float
-        Probability of residuals as correlated as these, were the noise white.
     degrees_of_freedom : tuple of float
         Of each value's variance, for Student's t; 0 where there is none.
     undetermined : tuple of str
@@ -80,8 +74,6 @@ class PredictionErrorFit:
     names: tuple[str, ...]
     values: FloatArray
     covariance: FloatArray
-    gauss_newton_covariance: FloatArray
-    whiteness: float
     degrees_of_freedom: tuple[float, ...]
     undetermined: tuple[str, ...]
     information: FloatArray
@@ -184,8 +176,6 @@ def described(
         names=problem.names,
         values=found.point.values,
         covariance=_infinite(influences @ influences.T, unknown),
-        gauss_newton_covariance=_infinite(reduced.inverse * found.variance(problem), reduced.free),
-        whiteness=whiteness(segments.of(residuals), states.size + len(problem.names)),
         degrees_of_freedom=tuple(np.where(unknown, 0.0, freedom).tolist()),
         undetermined=tuple(
             name for name, free in zip(problem.names, reduced.free, strict=True) if free
@@ -239,7 +229,7 @@ def _start_values(unknowns: Unknowns, start: Mapping[str, float] | RowwiseFit) -
 def _least_squares(
     recordings: Sequence[Samples], unknowns: Unknowns, hold: Hold
 ) -> LeastSquaresFit:
-    """Least squares of the record at its own filter rate; it needs no starting values."""
+    """Least squares of the record, which needs no starting values."""
     complete = [
         replace(
             recording,
@@ -251,9 +241,7 @@ def _least_squares(
         else recording
         for recording in recordings
     ]
-    system = unknowns.system
-    rate = choose_filter_rate(complete, system, hold, unknowns)
-    return filtered_least_squares(complete, system, rate, hold, unknowns)
+    return filtered_least_squares(complete, unknowns.system, hold=hold, unknowns=unknowns)
 
 
 def _misfit(problem: SegmentedMotion, found: Minimum) -> float:

@@ -37,8 +37,6 @@ _BLOCKS_PER_MEMORY = 8.0  # so that 40 blocks reach back over five memories
 _VELOCITY_WINDOW = 0.25  # half window of the velocity estimate, in time constants of the filter
 _LONGEST_HALF_WINDOW = 25  # samples: the window moves with every sample, at that cost
 _SHORTEST_BLOCK = 0.5  # s, where there is no filter to say how long noise is correlated
-_SLACK = 0.1  # part of a value by which another estimate may differ from it
-_AGREEMENT = 10.0  # and standard deviations
 
 LEAST_INFORMATION = 1e-4
 """Part of the largest information of a coefficient that is never forgotten."""
@@ -156,15 +154,6 @@ class RecursiveLeastSquares(CompiledEstimator):
         sizes = [len(row.coefficients) for row in self.system.rows]
         return [matrix[:k, :k].copy() for matrix, k in zip(matrices[0], sizes, strict=True)]
 
-    def effects(self, state: FloatArray) -> FloatArray:
-        """Value of each coefficient that would explain its row alone, shape (n_coefficients,)."""
-        squares = np.concatenate([np.diag(matrix) for matrix in self.information(state)])
-        power = state[self._kernel.POWER_AT :][: self._kernel.N_ROWS]
-        powers = np.repeat(
-            np.maximum(power, 0.0), [len(row.coefficients) for row in self.system.rows]
-        )
-        return np.sqrt(powers / np.where(squares > 0.0, squares, np.inf))
-
     def powers(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Sums of squares of each row's left-hand sides, faded, and what of them is unexplained.
 
@@ -191,40 +180,6 @@ class RecursiveLeastSquares(CompiledEstimator):
     def equations(self, state: FloatArray) -> int:
         """How many equations each row has had."""
         return int(state[self._kernel.COUNTS_AT + self._kernel.CLOCK])
-
-    def agrees(self, state: FloatArray, values: FloatArray) -> bool:
-        """Whether values from elsewhere can be true, as far as this estimate tells.
-
-        They may differ by a tenth of the value, for what the model leaves out, and by ten standard
-        deviations of this estimate; before there are any it contradicts nothing.
-
-        Parameters
-        ----------
-        state : array
-            From `step` or a replay.
-        values : array, shape (n_coefficients,)
-            Estimates of another kind.
-        """
-        own = self.coefficients(state)
-        if not np.isfinite(values).all():
-            return False
-        excess = np.abs(values - own) - _SLACK * np.abs(own)
-        if np.all(excess <= 0.0):
-            return True
-        return bool(np.all(excess <= _AGREEMENT * self.standard_deviations(state)))
-
-    def store_block(
-        self,
-        counts: FloatArray,
-        ends: FloatArray,
-        lengths: FloatArray,
-        blocks: FloatArray,
-        block: FloatArray,
-        longest: float,
-    ) -> None:
-        """Keep one more block's normal equations in arrays of another estimator, in place."""
-        fading = float(self._settings[self._kernel.FORGETTING])
-        self._kernel.store_block(counts, ends, lengths, blocks, block, counts[3], fading, longest)
 
     def _equations(self, numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Matrices and vectors of blocks' normal equations, as the state holds them."""
@@ -257,7 +212,7 @@ def recursive_least_squares(
     sample_time : float
         Time between samples in s.
     filter_rate : float, optional
-        λ in 1/s. See `choose_filter_rate`.
+        λ in 1/s.
     hold : {"linear", "zero"}, optional
         Whether the inputs run linearly between samples or are constant until the next one.
     memory_time : float, optional

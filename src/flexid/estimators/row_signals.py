@@ -19,50 +19,35 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 
-def row_signals(
-    recording: Samples,
-    system: ParametricSystem,
-    hold: Hold,
-    pole: float = 0.0,
-    wanted: NDArray[np.int64] | None = None,
-) -> FloatArray:
-    """Regressors of all coefficients and left-hand sides of all rows over a recording.
-
-    Parameters
-    ----------
-    recording : Samples
-        At least three samples. Velocities are taken as zero where there are none.
-    system : ParametricSystem
-        The model.
-    hold : {"linear", "zero"}
-        Hold of the inputs.
-    pole : float, optional
-        Of the filter ((1 - pole) / (1 - pole/z))² that all signals pass, starting from rest; 0 is
-        no filter.
-    wanted : array of int, optional
-        Places of the signals that are to be computed, if not all.
-
-    Returns
-    -------
-    array, shape (n_coefficients + n_rows, n_samples - 2)
-        Accelerations averaged over the two intervals around every inner sample, weighted by a
-        triangle; filtered. Zero where they are not wanted.
-    """
-    signals = np.zeros((len(system.coefficients) + len(system.rows), len(recording) - 2))
-    fill_row_signals(signals, 0, recording, system, hold, pole, wanted)
-    return signals
-
-
 def fill_row_signals(
     signals: FloatArray,
     first: int,
     recording: Samples,
     system: ParametricSystem,
     hold: Hold,
-    pole: float = 0.0,
+    pole: float,
     wanted: NDArray[np.int64] | None = None,
 ) -> None:
-    """As `row_signals`, into the columns from `first` on of an array for several recordings."""
+    """Regressors of all coefficients and left-hand sides of all rows over a recording.
+
+    Parameters
+    ----------
+    signals : array, shape (n_coefficients + n_rows, n_columns)
+        Receives accelerations averaged over the two intervals around every inner sample, weighted
+        by a triangle; filtered. What is not wanted is left alone.
+    first : int
+        The column of the recording's first equation.
+    recording : Samples
+        At least three samples. Velocities are taken as zero where there are none.
+    system : ParametricSystem
+        The model.
+    hold : {"linear", "zero"}
+        Hold of the inputs.
+    pole : float
+        Of the filter ((1 - pole) / (1 - pole/z))² that all signals pass, starting from rest.
+    wanted : array of int, optional
+        Places of the signals that are to be computed, if not all.
+    """
     kernel = _kernel(system)
     velocities = (
         np.zeros_like(recording.positions) if recording.velocities is None else recording.velocities
@@ -135,7 +120,7 @@ def sought_signals(
     Parameters
     ----------
     signals : array, shape (n_coefficients + n_rows, n_equations)
-        As of `row_signals`, of one or more parts of recordings, one after the other.
+        As of `fill_row_signals`, of one or more parts of recordings, one after the other.
     unknowns : Unknowns
         What is sought.
     usable, lengths : sequence of int

@@ -54,12 +54,11 @@ class RowFit(RowSums):
     ----------
     regressors : array, shape (k, n_equations)
         R, all recordings in turn.
-    time, left_hand_side, fitted : array, shape (n_equations,)
-        What was fitted, less what is known or fixed; its fit; and when.
+    left_hand_side, fitted : array, shape (n_equations,)
+        What was fitted, less what is known or fixed; and its fit.
     """
 
     regressors: FloatArray
-    time: FloatArray
     left_hand_side: FloatArray
     fitted: FloatArray
 
@@ -148,10 +147,7 @@ def covariance_of_rows(
 
 
 def fit_rows(
-    unknowns: Unknowns,
-    regressors: FloatArray,
-    left_hand_sides: FloatArray,
-    time: FloatArray,
+    unknowns: Unknowns, regressors: FloatArray, left_hand_sides: FloatArray
 ) -> tuple[FloatArray, tuple[RowFit, ...]]:
     """Least squares of every row.
 
@@ -163,8 +159,6 @@ def fit_rows(
         Of what is sought.
     left_hand_sides : array, shape (n_rows, n_equations)
         Less what is known or fixed.
-    time : array, shape (n_equations,)
-        When.
 
     Returns
     -------
@@ -177,18 +171,14 @@ def fit_rows(
     for row, left_hand_side in zip(unknowns.system.rows, left_hand_sides, strict=True):
         names = unknowns.names_of(row)
         part = slice(first, first + len(names))
-        fit, values[part] = _fit_row(row.name, names, regressors[part], left_hand_side, time)
+        fit, values[part] = _fit_row(row.name, names, regressors[part], left_hand_side)
         rows.append(fit)
         first = part.stop
     return values, tuple(rows)
 
 
 def _fit_row(
-    name: str,
-    coefficients: tuple[str, ...],
-    regressors: FloatArray,
-    left_hand_side: FloatArray,
-    time: FloatArray,
+    name: str, coefficients: tuple[str, ...], regressors: FloatArray, left_hand_side: FloatArray
 ) -> tuple[RowFit, FloatArray]:
     """Least squares of one row: its fit and values."""
     gram = regressors @ regressors.T
@@ -206,9 +196,8 @@ def _fit_row(
         float(np.sum((left_hand_side - fitted) ** 2)),
         float(np.sum(left_hand_side**2)),
         tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
-        len(time),
+        len(left_hand_side),
         regressors,
-        time,
         left_hand_side,
         fitted,
     )

@@ -318,7 +318,9 @@ class SegmentedMotion:
         coefficients = self._coefficients(point.values)
         delays = self.delays(point.values)
         channels = self._channels
-        outputs, late = channels.timely(delays)
+        # An observer's gain is for outputs of its own samples.
+        timely = channels.timely if self.observer is None else channels.interpolated
+        outputs, late = timely(delays)
         drives = channels.drives(delays[INPUT])
         dry = self._dry(coefficients, wanted) & (self.observer is None)
         delays_sought = self.timing.sought

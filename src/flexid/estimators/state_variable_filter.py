@@ -59,7 +59,7 @@ def filtered_least_squares(
     system : ParametricSystem
         The model; its constants have the values declared in it.
     filter_rate : float, optional
-        λ in 1/s. See `choose_filter_rate`.
+        λ in 1/s.
     hold : {"linear", "zero"}, optional
         Whether the inputs run linearly between samples or are constant until the next one.
     unknowns : Unknowns, optional
@@ -87,12 +87,11 @@ def filtered_least_squares(
     signals = filtered_signals(used, system, filter_rate, hold, wanted)
     lengths = [len(recording) - 2 for recording in used]
     regressors, left_hand_sides = sought_signals(signals, unknowns, usable, lengths)
-    time = np.concatenate([np.zeros(0), *(recording.time[1:-1] for recording in used)])
     most = max(len(unknowns.names_of(row)) for row in system.rows)
     blocks = block_lengths(
         lengths, [recording.sample_time for recording in used], filter_rate, most
     )
-    values, rows = fit_rows(unknowns, regressors, left_hand_sides, time)
+    values, rows = fit_rows(unknowns, regressors, left_hand_sides)
     return LeastSquaresFit(unknowns.names, values, rows, tuple(blocks), hold, float(filter_rate))
 
 

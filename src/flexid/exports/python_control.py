@@ -17,7 +17,6 @@ from flexid.arrays import FloatArray
 from flexid.control.controller import REFERENCE_NAMES, Controller
 from flexid.control.references import Reference
 from flexid.errors import SettingError
-from flexid.estimators.beside_least_squares import BesideLeastSquares
 from flexid.estimators.online import CompiledEstimator
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
@@ -264,15 +263,13 @@ def observer_start(
     return np.array([estimates.get(c, 0.0) for c in system.coefficients]) - np.array(offset)
 
 
-def estimator(
-    online: CompiledEstimator | BesideLeastSquares, name: str = "estimator"
-) -> "NonlinearIOSystem":
+def estimator(online: CompiledEstimator, name: str = "estimator") -> "NonlinearIOSystem":
     """An online estimator as a system in discrete time.
 
     Parameters
     ----------
-    online : CompiledEstimator or BesideLeastSquares
-        Whichever.
+    online : CompiledEstimator
+        The estimator.
     name : str, optional
         Of the system.
 
@@ -289,15 +286,14 @@ def estimator(
     """
     control = python_control()
     system = online.system
-    sampled = online.least_squares if isinstance(online, BesideLeastSquares) else online
-    measured = system.states if sampled.needs_velocities else system.states[::2]
+    measured = system.states if online.needs_velocities else system.states[::2]
     return control.nlsys(
         lambda _t, x, u, _params: online.step(_vector(x), _vector(u))[0],
         lambda _t, x, _u, _params: online.coefficients(_vector(x)),
         inputs=[*measured, *system.inputs],
         outputs=[f"{c}_hat" for c in system.coefficients],
         states=len(online.init()),
-        dt=sampled.sample_time,
+        dt=online.sample_time,
         name=name,
     )
 

@@ -15,6 +15,7 @@ from flexid.identification.estimation.answers import answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
+from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.mirrored import turned_round
 from flexid.identification.full_model.model import LINK, Structure, data_of
 from flexid.identification.full_model.starting import smooth_unknowns
@@ -116,12 +117,15 @@ def identify(
     compliance = _compliance(
         choice.structure, numbers.coefficients, recordings, validation, progress
     )
-    if not exact and np.isfinite(compliance.deflection):
+    if (found.doubts or not exact) and np.isfinite(compliance.deflection):
         reason = f"the deflection moves by {compliance.deflection:.2g} rad, {found.prediction}"
         compliance = replace(compliance, visible=not found.doubts, reason=reason)
     choices = _choices(fits, numbers.estimate, settings)
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, numbers.estimate))
+    if settings.link_delay == "auto" and LINK in choice.structure.timing.delays:
+        skewed = skew(job.joint, whole)
+        choices = replace(choices, alignment=skewed.delays_the_link(choices.alignment))
     return Identification(
         model=job.joint.kind,
         coefficients=numbers.coefficients,
@@ -217,10 +221,13 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
 
 
 def _without_stiffness(numbers: _Numbers, doubts: Sequence[str]) -> _Numbers:
-    """The same where no stiffness is known: nothing that rests on one is."""
+    """The same where no stiffness is known: nothing that rests on one is.
+
+    Nor is what rests on the motor's inertia: without a spring the link may be part of it.
+    """
     if not doubts:
         return numbers
-    springs = {"theta2", "alpha1"}
+    springs = {"theta2", "alpha1", "beta1"}
     unknown: dict[str, Any] = {"verdict": "undetermined", "reason": str(doubts[0])}
     coefficients, parameters = (
         {

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
     from flexid.control.controller import Controller
-    from flexid.estimators.beside_least_squares import BesideLeastSquares
     from flexid.estimators.online import CompiledEstimator
     from flexid.exports.python_control import LoopSystem
     from flexid.library.joint_estimate import JointEstimate
@@ -137,7 +136,7 @@ def observer_io_system(
 
 @entrance
 def estimator_io_system(
-    estimator: "CompiledEstimator | BesideLeastSquares", *, name: str = "estimator"
+    estimator: "CompiledEstimator", *, name: str = "estimator"
 ) -> "NonlinearIOSystem":
     """An online estimator as a system of python-control, in discrete time.
 
@@ -161,11 +160,10 @@ def estimator_io_system(
     ArgumentError
         If an option is unknown or of a wrong type.
     """
-    from flexid.estimators.beside_least_squares import BesideLeastSquares
     from flexid.estimators.online import CompiledEstimator
     from flexid.exports import python_control
 
-    if not isinstance(estimator, CompiledEstimator | BesideLeastSquares):
+    if not isinstance(estimator, CompiledEstimator):
         raise ArgumentError(
             "estimator_io_system",
             "estimator",

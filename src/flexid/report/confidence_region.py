@@ -24,8 +24,6 @@ class Region:
 
     Parameters
     ----------
-    pair : tuple of str
-        Their names.
     centre : array, shape (2,)
         Their estimates.
     boundary : array, shape (2, n)
@@ -38,7 +36,6 @@ class Region:
         The nominal confidence.
     """
 
-    pair: tuple[str, str]
     centre: FloatArray
     boundary: FloatArray
     intervals: tuple[tuple[float, float], tuple[float, float]]
@@ -75,7 +72,7 @@ def confidence_region(fit: Fit, pair: tuple[str, str], level: float = CONFIDENCE
     across = np.sqrt(1.0 - correlation**2)
     unit = np.array([circle[0], correlation * circle[0] + across * circle[1]])
     boundary = centre[:, None] + _radius(freedom, level) * deviations[:, None] * unit
-    return Region(pair, centre, boundary, (first, second), correlation, level)
+    return Region(centre, boundary, (first, second), correlation, level)
 
 
 def most_correlated(fit: Fit, among: Sequence[str]) -> tuple[str, str] | None:

@@ -34,8 +34,6 @@ STATUS = ("finished", "too many steps", "step too small", "not finite", "diverge
 that the equations have no value where the run ended.
 """
 
-FINISHED = 0
-
 SIDE_BY_SIDE = 32
 """Runs of a loop that is not stiff that go side by side: eight vectors of four, four of eight."""
 

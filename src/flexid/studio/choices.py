@@ -23,7 +23,6 @@ from flexid.studio.address import one_of, texts_of
 MODELS = ("auto", "flexible", "link", "rigid")
 HOLDS = ("auto", "zero", "linear", "cubic")
 ALL_TERMS = tuple(dict.fromkeys([*TERMS, *SHAPE_TERMS, *RIGID_TERMS]))
-_PARTS = ("column", "unit", "scale", "offset")
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from flexid.studio.rooms import Rooms
     from flexid.studio.window import Offer
 
-PORT = 8765
 MOST_WINDOWS = 40
 _LONG, _SHORT, _PLAY, _LIVE = 2, 1, 1, 1  # processes; Live keeps its streams in one
 

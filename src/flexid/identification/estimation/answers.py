@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexid.errors import ConvergenceError
+from flexid.estimators.gauss_newton import NEARLY_NOISE
 from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.disturbed import (
     Disturbed,
     disturbed_estimate,
     fit_disturbed,
     fit_disturbed_to,
-    skew,
 )
 from flexid.identification.estimation.final_fits import (
     FILTER_RATE,
@@ -25,6 +25,7 @@ from flexid.identification.estimation.final_fits import (
     final_fits,
     with_doubts,
 )
+from flexid.identification.estimation.skew import skew
 from flexid.identification.full_model.climbing import Climb
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
@@ -38,8 +39,8 @@ from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.recording.caution import Caution, Rank
 
-_SKEWED = 0.8  # share of the deflection's variance, beyond which a delay makes it, no spring
 _PREDICTED = 25.0  # per cent of the deflection that a spring predicts at least: noise alone, 0
+_BY_DELAY = "all of which is a delay between the encoders"
 _BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold can be told"
 
 
@@ -111,8 +112,11 @@ def answer(
     if exact is not None:
         reported = exact.fits.reported
         # Disturbances would follow any bound; the exact fit says what contradicts it.
-        if asked or reported.at_bound or reported.excess <= thresholds.sensor_excess:
+        if asked or reported.at_bound:
             return exact
+        if reported.excess <= thresholds.sensor_excess:
+            doubts = _skewed(job, whole, entirely=True)
+            return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
     if failure is not None and asked:
         raise failure
     progress("what disturbs the drive")
@@ -201,27 +205,44 @@ def _over_a_period(fitted: Fitted, whole: Data, recordings: SplitRecordings) -> 
 
 def _doubts(job: Job, whole: Data, period: float, predicted: float) -> tuple[Caution, ...]:
     """Why no stiffness is known: a delay makes the deflection, or no spring predicts it."""
-    if job.joint.kind == "flexible" and job.settings.link_delay == "auto":
-        delay, explained = skew(whole)
-        if explained > _SKEWED:
-            return (
-                Caution(
-                    f"{100.0 * explained:.0f} % of the deflection is a delay of "
-                    f"{1e3 * abs(delay):.2g} ms between the encoders, and no spring: align their "
-                    f"clocks, then excite the joint harder",
-                    Rank.SCALE,
-                ),
-            )
+    skewed = _skewed(job, whole, entirely=False)
+    if skewed:
+        return skewed
     if predicted < _PREDICTED:
         return (
             Caution(
                 f"more moves this joint than the model has: over {period:.2g} s, a period of the "
                 f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the deflection; "
-                f"look for other axes, loads and backlash",
+                f"look for other axes, loads and backlash{_whole_drive(job)}",
                 Rank.MODEL,
             ),
         )
     return ()
+
+
+def _skewed(job: Job, whole: Data, *, entirely: bool) -> tuple[Caution, ...]:
+    """That a delay makes the deflection: most of it, or, `entirely`, all but noise."""
+    # A delay of a deflection's sensor shifts the deflection, and makes none.
+    if job.joint.kind == "rigid" or job.settings.link_delay != "auto" or job.deflection:
+        return ()
+    found = skew(job.joint, whole)
+    if not found.makes_the_deflection or (entirely and found.excess > NEARLY_NOISE):
+        return ()
+    return (
+        Caution(
+            f"{100.0 * found.explained:.0f} % of the deflection is a delay of "
+            f"{1e3 * abs(found.delay):.2g} ms between the encoders, and no spring: align their "
+            f"clocks, then excite the joint harder{_whole_drive(job)}",
+            Rank.SCALE,
+        ),
+    )
+
+
+def _whole_drive(job: Job) -> str:
+    """What a log without a stiffness knows all the same, if an input drives it."""
+    if job.joint.kind == "link":
+        return ""
+    return "; `--model rigid` reports the inertia and friction of the whole drive"
 
 
 def _undisturbed(fitted: Fitted, data: Data) -> Fitted:

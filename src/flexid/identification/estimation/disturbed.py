@@ -16,6 +16,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
+from flexid.estimators.channel_timing import Timing
 from flexid.estimators.innovations import Innovations, Sizes, fit_innovations
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide
@@ -28,6 +29,7 @@ from flexid.identification.estimation.band import (
     thinning,
 )
 from flexid.identification.estimation.excitations import row_sizes
+from flexid.identification.estimation.skew import shifted, skew
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
@@ -43,6 +45,7 @@ _ROUNDS = 3  # of taking terms away
 _BANDS = (0.5, 2.0)  # of the usual number of samples per period
 _REPEATED = 0.2  # of what a row leaves unexplained, that may look like any one of its terms
 _FRICTION_REPEATED = 0.7  # the same of a friction: another law looks most like the laws there are
+_GAUGE = 0.025  # of the scale of a deflection's sensor, standard deviation: one of strain gauges
 _CALIBRATION = 2e-3  # of a value, standard deviation: no scale of a rig is known better
 _LEAST_TURN = 0.5  # rad, below which gravity is as straight as a spring, within 1 %
 _GRAVITY = frozenset({"theta1", "theta_cosine", "gamma1", "gamma_cosine"})
@@ -107,6 +110,10 @@ def fit_disturbed(
     """
     if _turned(data) < _LEAST_TURN:
         structure = structure.without(_GRAVITY - {*kept})
+    if LINK in structure.timing.sought:
+        skewed = skew(structure.joint, data)
+        if skewed.makes_the_deflection:  # and a spring may be anything
+            structure = replace(structure, timing=_given(structure.timing, skewed.delay))
     factor = thinning(data, _start(structure, data))
     found: list[tuple[float, Fitted, Sizes]] = []
     # A low-passed input has no steps; how it runs between samples and its delay look alike.
@@ -175,8 +182,29 @@ def disturbed_estimate(found: Disturbed, data: Data) -> Estimate:
         by_chance = 0.25 * (_variances(halves[0]) + _variances(halves[1]))
         beyond = _beyond(0.5 * (halves[0].values - halves[1].values), by_chance)
         added += np.outer(beyond, beyond)
+    if data.relative_to:
+        other = _again(found, _rescaled(data, 1.0 + _GAUGE), found.factor)
+        if other is not None:
+            change = other.values - fitted.values
+            added += np.outer(change, change)
     scale = _CALIBRATION * np.abs(fitted.values)
     return estimate.widened(added + np.diag(_repeated(found) ** 2 + scale**2))
+
+
+def _rescaled(data: Data, scale: float) -> Data:
+    """A log whose deflection sensor shows so many times as much."""
+    rescaled = []
+    for samples in data.samples:
+        assert samples.velocities is not None
+        positions, velocities = samples.positions.copy(), samples.velocities.copy()
+        if positions.shape[1] == 1:  # the motor's motion is the input
+            motor, speed = samples.inputs[:, 0], samples.inputs[:, 1]
+        else:
+            motor, speed = positions[:, 1], velocities[:, 1]
+        positions[:, 0] = motor + scale * (positions[:, 0] - motor)
+        velocities[:, 0] = speed + scale * (velocities[:, 0] - speed)
+        rescaled.append(replace(samples, positions=positions, velocities=velocities))
+    return replace(data, samples=tuple(rescaled))
 
 
 def _repeated(found: Disturbed) -> FloatArray:
@@ -298,41 +326,21 @@ def _starts(structure: Structure, data: Data) -> Iterator[dict[str, float]]:
     yield _start(structure, data)
     if LINK not in structure.timing.sought or structure.joint.kind != "flexible":
         return
-    delay, explained = skew(data)
-    if explained > _SKEWED and abs(delay) < data.margin:
-        yield {**_start(structure, _shifted(data, delay)), LINK: delay}
+    found = skew(structure.joint, data)
+    if found.explained > _SKEWED and abs(found.delay) < data.margin:
+        yield {**_start(structure, shifted(data, found.delay)), LINK: found.delay}
+
+
+def _given(timing: Timing, link_delay: float) -> Timing:
+    """The same with the delay of the link's encoder given."""
+    sought = tuple(name for name in timing.sought if name != LINK)
+    return replace(timing, delays={**timing.delays, LINK: link_delay}, sought=sought)
 
 
 def _turned(data: Data) -> float:
     """How far the first row, that of the link where there is one, turned, in rad."""
     positions = [samples.positions[:, 0] for samples in data.samples]
     return max(map(np.max, positions)) - min(map(np.min, positions))
-
-
-def skew(data: Data) -> tuple[float, float]:
-    """Delay in s between the encoders that explains most of the deflection, and its share of it."""
-    rows, left = [], []
-    for samples in data.samples:
-        assert samples.velocities is not None
-        speed = samples.velocities[:, -1]
-        rows.append(np.column_stack((speed - speed.mean(), np.gradient(speed))))
-        deflection = samples.positions[:, 0] - samples.positions[:, -1]
-        left.append(deflection - deflection.mean())
-    regressors, deflection = np.concatenate(rows), np.concatenate(left)
-    solution = np.linalg.lstsq(regressors, deflection)[0]
-    explained = 1.0 - np.var(deflection - regressors[:, 0] * solution[0]) / np.var(deflection)
-    return -float(solution[0]), float(explained)
-
-
-def _shifted(data: Data, delay: float) -> Data:
-    """A log whose link's positions are put a delay earlier."""
-    moved = []
-    for samples in data.samples:
-        positions = samples.positions.copy()
-        assert samples.velocities is not None
-        positions[:, 0] += delay * samples.velocities[:, 0]
-        moved.append(replace(samples, positions=positions))
-    return replace(data, samples=tuple(moved))
 
 
 def _shares(fitted: Fitted, sizes: Sizes) -> dict[str, float]:

@@ -62,11 +62,6 @@ class Data:
         shortest = min(len(recording) * recording.sample_time for recording in self.samples)
         return min(_MARGIN, _LARGEST_MARGIN * shortest)
 
-    @property
-    def n_samples(self) -> int:
-        """Samples of all recordings."""
-        return sum(map(len, self.samples))
-
     @cached_property
     def duration(self) -> float:
         """Length of all recordings in s."""

@@ -192,6 +192,9 @@ def parameter_estimates(
                 judged, reason = "determined", ""  # as small as it is
             elif not found.slopes:
                 reason = min(c.reason for c in made)  # at its bound, or given
+            elif all(c.verdict == "undetermined" for c in made):
+                # An angle of a gravity that may be none; its interval is that of small changes.
+                judged, reason = "undetermined", made[0].reason
             estimates[name] = ParameterEstimate(
                 name,
                 unit,

@@ -1,6 +1,6 @@
 """An estimate: names, values, covariance and degrees of freedom, whatever it came from."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -73,16 +73,6 @@ class Estimate:
     def by_name(self) -> dict[str, float]:
         """Values by name."""
         return dict(zip(self.names, self.values.tolist(), strict=True))
-
-    def only(self, names: Sequence[str]) -> "Estimate":
-        """The part about some names, in the estimate's order."""
-        places = [place for place, name in enumerate(self.names) if name in names]
-        return Estimate(
-            tuple(self.names[place] for place in places),
-            self.values[places],
-            self.covariance[np.ix_(places, places)],
-            tuple(self.degrees_of_freedom[place] for place in places),
-        )
 
     def scaled(self, factors: FloatArray) -> "Estimate":
         """The same with every standard deviation times a factor, shape (k,)."""

@@ -7,7 +7,7 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.generated import N_COEFFICIENTS, N_ROWS
-    from flexid.kernels.templates.memory_gain import take
+    from flexid.kernels.templates.least_squares_gain import take
 
 
 @njit(cache=True, error_model="numpy")

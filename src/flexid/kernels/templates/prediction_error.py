@@ -61,7 +61,7 @@ def add_delay(row, x, rate, derivatives, drive, h, sensor):
         acceleration -= drive[i, 1] / h
     row[0] += late * (0.5 * late * acceleration - speed)
     if late_column >= 0:
-        row[1 + late_column] = late * acceleration - speed
+        row[1 + late_column] += late * acceleration - speed
     for sign, place in ((1.0, state), (-1.0, reference)):
         if place < 0:
             continue
@@ -221,9 +221,13 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
     _, measured, _, late, late_columns, whitening = sensors
     wanted, delay_sought = sought
     normal, _, _, costs = results
+    observed = model[4][0].shape[2] > 0
     carried = 0
     if normal.shape[1] > 0:
         carried = N_STATES + wanted.shape[0] + (1 if delay_sought else 0)
+    by_delay = carried if delay_sought else 0
+    if observed:  # what corrects the state depends on how late the outputs are
+        carried = normal.shape[1]
     at = np.zeros(N_COEFFICIENTS, np.int64)
     for j in range(wanted.shape[0]):
         at[wanted[j]] = 1 + N_STATES + j
@@ -233,12 +237,12 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
         np.zeros(measured.shape[0]),
         np.zeros((measured.shape[0], 1 + normal.shape[1])),
         np.zeros(normal.shape[1]),
-        room_for_derivatives(1 + carried, model[4][0].shape[2] > 0),
+        room_for_derivatives(1 + carried, observed),
         room_for_a_step(),
         room_for_a_step(),  # by which an event is located
         np.empty(N_ROWS),
         at,
-        carried if delay_sought else 0,
+        by_delay,
         np.empty(N_INPUTS),
         np.empty(N_INPUTS),
         np.empty((2, N_CORNERS)),

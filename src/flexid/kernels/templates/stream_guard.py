@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 # What became of a sample.
 TAKEN, NO_NUMBER, REPEATED, LATE, OUTLIER, STUCK, SATURATED = 0, 1, 2, 3, 4, 5, 6
-N_FATES = 7
 # What happened on the way, counted beside the fates.
 GAPS, MISSING, WRAPS, RESTARTS, JUMPS = 7, 8, 9, 10, 11
 N_COUNTS = 12

@@ -20,9 +20,7 @@ _PAPER = (
 )
 
 
-def reproduction_page(
-    result: Reproduction, charts: Sequence[Chart], command: str = "flexid reproduce"
-) -> Page:
+def reproduction_page(result: Reproduction, charts: Sequence[Chart]) -> Page:
     """What there is to say of the paper.
 
     Parameters
@@ -31,8 +29,6 @@ def reproduction_page(
         Its runs and claims.
     charts : sequence of Chart
         Their `reproduction_charts`.
-    command : str, optional
-        What repeats it.
     """
     facts = Facts(
         [
@@ -50,7 +46,7 @@ def reproduction_page(
         (
             Section("figures", "Its figures, and Theorem 1", charts),
             Section("numbers", "What decides", [*reproduction_parts(result)]),
-            Section("origin", "How to repeat it", [Command(command), facts]),
+            Section("origin", "How to repeat it", [Command("flexid reproduce"), facts]),
         ),
     )
 

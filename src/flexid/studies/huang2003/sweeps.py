@@ -107,7 +107,7 @@ def late_tracking_errors(exponents: Exponents, ends: Sequence[float]) -> dict[fl
     return {end: run.largest_tracking_error(end - 10.0, end) for end in ends}
 
 
-def rate_points(gains: Sequence[float] = GAINS) -> dict[str, list[RatePoint]]:
+def rate_points() -> dict[str, list[RatePoint]]:
     """Measure the exponential rate under persistent excitation against its bound.
 
     The motion is that of Table I under (1,2,3), already on its steady state; errors start at the
@@ -119,7 +119,7 @@ def rate_points(gains: Sequence[float] = GAINS) -> dict[str, list[RatePoint]]:
         By row, one point per gain.
     """
     points: dict[str, list[RatePoint]] = {"link": [], "motor": []}
-    for gain in gains:
+    for gain in GAINS:
         duration = float(np.clip(20.0 / gain, 40.0, 500.0))
         loop = table1_loop((1, 2, 3), observer_gains=(gain, gain))
         run = simulate(loop, duration, 0.01, SWEEP_TOLERANCE)

@@ -1,0 +1,81 @@
+"""A delay between two encoders that passes for a spring."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexid.identification.full_model.model import Data
+from flexid.identification.preparation.alignment import Alignment, Delay
+from flexid.identification.preparation.joint import Joint
+from flexid.identification.vocabulary.intervals import interval
+from flexid.recording.velocities import position_noise
+
+_PARTS = 10  # of a log, whose delays differ by as much as they are uncertain
+_MOSTLY = 0.8  # share of the deflection's variance; of a spring's motion less is in one phase
+
+
+@dataclass(frozen=True)
+class Skew:
+    """A delay between the encoders, in place of a spring.
+
+    Parameters
+    ----------
+    delay : float
+        In s, that explains most of the deflection.
+    deviation : float
+        Its standard deviation in s, from the spread between parts of the log.
+    explained : float
+        Its share of the deflection's variance.
+    excess : float
+        What it leaves, as a mean square over that of the deflection's noise.
+    """
+
+    delay: float
+    deviation: float
+    explained: float
+    excess: float
+
+    @property
+    def makes_the_deflection(self) -> bool:
+        """Whether a delay explains so much of the deflection that no spring is known."""
+        return self.explained > _MOSTLY
+
+    def delays_the_link(self, alignment: Alignment) -> Alignment:
+        """An alignment in which the link's encoder is late by this, which the fit took as given."""
+        ends = interval(self.delay, self.deviation, _PARTS - 1)
+        return replace(alignment, link_delay=Delay(self.delay, self.deviation, ends, "found"))
+
+
+def skew(joint: Joint, data: Data) -> Skew:
+    """What a delay between the encoders makes of the deflection."""
+    rows, left, noise = [], [], 0.0
+    for samples in data.samples:
+        assert samples.velocities is not None
+        speed = samples.velocities[:, -1]
+        rows.append(np.column_stack((speed - speed.mean(), np.gradient(speed))))
+        deflection = joint.channels_of(samples.positions, samples.inputs)[:, -1]
+        left.append(deflection - deflection.mean())
+        noise += len(samples) / data.n_samples * position_noise(deflection) ** 2
+    regressors, deflection = np.concatenate(rows), np.concatenate(left)
+    solution = np.linalg.lstsq(regressors, deflection)[0]
+    parts = zip(*(np.array_split(each, _PARTS) for each in (regressors, deflection)), strict=True)
+    delays = [np.linalg.lstsq(rows_of, of_part)[0][0] for rows_of, of_part in parts]
+    remaining = float(np.var(deflection - regressors[:, 0] * solution[0]))
+    least = np.finfo(float).tiny
+    return Skew(
+        -float(solution[0]),
+        float(np.std(delays, ddof=1)) / np.sqrt(_PARTS),
+        1.0 - remaining / max(float(np.var(deflection)), least),
+        remaining / max(noise, least),
+    )
+
+
+def shifted(data: Data, delay: float) -> Data:
+    """A log whose link's positions are put a delay earlier."""
+    moved = []
+    for samples in data.samples:
+        positions = samples.positions.copy()
+        assert samples.velocities is not None
+        positions[:, 0] += delay * samples.velocities[:, 0]
+        moved.append(replace(samples, positions=positions))
+    return replace(data, samples=tuple(moved))
