@@ -49,13 +49,14 @@ class Skew:
 def skew(joint: Joint, data: Data) -> Skew:
     """What a delay between the encoders makes of the deflection."""
     rows, left, noise = [], [], 0.0
+    count = sum(map(len, data.samples))
     for samples in data.samples:
         assert samples.velocities is not None
         speed = samples.velocities[:, -1]
         rows.append(np.column_stack((speed - speed.mean(), np.gradient(speed))))
         deflection = joint.channels_of(samples.positions, samples.inputs)[:, -1]
         left.append(deflection - deflection.mean())
-        noise += len(samples) / data.n_samples * position_noise(deflection) ** 2
+        noise += len(samples) / count * position_noise(deflection) ** 2
     regressors, deflection = np.concatenate(rows), np.concatenate(left)
     solution = np.linalg.lstsq(regressors, deflection)[0]
     parts = zip(*(np.array_split(each, _PARTS) for each in (regressors, deflection)), strict=True)
