@@ -9,6 +9,7 @@ import typer
 from flexid.cli.exit_status import ExitStatus
 from flexid.cli.options import AsJson, Columns, Logs, Strict, out_option, with_settings
 from flexid.cli.output import as_typed, hand_over, output, print_warnings
+from flexid.errors import SettingError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,6 +23,7 @@ EXAMPLES = (
     "identify run1.csv run2.csv --known motor_inertia=0.3+-0.01",
     "identify arm.csv --columns map.toml --bounds joint_stiffness=50:200",
     "identify day.parquet --stream --strict",
+    "identify run.csv --model arm.toml",
 )
 
 
@@ -44,12 +46,14 @@ def identify(
     strict: Strict = False,
     out: Annotated[Path | None, out_option("report.html, estimate.json and the figures")] = None,
     as_json: AsJson = False,
+    arm: Path | None = None,
 ) -> None:
     """Find a drive's parameters, with intervals and verdicts.
 
     The logs are of one drive with an elastic joint: two encoders and the motor's torque, voltage or
     current. With one encoder the joint is taken as rigid; without any input the link is identified
-    alone, driven by the motor's motion. What is auto is chosen from the logs.
+    alone, driven by the motor's motion. What is auto is chosen from the logs. A planar arm of
+    several elastic joints is described by a TOML file after --model, and its channels are numbered.
 
     Exit status: 0 where every parameter is determined, be it weakly; 1 where one is not, and the
     answer says which and why; with --strict, 1 where one is weak, too; 2 for bad input.
@@ -60,6 +64,12 @@ def identify(
     from flexid.report.identification_table import print_identification
 
     errors = Console(stderr=True)
+    if arm is not None:
+        from flexid.cli.identify_arm import identify_arm
+
+        _check_for_arm(logs, stream=stream, explain=explain)
+        identify_arm(logs[0], arm, columns, errors, strict=strict, out=out, as_json=as_json)
+        return
     with output(out) as directory:
         if stream:
             from flexid.cli.streaming import identify_with_bar
@@ -92,6 +102,15 @@ def identify(
         hand_over(document, show, write, as_json=as_json, directory=directory)
     if not result.supports(strict=strict):
         raise typer.Exit(ExitStatus.LACKING)
+
+
+def _check_for_arm(logs: list[Path], *, stream: bool, explain: bool) -> None:
+    """Raise `SettingError` for what is for one joint alone."""
+    if len(logs) > 1:
+        raise SettingError("LOG", f"an arm takes one log, and {len(logs)} were given: give one")
+    for name, given in (("stream", stream), ("explain", explain)):
+        if given:
+            raise SettingError(name, "is for one joint, and --model names an arm: leave it out")
 
 
 def _advice(result: "Identification", logs: "list[Log]", settings: "Settings") -> list[str]:

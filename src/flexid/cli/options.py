@@ -15,6 +15,7 @@ from flexid.cli.assignments import (
     parse_number,
 )
 from flexid.errors import SettingError
+from flexid.models.arm_name import is_arm_file
 from flexid.readers.formats import kinds
 
 if TYPE_CHECKING:
@@ -82,9 +83,10 @@ _Bounds = Annotated[
 Model = Annotated[
     str,
     typer.Option(
-        metavar="WORD",
+        metavar="MODEL",
         help="Model of the joint: flexible, link (the link alone, driven by the measured motor "
-        "position, without the torque) or rigid (the motor's encoder alone).",
+        "position, without the torque), rigid (the motor's encoder alone), or the TOML file of an "
+        "arm of several joints.",
     ),
 ]
 _Terms = Annotated[
@@ -164,14 +166,22 @@ def _settings(
 
 
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of an identification in place of its parameter ``settings``."""
+    """Give a command the options of an identification in place of its parameter ``settings``.
+
+    A command with a parameter ``arm`` takes arms, too: that is the file after ``--model``.
+    """
     shared = inspect.signature(_settings).parameters
-    own = inspect.signature(command).parameters
+    takes_arms = "arm" in inspect.signature(command).parameters
+    own = {n: p for n, p in inspect.signature(command).parameters.items() if n != "arm"}
 
     @wraps(command)
     def with_options(**given: Any) -> None:
         options = {name: given.pop(name) for name in shared}
-        command(**given, settings=_settings(**options))
+        if is_arm_file(options["model"]):
+            arm = _arm_alone(options, {n: p.default for n, p in shared.items()}, takes_arms)
+            command(**given, settings=_settings(), arm=arm)
+        else:
+            command(**given, settings=_settings(**options))
 
     parameters: list[inspect.Parameter] = []
     for name, parameter in own.items():
@@ -185,6 +195,23 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
     )
     with_options.__annotations__ = {p.name: hints[p.name] for p in parameters}
     return with_options
+
+
+def _arm_alone(options: dict[str, Any], defaults: dict[str, Any], takes_arms: bool) -> Path:
+    """The file of an arm.
+
+    Raises
+    ------
+    SettingError
+        If the command takes no arms, or another option was given that is for one joint.
+    """
+    if not takes_arms:
+        raise SettingError("model", f"{options['model']!r} is an arm: only flexid identify does it")
+    for name, value in options.items():
+        if name != "model" and value != defaults[name]:
+            option = name.replace("_", "-")
+            raise SettingError(option, "is for one joint, and --model names an arm: leave it out")
+    return Path(options["model"])
 
 
 _LATE = {"Settings": object}  # not imported before it is needed

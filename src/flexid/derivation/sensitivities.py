@@ -322,11 +322,24 @@ def _slopes(symbolic: SymbolicSystem) -> str:
 
 
 def _vary(symbolic: SymbolicSystem) -> str:
-    """Four stages of one column, written out: the loop over columns has nothing inside."""
-    rows, memories = len(symbolic.rows), len(symbolic.memories)
-    size = len(symbolic.states)
-    equations = _equations(symbolic)[:rows]
+    rows = len(symbolic.rows)
+    patterns = [list(jacobian) for _, jacobian in _equations(symbolic)[:rows]]
     paths = [sorted(_path(symbolic, memory)) for memory in symbolic.memories]
+    return variation(patterns, paths)
+
+
+def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] = ()) -> str:
+    """Source of ``vary``: four stages of one column, so that a loop has nothing inside.
+
+    Parameters
+    ----------
+    patterns : sequence of sequence of int
+        Places of the states that the acceleration of each row depends on.
+    paths : sequence of sequence of int, optional
+        Places of the positions that the path of each memory goes with.
+    """
+    rows, memories = len(patterns), len(paths)
+    size = 2 * rows + memories
     ahead: list[str] = []
     body: list[str] = [f"        _s{i} = _z[{i} * WIDTH + _j]" for i in range(size)]
 
@@ -336,11 +349,11 @@ def _vary(symbolic: SymbolicSystem) -> str:
 
     at = "_s"  # the names of the column's states at a stage
     for stage in range(4):
-        for j, (_, jacobian) in enumerate(equations):
+        for j, pattern in enumerate(patterns):
             products = [f"_r[({stage} * {rows + memories} + {j}) * WIDTH + _j]"]
             products += [
                 f"{known(f'_a{stage}_{j}_{i}', f'_a[{stage}, {j}, {i}]')} * {at}{i}"
-                for i in jacobian
+                for i in pattern
             ]
             body.append(f"        _k{stage}_{2 * j} = {at}{2 * j + 1}")
             body.append(f"        _k{stage}_{2 * j + 1} = {' + '.join(products)}")

@@ -4,7 +4,8 @@ Each row has a mode: 1 or -1 while it slides, which is the sign of its velocity,
 sticks. A change of mode is located within a step; positions and velocities are continuous there,
 and so are their derivatives, but for those of velocities:
     reversal   S+ = S- + (a- - a+) t',  t' = -S-/a- of the row that turns,
-    sticking   S+ = 0 in the row that stops,
+    sticking   the same, so that S+ = 0 in the row that stops; the others feel it stop if the mass
+               matrix couples them,
     release    S+ = S-.
 
 What runs at every stage of a step is `uncounted` or `inlined`: references to arrays cost more than
@@ -179,10 +180,11 @@ def change_mode(x, derivatives, row, place, motion, alone):
     after = backward if old > 0.0 else forward
     x[velocity] = 0.0
     through = after * old < 0.0
-    if through and before * old < 0.0:
+    turned = -old if through else 0.0
+    if before * old < 0.0:
         jump, rate, _ = alone
         rates_at(x, place, motion, jump)
-        modes[row] = -old
+        modes[row] = turned
         rates_at(x, place, motion, rate)
         for i in range(N_STATES):
             jump[i] -= rate[i]
@@ -193,10 +195,8 @@ def change_mode(x, derivatives, row, place, motion, alone):
             later = -z[velocity * WIDTH + j] / before
             for i in range(N_ROWS):
                 z[(2 * i + 1) * WIDTH + j] += jump[2 * i + 1] * later
-    elif through:
-        modes[row] = -old
-    else:
-        modes[row] = 0.0
+    modes[row] = turned
+    if not through:
         z[velocity * WIDTH : velocity * WIDTH + n] = 0.0
 
 
@@ -209,8 +209,9 @@ def first_modes(x, derivatives, h, trace, motion, alone):
     """
     modes = motion.modes
     for row in range(N_ROWS):
+        modes[row] = -1.0 if x[2 * row + 1] < 0.0 else 1.0
+    for row in range(N_ROWS):
         velocity = x[2 * row + 1]
-        modes[row] = -1.0 if velocity < 0.0 else 1.0
         if not motion.dry[row]:
             continue
         forward = pull(x, row, 1.0, 0.0, motion, alone)

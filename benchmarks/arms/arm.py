@@ -1,0 +1,161 @@
+"""A random planar arm with elastic joints: its numbers, and MuJoCo's model of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Link:
+    """One joint and its link; the centre of mass is given along and across the link."""
+
+    length: float
+    mass: float
+    along: float
+    across: float
+    inertia: float  # about the centre of mass
+    stiffness: float
+    damping: float
+    motor_inertia: float
+    motor_viscous: float
+    motor_coulomb: float
+    link_viscous: float
+    link_coulomb: float
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Links from the base on; `carried`: each rotor spins on the link before it, without a gear."""
+
+    links: tuple[Link, ...]
+    gravity: tuple[float, float]
+    carried: bool = False
+
+    @property
+    def joints(self) -> int:
+        """How many."""
+        return len(self.links)
+
+    def truth(self) -> dict[str, float]:
+        """Parameters by the names that the fit has for them."""
+        found: dict[str, float] = {}
+        rotor = ROTOR_MASS if self.carried else 0.0
+        for i, link in enumerate(self.links, 1):
+            beyond = sum(other.mass + rotor for other in self.links[i:])
+            size = link.along**2 + link.across**2
+            found |= {
+                f"joint_stiffness_{i}": link.stiffness,
+                f"joint_damping_{i}": link.damping,
+                f"joint_offset_{i}": 0.0,
+                f"motor_inertia_{i}": link.motor_inertia,
+                f"motor_viscous_friction_{i}": link.motor_viscous,
+                f"motor_coulomb_friction_{i}": link.motor_coulomb,
+                f"motor_offset_{i}": 0.0,
+                f"link_viscous_friction_{i}": 0.0 if self.carried else link.link_viscous,
+                f"link_coulomb_friction_{i}": 0.0 if self.carried else link.link_coulomb,
+                f"link_inertia_{i}": link.inertia + link.mass * size + beyond * link.length**2,
+                f"link_moment_along_{i}": link.mass * link.along + beyond * link.length,
+                f"link_moment_across_{i}": link.mass * link.across,
+            }
+            if i > 1:
+                found[f"rotor_coupling_{i}"] = link.motor_inertia if self.carried else 0.0
+                if self.carried:
+                    found[f"link_inertia_{i - 1}"] += link.motor_inertia
+        return found
+
+
+ROTOR_MASS = 0.5  # kg, where rotors are carried
+
+
+def mjcf(arm: Arm, step: float) -> str:
+    """MuJoCo's model; angles are positive from x, along link 1 at zero, towards z.
+
+    Dry friction is MuJoCo's: a constraint, which is tight here, since its time constant is two
+    short steps and its impedance nearly 1.
+    """
+    gx, gz = arm.gravity
+    tight = f'solreffriction="{2.0 * step!r} 1" solimpfriction="0.9999 0.9999 0.001"'
+    chain, closing, motors, tendons = "", "", "", ""
+    before = 0.0
+    for i, link in enumerate(arm.links, 1):
+        inertial = (
+            f'<inertial pos="{link.along!r} 0 {link.across!r}" mass="{link.mass!r}" '
+            f'diaginertia="{link.inertia!r} {link.inertia!r} {link.inertia!r}"/>'
+        )
+        motor = (
+            f'axis="0 -1 0" damping="{link.motor_viscous!r}" '
+            f'frictionloss="{link.motor_coulomb!r}" {tight}'
+        )
+        j = link.motor_inertia
+        if arm.carried:
+            chain += (
+                f'<body pos="{before!r} 0 0"><joint name="motor_{i}" {motor}/>'
+                f'<inertial pos="0 0 0" mass="{ROTOR_MASS}" diaginertia="{j!r} {j!r} {j!r}"/>'
+                f'<body><joint name="link_{i}" axis="0 -1 0" stiffness="{link.stiffness!r}" '
+                f'damping="{link.damping!r}"/>{inertial}'
+            )
+            closing += "</body></body>"
+        else:
+            chain += (
+                f'<body pos="{before!r} 0 0"><joint name="link_{i}" axis="0 -1 0" '
+                f'damping="{link.link_viscous!r}" frictionloss="{link.link_coulomb!r}" {tight}/>'
+                f"{inertial}"
+            )
+            closing += "</body>"
+            motors += (
+                f'<body><joint name="motor_{i}" {motor}/><inertial pos="0 0 0" mass="1" '
+                f'diaginertia="{j!r} {j!r} {j!r}"/></body>'
+            )
+            tendons += (
+                f'<fixed stiffness="{link.stiffness!r}" damping="{link.damping!r}" '
+                f'springlength="0"><joint joint="motor_{i}" coef="1"/>'
+                f'<joint joint="link_{i}" coef="-1"/></fixed>'
+            )
+        before = link.length
+    return (
+        f'<mujoco><compiler angle="radian"/><option timestep="{step!r}" '
+        f'gravity="{gx!r} 0 {gz!r}" integrator="RK4"/>'
+        f"<worldbody>{chain}{closing}{motors}</worldbody><tendon>{tendons}</tendon></mujoco>"
+    )
+
+
+def random_arm(rng: np.random.Generator, joints: int = 2, harsh: bool = False) -> Arm:
+    """Draw an arm; harsh ones have inertias up to 5 to 1 and springs of 50 to 20 000 N m/rad."""
+    carried = bool(rng.random() < 0.25)
+    masses = 3.0 * 0.6 ** np.arange(joints) * np.exp(rng.uniform(-0.5, 0.5, joints))
+    lengths = rng.uniform(0.2, 0.5, joints)
+    centres = lengths * rng.uniform(0.35, 0.7, joints)
+    reach = [
+        sum(masses[k] * (np.sum(lengths[i:k]) + centres[k]) ** 2 for k in range(i, joints))
+        for i in range(joints)
+    ]
+    links = []
+    for i in range(joints):
+        inertia = float(masses[i] * lengths[i] ** 2 / 12.0)
+        carries = float(reach[i] + inertia)
+        spread = 5.0 if harsh else 2.0
+        motor = carries * float(spread ** rng.uniform(-1.0, 1.0)) * 0.6
+        frequency = float(np.exp(rng.uniform(np.log(4.0), np.log(12.0))))
+        stiffness = min(motor, carries) * (2.0 * np.pi * frequency) ** 2
+        if harsh:
+            stiffness = float(np.exp(rng.uniform(np.log(50.0), np.log(20000.0))))
+        rate = np.sqrt(stiffness * carries)
+        size = np.sqrt(carries * motor)
+        links.append(
+            Link(
+                float(lengths[i]),
+                float(masses[i]),
+                float(centres[i]),
+                float(rng.choice([0.0, 0.1]) * centres[i] * rng.uniform(-1.0, 1.0)),
+                inertia,
+                float(stiffness),
+                float(rate * rng.uniform(0.002, 0.03)),
+                float(motor),
+                float(size * rng.uniform(0.3, 3.0)),
+                float(size * rng.choice([0.0, 1.0]) * rng.uniform(0.5, 4.0)),
+                float(size * rng.uniform(0.0, 0.5)),
+                float(size * rng.choice([0.0, 0.0, 1.0]) * rng.uniform(0.2, 1.0)),
+            )
+        )
+    gravity = [(0.0, 0.0), (9.81, 0.0), (0.0, -9.81)][rng.integers(3)]
+    return Arm(tuple(links), gravity, carried)

@@ -1,0 +1,184 @@
+"""The log of an arm: each joint's channels read and checked as those of one joint are."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexid.errors import RecordingError
+from flexid.estimators.samples import Samples
+from flexid.files import shown
+from flexid.readers.formats import format_of
+from flexid.readers.guard import Reading
+from flexid.recording.channel import INPUTS, SI_UNITS
+from flexid.recording.names import folded, split_header, usual_channel
+from flexid.recording.read import log_of_table
+from flexid.recording.recording import Log
+from flexid.recording.series import names_of, table_of_file
+from flexid.recording.table import Table
+from flexid.recording.text import read_table
+from flexid.toml_file import parse_toml, read_bytes
+
+_NEEDED = (("motor_position",), ("link_position", "deflection"), INPUTS)
+_SHARED = ("time", "gear_ratio")  # keys of a column map that need no number
+
+
+@dataclass(frozen=True, eq=False)
+class ArmLog:
+    """What the log of an arm held.
+
+    Parameters
+    ----------
+    recordings : tuple of Samples
+        Positions of link 1, motor 1, link 2, ... and the motors' inputs.
+    input_units : tuple of str
+        Of each joint.
+    warnings : tuple of str
+        A sentence each.
+    provenance : dict
+        File, digest, and the columns of each joint.
+    """
+
+    recordings: tuple[Samples, ...]
+    input_units: tuple[str, ...]
+    warnings: tuple[str, ...]
+    provenance: dict[str, Any]
+
+
+def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog:
+    """Read the log of an arm.
+
+    Parameters
+    ----------
+    path : Path
+        Of any format that `flexid.read_log` takes. Channels carry the joint's number:
+        ``motor_position_2 [deg]``.
+    joints : int
+        Number of joints.
+    columns : Path, optional
+        A column map whose keys carry the number likewise.
+
+    Raises
+    ------
+    RecordingError
+        If a channel is missing, there are more joints than the arm has, or a channel cannot be
+        used.
+    """
+    file = shown(path)
+    is_text = format_of(path) is None
+    table = read_table(path) if is_text else _names(path)
+    given = _given(columns)
+    _check_joints(file, table, given, joints)
+    logs: list[Log] = []
+    for joint in range(1, joints + 1):
+        own = _columns_of(file, table, given, joint, joints)
+        whole = table if is_text else table_of_file(path, own)
+        logs.append(log_of_table(whole, own))
+    return ArmLog(
+        _together(file, logs),
+        tuple(log.recordings[0].input_unit for log in logs),
+        tuple(dict.fromkeys(warning for log in logs for warning in log.warnings)),
+        {
+            "file": file,
+            "sha256": logs[0].sha256,
+            "joints": [log.provenance["columns"] for log in logs],
+        },
+    )
+
+
+def _names(path: Path) -> Table:
+    with Reading(path) as reading:
+        return names_of(reading)
+
+
+def _given(columns: Path | None) -> dict[str, Any]:
+    """The entries of a column map, by key."""
+    if columns is None:
+        return {}
+    file = shown(columns)
+
+    def refuse(_key: str, reason: str) -> RecordingError:
+        return RecordingError(file, "", reason)
+
+    return parse_toml(read_bytes(columns, "a column map in TOML", refuse), refuse)
+
+
+def _check_joints(file: str, table: Table, given: dict[str, Any], joints: int) -> None:
+    """Raise where a channel has a number that the arm has no joint for."""
+    names = [*given, *(split_header(table.short_name(header))[0] for header in table.names)]
+    for name in names:
+        stem, _, number = folded(name).rpartition("_")
+        if stem in SI_UNITS and number.isdigit() and not 1 <= int(number) <= joints:
+            raise RecordingError(
+                file,
+                f"channel {name!r}",
+                f"the arm has {joints} joint{'s' if joints > 1 else ''}: give a length for each "
+                f"joint of the log in [arm], or leave this channel out of the log",
+            )
+
+
+def _columns_of(
+    file: str, table: Table, given: dict[str, Any], joint: int, joints: int
+) -> dict[str, Any]:
+    """The column map of one joint: its numbered entries, and columns by their names."""
+    found = {key: value for key, value in given.items() if key in _SHARED}
+    for channel in (*SI_UNITS, "gear_ratio"):
+        if f"{channel}_{joint}" in given:
+            found[channel] = given[f"{channel}_{joint}"]
+    if "time" not in found:
+        found["time"] = _time(file, table)
+    for choices in _NEEDED:
+        if any(channel in found for channel in choices):
+            continue
+        columns = {c: header for c in choices if (header := _header(table, c, joint, joints))}
+        if not columns:
+            wanted = " or ".join(f"{channel}_{joint}" for channel in choices)
+            raise RecordingError(
+                file,
+                table.header,
+                f"there is no column {wanted} for joint {joint} of {joints}; the columns are "
+                f"{table.listing}: rename the column, or name it in a column map (--columns)",
+            )
+        channel = next(iter(columns))
+        found[channel] = columns[channel]
+    return found
+
+
+def _time(file: str, table: Table) -> str:
+    for header in table.names:
+        usual = usual_channel(table.short_name(header))
+        if usual is not None and usual[0] == "time":
+            return header
+    raise RecordingError(
+        file, table.header, "there is no column 'time': name it so, with its unit, as in 'time [s]'"
+    )
+
+
+def _header(table: Table, channel: str, joint: int, joints: int) -> str | None:
+    """The column of a joint's channel by its name; of a single joint the number may be missing."""
+    wanted = {f"{channel}_{joint}", *([channel] if joints == 1 else [])}
+    for header in table.names:
+        if folded(split_header(table.short_name(header))[0]) in wanted:
+            return header
+    return None
+
+
+def _together(file: str, logs: list[Log]) -> tuple[Samples, ...]:
+    """Recordings of all joints side by side."""
+    spans = {tuple((r.start_time, len(r)) for r in log.recordings) for log in logs}
+    if len(spans) > 1:
+        raise RecordingError(
+            file,
+            "",
+            "samples are missing in some joints only: export the joints on one clock, without gaps",
+        )
+    found = []
+    for parts in zip(*(log.recordings for log in logs), strict=True):
+        sides = [side for r in parts for side in (r.needed_link_position, r.motor_position)]
+        inputs = np.column_stack([r.needed_input for r in parts]).astype(np.float64)
+        first = parts[0]
+        found.append(
+            Samples(np.column_stack(sides), None, inputs, first.sample_time, first.start_time)
+        )
+    return tuple(found)

@@ -1,0 +1,102 @@
+"""How much of an arm's motion a free run explains that was no part of the fit."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.arms.fitting import ArmFit, at_point
+from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.arrow import solve_arrow
+from flexid.estimators.balance_motion import balance_motion
+from flexid.estimators.gauss_newton import minimise
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segments import divide
+from flexid.models.torque_balance import TorqueBalance
+
+SHARE = 1 / 3
+"""Part of each recording, at its end, that is predicted."""
+
+_WINDOW = 2.5  # s that a free run lasts, its start included
+_START = 0.2  # part of that from which the first state is taken
+_STEPS = 6
+
+
+def free_run(
+    balance: TorqueBalance, recordings: Sequence[Samples], fit: ArmFit
+) -> Mapping[str, float]:
+    """Share of each channel, in per cent, over the end of the log, from a fit to its beginning.
+
+    Runs start every 2.5 s; their first states are fitted to their first fifth, which does not
+    count.
+    """
+    cuts = [round((1.0 - SHARE) * len(recording)) for recording in recordings]
+    first = [_part(r, slice(0, cut)) for r, cut in zip(recordings, cuts, strict=True)]
+    last = [_part(r, slice(cut, None)) for r, cut in zip(recordings, cuts, strict=True)]
+    try:
+        values = _values_of(balance, first, fit)
+        windows = divide(last, _WINDOW)
+    except (ConvergenceError, SettingError):
+        return {}
+    problem = fit.problem
+    begun = np.maximum((_START * windows.lengths).astype(np.int64), 2)
+    motion = balance_motion(balance, windows, problem.timing, problem.unknowns)
+    motion = replace(motion, weights=problem.weights, substeps=problem.substeps)
+    start = replace(motion, segments=replace(windows, lengths=begun))
+    states = _first_states(start, values)
+    left = motion.equations(Point(values, states), "nothing").residuals
+    counted = np.zeros(len(left), dtype=np.bool_)
+    for a, b, n in zip(windows.starts, begun, windows.lengths, strict=True):
+        counted[a + b : a + n] = True
+    return _shares(windows.outputs[counted], left[counted])
+
+
+def _part(recording: Samples, part: slice) -> Samples:
+    return replace(recording, positions=recording.positions[part], inputs=recording.inputs[part])
+
+
+def _values_of(balance: TorqueBalance, recordings: Sequence[Samples], fit: ArmFit) -> np.ndarray:
+    """What the beginning alone gives, from where the whole log led."""
+    problem = fit.problem
+    motion = balance_motion(
+        balance, divide(recordings, fit.duration), problem.timing, problem.unknowns
+    )
+    point = Point(fit.minimum.point.values, motion.start_states)
+    motion = at_point(motion, point, 1.0 / problem.weights)
+    return minimise(motion, point, 0.1, insist=False, iterations=_STEPS).point.values
+
+
+def _first_states(start: SegmentedMotion, values: np.ndarray) -> np.ndarray:
+    """Initial states that suit the values best."""
+    states = start.start_states
+    before = np.full(len(states), np.inf)
+    kept = states
+    for _ in range(_STEPS):
+        equations = start.equations(Point(values, states), "states")
+        if not np.isfinite(equations.cost):
+            break
+        better = equations.costs < before
+        kept = np.where(better[:, None], states, kept)
+        before = np.where(better, equations.costs, before)
+        firsts = start.first_blocks[:-1]
+        normal = np.add.reduceat(equations.normal, firsts, axis=0)
+        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
+        states = states + solve_arrow(normal, gradient, states.shape[1]).states_step
+    return kept
+
+
+def _shares(measured: np.ndarray, left: np.ndarray) -> dict[str, float]:
+    found = {}
+    pick: dict[str, Callable[[np.ndarray, int], np.ndarray]] = {
+        "motor": lambda x, i: x[:, 2 * i + 1],
+        "link": lambda x, i: x[:, 2 * i],
+        "deflection": lambda x, i: x[:, 2 * i] - x[:, 2 * i + 1],
+    }
+    for i in range(measured.shape[1] // 2):
+        for name, of in pick.items():
+            own = of(measured, i)
+            spread = float(np.linalg.norm(own - own.mean()))
+            off = float(np.linalg.norm(of(left, i)))
+            found[f"{name}_{i + 1}"] = 100.0 * (1.0 - off / spread) if spread else float("nan")
+    return found

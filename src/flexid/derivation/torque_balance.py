@@ -1,0 +1,384 @@
+"""Source of the motion of a torque balance with its exact derivatives.
+
+With Σ_k π_k φ_k(q, v, a, u) = 0, the mass matrix M = ∂/∂a is linear in π, and at the acceleration a
+that solves the balances
+
+    ∂a/∂π_k = -M⁻¹ φ_k,        ∂a/∂x = -M⁻¹ ∂(Σ_k π_k φ_k)/∂x at fixed a.
+
+The functions have the arguments of those of `flexid.derivation.sensitivities`, so that the same
+templates run them. What sticks has no acceleration: its row and column leave the mass matrix.
+M is factorised by L D Lᵀ, written out without what is zero: motors first, which are coupled to no
+other motor.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import sympy as sp
+
+from flexid.derivation.model_functions import module_header
+from flexid.derivation.sensitivities import variation
+from flexid.derivation.source import assignments, function, unpack
+from flexid.derivation.symbolic import symbol, to_sympy
+from flexid.models.parametric_system import ParametricSystem
+from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
+
+_TOGETHER = 8  # columns that one instruction may take
+
+
+@dataclass(frozen=True)
+class SymbolicBalance:
+    """A torque balance in symbols.
+
+    Parameters
+    ----------
+    balance : TorqueBalance
+        The declaration.
+    columns : tuple of dict
+        φ of each parameter: torque by the place of its row; what is missing is zero.
+    """
+
+    balance: TorqueBalance
+    columns: tuple[dict[int, sp.Expr], ...]
+
+    @property
+    def parameters(self) -> tuple[sp.Symbol, ...]:
+        """π, as the generated code calls them."""
+        return tuple(sp.Symbol(f"_p{k}", real=True) for k in range(len(self.columns)))
+
+    def sums(self) -> list[sp.Expr]:
+        """Σ_k π_k φ_k of each row."""
+        rows = len(self.balance.rows)
+        return [
+            sp.Add(
+                *(
+                    p * c[row]
+                    for p, c in zip(self.parameters, self.columns, strict=True)
+                    if row in c
+                )
+            )
+            for row in range(rows)
+        ]
+
+
+def symbolic_balance(balance: TorqueBalance) -> SymbolicBalance:
+    """Read a declaration: Lagrange's equations of its body terms, and its joint terms in place."""
+    columns = tuple(
+        _of_joint(term, joint) if isinstance(term, JointTerm) else _of_body(term, balance)
+        for _, joint, term in balance.placed()
+    )
+    return SymbolicBalance(balance, columns)
+
+
+def _acceleration(row: int) -> sp.Symbol:
+    return sp.Symbol(f"_a{row}", real=True)
+
+
+def _mode(row: int) -> sp.Symbol:
+    return sp.Symbol(f"_m{row}", real=True)
+
+
+def _of_joint(term: JointTerm, joint: int) -> dict[int, sp.Expr]:
+    link, motor = 2 * joint - 2, 2 * joint - 1
+    if term.place == "input":
+        torque = to_sympy(term.expression, {"u"}, term.name).subs(symbol("u"), symbol(f"u{joint}"))
+        return {motor: cast(sp.Expr, -torque)}
+    found = to_sympy(term.expression, {"q", "v", "a"}, term.name)
+    local = tuple(symbol(name) for name in "qva")
+    sides = {
+        row: (symbol(f"{q}{joint}"), symbol(f"{v}{joint}"), _acceleration(row))
+        for row, q, v in ((link, "q", "v"), (motor, "t", "w"))
+    }
+    if term.place == "spring":
+        apart = [m - x for m, x in zip(sides[motor], sides[link], strict=True)]
+        torque = cast(sp.Expr, found.subs(dict(zip(local, apart, strict=True))))
+        return {motor: torque, link: -torque}
+    row = link if term.place == "link" else motor
+    placed = found.subs(sp.sign(local[1]), _mode(row))
+    return {row: cast(sp.Expr, placed.subs(dict(zip(local, sides[row], strict=True))))}
+
+
+def _of_body(term: BodyTerm, balance: TorqueBalance) -> dict[int, sp.Expr]:
+    """Lagrange's equations of one energy."""
+    names = {*balance.states, *balance.constants}
+    kinetic = to_sympy(term.kinetic, names, term.name)
+    potential = to_sympy(term.potential, names, term.name)
+    coordinates = [symbol(row.coordinate) for row in balance.rows]
+    speeds = [symbol(row.velocity) for row in balance.rows]
+    found = {}
+    for row, (q, v) in enumerate(zip(coordinates, speeds, strict=True)):
+        momentum = sp.diff(kinetic, v)
+        rates = [sp.diff(momentum, other) * w for other, w in zip(coordinates, speeds, strict=True)]
+        rates += [sp.diff(momentum, w) * _acceleration(i) for i, w in enumerate(speeds)]
+        torque = sp.Add(*rates, -sp.diff(kinetic, q), sp.diff(potential, q))
+        if torque != 0:
+            found[row] = torque
+    return found
+
+
+def balance_functions(balance: TorqueBalance) -> str:
+    """Header and functions of a torque balance, for the templates of the prediction error.
+
+    Parameters
+    ----------
+    balance : TorqueBalance
+        Any.
+
+    Returns
+    -------
+    str
+        A module with ``DRY``, ``state_rates``, ``slopes`` and ``vary`` as those of
+        `flexid.derivation.sensitivities.sensitivity_functions`, and ``columns(x, u, m, c, a, f)``,
+        which fills f[row, k] = φ_k at the accelerations a.
+    """
+    symbolic = symbolic_balance(balance)
+    mass = _Mass.of(symbolic)
+    parts = (
+        module_header(cast(ParametricSystem, balance), "Segmented prediction error"),
+        _sizes(balance),
+        _dry(symbolic),
+        _rates(symbolic, mass),
+        _nothing(),
+        _slopes(symbolic, mass),
+        variation([_depends(mass, row) for row in range(len(balance.rows))]),
+        _columns(symbolic),
+    )
+    return "\n\n".join(parts)
+
+
+def _sizes(balance: TorqueBalance) -> str:
+    # One for the value, and those of states, parameters, and delays of inputs and of each row.
+    columns = 1 + len(balance.states) + len(balance.coefficients) + 1 + len(balance.rows)
+    width = _TOGETHER * -(-columns // _TOGETHER)
+    return f"N_MEMORIES = 0\nN_CORNERS = 0\nWIDTH = {width}\n"
+
+
+def _dry(symbolic: SymbolicBalance) -> str:
+    places = tuple(
+        tuple(k for k, c in enumerate(symbolic.columns) if row in c and c[row].has(_mode(row)))
+        for row in range(len(symbolic.balance.rows))
+    )
+    return f"DRY = {places!r}\n"
+
+
+def _nothing() -> str:
+    """Functions of memories and corners, which a torque balance does not have."""
+    heads = ("corners(_x, _p, _c, _k)", "remember(_x, _start, _p)")
+    heads += ("memory_slopes(_x, _start, _p, _at, _b, _q)",)
+    return "\n\n".join(function(h, "Nothing.", "    pass", decorator="inlined") for h in heads)
+
+
+@dataclass(frozen=True)
+class _Mass:
+    """The mass matrix, lower half in the order of elimination, and what is left without a.
+
+    `entries` has M by (row, column), `rest` Σ π φ at a = 0, `order` the rows, motors first.
+    """
+
+    entries: dict[tuple[int, int], sp.Expr]
+    rest: list[sp.Expr]
+    order: list[int]
+
+    @classmethod
+    def of(cls, symbolic: SymbolicBalance) -> "_Mass":
+        sums = symbolic.sums()
+        rows = range(len(sums))
+        order = [*range(1, len(sums), 2), *range(0, len(sums), 2)]
+        accelerations = [_acceleration(i) for i in rows]
+        entries = {}
+        for place, i in enumerate(order):
+            for j in order[: place + 1]:
+                entry = sp.diff(sums[i], accelerations[j])
+                if entry != 0:
+                    entries[i, j] = entry
+        still = [(a, 0) for a in accelerations]
+        return cls(entries, [cast(sp.Expr, s.subs(still)) for s in sums], order)
+
+    def inverse(self) -> tuple[list[str], dict[tuple[int, int], str]]:
+        """Lines that compute M⁻¹ from ``_M{i}_{j}``, and the names of its entries."""
+        lines: list[str] = []
+        lower: dict[tuple[int, int], str] = {}
+        order = self.order
+        for b, j in enumerate(order):
+            pivot = [f"_M{j}_{j}"]
+            pivot += [
+                f"- {lower[j, k]} * {lower[j, k]} * _D{k}" for k in order[:b] if (j, k) in lower
+            ]
+            lines += [f"_D{j} = {' '.join(pivot)}", f"_I{j} = 1.0 / _D{j}"]
+            for i in order[b + 1 :]:
+                terms = [f"_M{i}_{j}"] if (i, j) in self.entries else []
+                terms += [
+                    f"- {lower[i, k]} * {lower[j, k]} * _D{k}"
+                    for k in order[:b]
+                    if (i, k) in lower and (j, k) in lower
+                ]
+                if terms:
+                    lower[i, j] = f"_L{i}_{j}"
+                    lines.append(f"_L{i}_{j} = ({' '.join(terms)}) * _I{j}")
+        return lines, self._inverted(lines, lower)
+
+    def _inverted(
+        self, lines: list[str], lower: dict[tuple[int, int], str]
+    ) -> dict[tuple[int, int], str]:
+        """Add the lines of M⁻¹ = L⁻ᵀ D⁻¹ L⁻¹: first those of L⁻¹, named ``_R``."""
+        order = self.order
+        root: dict[tuple[int, int], str] = {}
+        for a, j in enumerate(order):
+            for b in range(a + 1, len(order)):
+                i = order[b]
+                terms = [f"- {lower[i, j]}"] if (i, j) in lower else []
+                terms += [
+                    f"- {lower[i, k]} * {root[k, j]}"
+                    for k in order[a + 1 : b]
+                    if (i, k) in lower and (k, j) in root
+                ]
+                if terms:
+                    root[i, j] = f"_R{i}_{j}"
+                    lines.append(f"_R{i}_{j} = {' '.join(terms)}")
+        names: dict[tuple[int, int], str] = {}
+        for a, i in enumerate(order):
+            for j in order[: a + 1]:
+                terms = []
+                for k in order[a:]:
+                    left = "" if k == i else root.get((k, i))
+                    right = "" if k == j else root.get((k, j))
+                    if left is not None and right is not None:
+                        terms.append(" * ".join(t for t in (left, right, f"_I{k}") if t))
+                if terms:
+                    names[i, j] = names[j, i] = f"_W{i}_{j}"
+                    lines.append(f"_W{i}_{j} = {' + '.join(terms)}")
+
+        return names
+
+
+def _variables(balance: TorqueBalance) -> tuple[str, ...]:
+    symbols = [symbol(name) for name in balance.states]
+    return (
+        unpack("_x", symbols),
+        unpack("_m", [_mode(row) for row in range(len(balance.rows))]),
+        unpack("_u", [symbol(name) for name in balance.inputs]),
+        unpack("_c", [symbol(name) for name in balance.constants]),
+    )
+
+
+def _solved(symbolic: SymbolicBalance, mass: _Mass) -> tuple[str, ...]:
+    """Lines that compute M, M⁻¹ and the accelerations ``_a{row}``; what sticks has none."""
+    dry = [
+        row
+        for row in range(len(symbolic.balance.rows))
+        if any(row in c and c[row].has(_mode(row)) for c in symbolic.columns)
+    ]
+    targets = [f"_M{i}_{j}" for i, j in mass.entries]
+    targets += [f"_h{i}" for i in range(len(mass.rest))]
+    lines = [f"_free{i} = 0.0 if _m{i} == 0.0 else 1.0" for i in dry]
+    for i, j in mass.entries:
+        factors = [f"_free{k}" for k in {i, j} if k in dry] if i != j else []
+        if factors:
+            lines.append(f"_M{i}_{j} *= {' * '.join(sorted(factors))}")
+    inverted, names = mass.inverse()
+    lines += inverted
+    rows = range(len(mass.rest))
+    for i in rows:
+        if i in dry:
+            lines.append(f"_h{i} *= _free{i}")
+    for i in rows:
+        products = [f"{names[i, j]} * _h{j}" for j in rows if (i, j) in names]
+        lines.append(f"_a{i} = -({' + '.join(products)})")
+    return (
+        unpack("_p", symbolic.parameters),
+        assignments(targets, [*mass.entries.values(), *mass.rest]),
+        "\n".join(f"    {line}" for line in lines),
+    )
+
+
+def _rates(symbolic: SymbolicBalance, mass: _Mass) -> str:
+    balance = symbolic.balance
+    ends = [
+        f"    _dx[{2 * i}] = {row.velocity}\n    _dx[{2 * i + 1}] = _a{i}"
+        for i, row in enumerate(balance.rows)
+    ]
+    return function(
+        "state_rates(_x, _u, _m, _p, _c, _dx)",
+        "_dx = x' for modes _m, parameters _p and constants _c.",
+        *_variables(balance),
+        *_solved(symbolic, mass),
+        "\n".join(ends),
+        decorator="inlined",
+    )
+
+
+def _depends(mass: _Mass, row: int) -> list[int]:
+    """Places of the states that an acceleration depends on: all, if its row is coupled."""
+    _, names = mass.inverse()
+    linked = {j for i, j in names if i == row}
+    joints = {j // 2 for j in linked} | {row // 2}
+    if linked == {row} and row % 2:
+        return list(range(4 * (row // 2), 4 * (row // 2) + 4))
+    if len(joints) == 1 and len(mass.rest) == 2:
+        return list(range(4))
+    return list(range(2 * len(mass.rest)))
+
+
+def _slopes(symbolic: SymbolicBalance, mass: _Mass) -> str:
+    balance = symbolic.balance
+    rows = range(len(balance.rows))
+    _, names = mass.inverse()
+    sums = symbolic.sums()
+    targets: list[str] = []
+    expressions: list[sp.Expr] = []
+    lines: list[str] = []
+
+    def solve(column: dict[int, sp.Expr], name: str, place: str, only: Sequence[int]) -> None:
+        """Lines that fill -M⁻¹ times a column; `place` has the row for ``{}``."""
+        for j, value in column.items():
+            targets.append(f"_{name}_{j}")
+            expressions.append(value)
+        for i in only:
+            products = [f"{names[i, j]} * _{name}_{j}" for j in column if (i, j) in names]
+            value = f"-({' + '.join(products)})" if products else "0.0"
+            lines.append(f"    {place.format(i)} = {value}")
+
+    for state, name in enumerate(balance.states):
+        slopes = {j: cast(sp.Expr, sp.diff(sums[j], symbol(name))) for j in rows}
+        column = {j: slope for j, slope in slopes.items() if slope != 0}
+        users = [i for i in rows if state in _depends(mass, i)]
+        solve(column, f"s{state}", f"_a[{{}}, {state}]", users)
+    for k, column in enumerate(symbolic.columns):
+        users = [i for i in rows if any((i, j) in names for j in column)]
+        solve(column, f"k{k}", f"_r[{{}} * WIDTH + _at[{k}]]", users)
+    delayed = []
+    for i in rows:
+        gains = []
+        for k, (_, joint, term) in enumerate(balance.placed()):
+            if isinstance(term, JointTerm) and term.place == "input":
+                motor = 2 * joint - 1
+                if (i, motor) in names:
+                    gains.append(f"{names[i, motor]} * _p{k} * _du[{joint - 1}]")
+        delayed.append(f"        _r[{i} * WIDTH + _delay] = {' + '.join(gains) or '0.0'}")
+    return function(
+        "slopes(_x, _u, _du, _m, _p, _c, _at, _delay, _a, _r)",
+        "Derivatives of the accelerations: _a by the states, _r by the rest.",
+        *_variables(balance),
+        *_solved(symbolic, mass),
+        assignments(targets, expressions),
+        "\n".join(lines),
+        "    if _delay:",
+        "\n".join(delayed),
+        decorator="inlined",
+    )
+
+
+def _columns(symbolic: SymbolicBalance) -> str:
+    balance = symbolic.balance
+    places = [(row, k) for k, column in enumerate(symbolic.columns) for row in column]
+    return function(
+        "columns(_x, _u, _m, _c, _a, _f)",
+        "_f[row, k] = φ_k at the accelerations _a: least squares, and excitation.",
+        *_variables(balance),
+        unpack("_a", [_acceleration(row) for row in range(len(balance.rows))]),
+        assignments(
+            [f"_f[{row}, {k}]" for row, k in places],
+            [symbolic.columns[k][row] for row, k in places],
+        ),
+    )

@@ -1,0 +1,100 @@
+"""The planar serial arm with elastic joints: its terms, each declared once."""
+
+from dataclasses import dataclass
+
+from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
+
+JOINT_TERMS = (
+    JointTerm("joint_stiffness", "spring", "q", "N m/rad", 1, meaning="of the spring of the joint"),
+    JointTerm("joint_damping", "spring", "v", "N m s/rad", meaning="of the spring of the joint"),
+    JointTerm(
+        "joint_offset",
+        "spring",
+        "1",
+        "N m",
+        meaning="torque of the spring where the encoders agree",
+    ),
+    JointTerm("motor_inertia", "motor", "a", "kg m^2", 1, meaning="at the link's side of the gear"),
+    JointTerm("motor_viscous_friction", "motor", "v", "N m s/rad", meaning="of the motor"),
+    JointTerm("motor_coulomb_friction", "motor", "sign(v)", "N m", meaning="of the motor"),
+    JointTerm("motor_offset", "motor", "1", "N m", meaning="torque that the input lacks"),
+    JointTerm("link_viscous_friction", "link", "v", "N m s/rad", meaning="beyond the spring"),
+    JointTerm("link_coulomb_friction", "link", "sign(v)", "N m", meaning="beyond the spring"),
+    JointTerm(
+        "torque_constant", "input", "u", "N m per unit", 1, 1.0, meaning="of the motor's input"
+    ),
+)
+"""What every joint of an arm may have: each torque opposes the motion, but for the input."""
+
+
+@dataclass(frozen=True)
+class PlanarArm:
+    """A planar serial arm: what is known of it before the log is read.
+
+    Parameters
+    ----------
+    lengths : tuple of float
+        Distance in m from each joint to the next; of the last link, any.
+    gravity : tuple of float
+        Acceleration in m/s² along link 1 at q1 = 0, and across it towards positive angles.
+    source : str, optional
+        Where this was read, for messages.
+    """
+
+    lengths: tuple[float, ...]
+    gravity: tuple[float, float] = (0.0, 0.0)
+    source: str = "arm"
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.lengths)
+
+    @property
+    def has_gravity(self) -> bool:
+        """Whether gravity acts in the arm's plane."""
+        return self.gravity != (0.0, 0.0)
+
+
+def planar_arm(arm: PlanarArm) -> TorqueBalance:
+    """The torque balance of an arm.
+
+    The inertias are base parameters: with m the mass of a link, c the distance from its joint to
+    its centre of mass, I its inertia about its joint and m' the mass of all links beyond it,
+
+        link_inertia    I + m' l²          link_moment    m c + m' l
+
+    where the moment has a part along the link and one across it. A rotor that is carried by the
+    link before it couples the motor with that: ``rotor_coupling`` is its inertia times the gear
+    ratio; it is next to none at a high ratio, and the motor's inertia without a gear.
+    """
+    n = arm.joints
+    body: list[BodyTerm] = []
+    for k in range(1, n + 1):
+        speed, angle = _sum("v", 1, k), _sum("q", 1, k)
+        body.append(
+            BodyTerm(f"link_inertia_{k}", k, f"({speed})**2/2", "0", "kg m^2", 1, "see below")
+        )
+        along, across = ["0"], ["0"]
+        for i in range(1, k):
+            product = f"l{i}*({_sum('v', 1, i)})*({speed})"
+            along.append(f"{product}*cos({_sum('q', i + 1, k)})")
+            across.append(f"-{product}*sin({_sum('q', i + 1, k)})")
+        weights = (
+            f"-gx*cos({angle}) - gy*sin({angle})",
+            f"gx*sin({angle}) - gy*cos({angle})",
+        )
+        for name, kinetic, weight in zip(
+            ("along", "across"), (along, across), weights, strict=True
+        ):
+            body.append(BodyTerm(f"link_moment_{name}_{k}", k, " + ".join(kinetic), weight, "kg m"))
+        if k > 1:
+            coupling = f"w{k}*({_sum('v', 1, k - 1)})"
+            body.append(BodyTerm(f"rotor_coupling_{k}", k, coupling, "0", "kg m^2"))
+    constants = {f"l{i}": length for i, length in enumerate(arm.lengths, 1)}
+    constants |= {"gx": arm.gravity[0], "gy": arm.gravity[1]}
+    return TorqueBalance(f"planar arm of {n}", n, JOINT_TERMS, tuple(body), constants)
+
+
+def _sum(letter: str, first: int, last: int) -> str:
+    return " + ".join(f"{letter}{i}" for i in range(first, last + 1))

@@ -1,0 +1,174 @@
+"""A torque balance, linear in physical parameters and affine in accelerations.
+
+    Σ_k π_k φ_k(q, v, a, u) = 0
+
+Each joint has two coordinates, its link and its motor, joined by a spring. A *joint term* is one
+expression that every joint has; a *body term* is an energy, from which Lagrange's equations follow.
+Nothing else in the source lists terms by name.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+Place = Literal["link", "motor", "spring", "input"]
+"""Where a joint term acts: on one side, on both with opposite signs, or as the motor's torque."""
+
+
+@dataclass(frozen=True)
+class JointTerm:
+    """A torque that every joint has.
+
+    Parameters
+    ----------
+    name : str
+        Of its parameter; that of joint 2 is the name and ``_2``.
+    place : {"link", "motor", "spring", "input"}
+        Where it acts. A spring acts on both sides.
+    expression : str
+        Torque per unit of the parameter, opposed to the motion: a function of the position ``q``,
+        the velocity ``v`` and the acceleration ``a`` of its side, of which the spring has
+        differences, motor less link; of an input, of ``u``.
+    unit : str
+        Of the parameter.
+    sign : int, optional
+        1 if no joint has it negative.
+    start : float, optional
+        Value where the log shows nothing of it.
+    meaning : str, optional
+        What the parameter is, for the manual.
+    """
+
+    name: str
+    place: Place
+    expression: str
+    unit: str
+    sign: int = 0
+    start: float = 0.0
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class BodyTerm:
+    """A parameter of the bodies that the links carry, declared by its energies.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter.
+    joint : int
+        Number of the joint in whose table it stands.
+    kinetic, potential : str
+        Energy per unit of the parameter: functions of the links' angles ``q1`` ... and speeds
+        ``v1`` ..., the motors' speeds ``w1`` ..., and the constants.
+    unit : str
+        Of the parameter.
+    sign : int, optional
+        1 if it is never negative.
+    meaning : str, optional
+        What the parameter is, for the manual.
+    """
+
+    name: str
+    joint: int
+    kinetic: str
+    potential: str
+    unit: str
+    sign: int = 0
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class BalanceRow:
+    """The balance of one coordinate.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``link_1``.
+    coordinate, velocity : str
+        Their names.
+    """
+
+    name: str
+    coordinate: str
+    velocity: str
+
+
+@dataclass(frozen=True)
+class TorqueBalance:
+    """Balances of n joints: of link 1, motor 1, link 2, motor 2, and so on.
+
+    Parameters
+    ----------
+    name : str
+        Of the model.
+    joints : int
+        How many.
+    joint_terms : tuple of JointTerm
+        What every joint has.
+    body_terms : tuple of BodyTerm
+        What couples them.
+    constants : mapping of str to float
+        What is known, by name: lengths and gravity. The values are no part of the equations.
+    """
+
+    name: str
+    joints: int
+    joint_terms: tuple[JointTerm, ...]
+    body_terms: tuple[BodyTerm, ...]
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+    def placed(self) -> Iterator[tuple[str, int, JointTerm | BodyTerm]]:
+        """Each parameter with its joint and its declaration, joint by joint."""
+        for joint in range(1, self.joints + 1):
+            for term in self.joint_terms:
+                yield f"{term.name}_{joint}", joint, term
+            for term in self.body_terms:
+                if term.joint == joint:
+                    yield term.name, joint, term
+
+    @cached_property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        return tuple(name for name, _, _ in self.placed())
+
+    @cached_property
+    def rows(self) -> tuple[BalanceRow, ...]:
+        """The balances, in order."""
+        return tuple(
+            row
+            for i in range(1, self.joints + 1)
+            for row in (
+                BalanceRow(f"link_{i}", f"q{i}", f"v{i}"),
+                BalanceRow(f"motor_{i}", f"t{i}", f"w{i}"),
+            )
+        )
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Position and velocity of each row in turn."""
+        return tuple(name for row in self.rows for name in (row.coordinate, row.velocity))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The motors' inputs."""
+        return tuple(f"u{i}" for i in range(1, self.joints + 1))
+
+    @property
+    def digest(self) -> str:
+        """Hash of the equations, which the values of the constants are no part of."""
+        terms = [
+            [name, joint, type(term).__name__, *_text(term)] for name, joint, term in self.placed()
+        ]
+        content = ["torque balance", self.joints, terms, sorted(self.constants)]
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _text(term: JointTerm | BodyTerm) -> list[str]:
+    if isinstance(term, JointTerm):
+        return [term.place, term.expression]
+    return [term.kinetic, term.potential]

@@ -1,0 +1,111 @@
+"""Logs and files of arms that cannot be used: refused in one sentence, with the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexid.arms.log import read_arm_log
+from flexid.errors import FlexidError, ModelError, RecordingError
+from flexid.models.arm_file import read_arm
+
+NAMES = ("motor_position_{} [deg]", "link_position_{} [deg]", "motor_torque_{} [N m]")
+
+
+def log_of(path: Path, leave_out: str = "", joints: int = 2, bad: str = "") -> Path:
+    """Write a log of some seconds of made-up motion."""
+    rng = np.random.default_rng(5)
+    t = 0.002 * np.arange(1500)
+    columns = {"time [s]": t}
+    for joint in range(1, joints + 1):
+        motor = 20.0 * np.sin(3.0 * t + joint) + 0.01 * rng.normal(size=len(t))
+        link = motor + 0.5 * np.sin(9.0 * t) + 0.01 * rng.normal(size=len(t))
+        torque = np.cos(7.0 * t + joint) + 0.1 * rng.normal(size=len(t))
+        for name, values in zip(NAMES, (motor, link, torque), strict=True):
+            columns[name.format(joint)] = values
+    columns = {name: v for name, v in columns.items() if not (leave_out and leave_out in name)}
+    rows = [",".join(f"{x:.6f}" for x in row) for row in np.column_stack([*columns.values()])]
+    if bad:
+        rows[700] = rows[700].rsplit(",", 1)[0] + f",{bad}"
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
+    return path
+
+
+def test_channels_are_in_si_units_and_side_by_side(tmp_path: Path):
+    """Assert that links and motors come in turn, in rad."""
+    log = read_arm_log(log_of(tmp_path / "run.csv"), 2)
+    assert log.input_units == ("N m", "N m")
+    (samples,) = log.recordings
+    assert samples.positions.shape == (1500, 4)
+    assert samples.inputs.shape == (1500, 2)
+    assert np.ptp(samples.positions) < 2.0
+
+
+def test_a_column_map_with_numbers(tmp_path: Path):
+    """Assert that a map's numbered keys rename, scale and take a deflection for the link."""
+    path = log_of(tmp_path / "run.csv")
+    columns = tmp_path / "map.toml"
+    columns.write_text(
+        'motor_current_2 = {column = "motor_torque_2", scale = 2.0, unit = "A"}\n'
+        'deflection_1 = {column = "link_position_2", scale = 0.01, unit = "deg"}\n'
+    )
+    log = read_arm_log(path, 2, columns)
+    plain = read_arm_log(path, 2)
+    assert log.input_units == ("N m", "A")
+    scaled = 2.0 * plain.recordings[0].inputs[:, 1]
+    np.testing.assert_allclose(log.recordings[0].inputs[:, 1], scaled)
+
+
+@pytest.mark.parametrize(
+    ("make", "joints", "words"),
+    [
+        (lambda p: log_of(p, leave_out="link_position_2"), 2, ("joint 2", "link_position_2")),
+        (lambda p: log_of(p, leave_out="motor_torque_1"), 2, ("joint 1", "motor_current_1")),
+        (lambda p: log_of(p), 1, ("the arm has 1 joint", "lengths", "length for each")),
+        (lambda p: log_of(p), 3, ("joint 3", "motor_position_3")),
+        (lambda p: log_of(p, bad="nan"), 2, ("line 702", "motor_torque_2")),
+        (lambda p: log_of(p, leave_out="time"), 2, ("time",)),
+    ],
+    ids=["link of joint 2", "torque of joint 1", "one length", "three lengths", "NaN", "no time"],
+)
+def test_logs_that_cannot_be_used(
+    tmp_path: Path, make: Callable[[Path], Path], joints: int, words: tuple[str, ...]
+):
+    """Assert that what is wrong is named in one line, with the remedy."""
+    with pytest.raises(RecordingError) as caught:
+        read_arm_log(make(tmp_path / "run.csv"), joints)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert caught.value.file.endswith("run.csv")
+    assert any(word in message for word in words), message
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("[arm]\n", "lengths"),
+        ("[arm]\nlengths = []\n", "lengths"),
+        ("[arm]\nlengths = [0.3, -0.2]\n", "lengths"),
+        ("[arm]\nlengths = [0.3]\ngravity = 1e9\n", "gravity"),
+        ("[arm]\nlengths = [0.3]\nmass = 2.0\n", "mass"),
+        ("name = 'x'\n", "name"),
+        ("[arm", "TOML"),
+    ],
+)
+def test_arms_that_cannot_be_used(tmp_path: Path, text: str, word: str):
+    """Assert that a bad file of an arm is refused by the key that is wrong."""
+    path = tmp_path / "arm.toml"
+    path.write_text(text)
+    with pytest.raises(ModelError) as caught:
+        read_arm(path)
+    assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_arm_that_is_not_there(tmp_path: Path):
+    """Assert that a missing file is named."""
+    with pytest.raises(FlexidError, match=r"no\.toml"):
+        read_arm(tmp_path / "no.toml")

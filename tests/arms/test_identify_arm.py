@@ -1,0 +1,115 @@
+"""Arms from their logs: the command, ratios, and one joint as the single-joint core has it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.arms.arm import Arm, Link
+from benchmarks.arms.log import Motion, save, simulate
+
+from conftest import Outcome
+from flexid.arms.fitting import fit_arm
+from flexid.arms.log import read_arm_log
+from flexid.library.identify import identify
+from flexid.models.planar_arm import PlanarArm, planar_arm
+
+MADE = Arm(
+    (
+        Link(0.4, 2.0, 0.2, 0.0, 0.03, 500.0, 0.3, 0.3, 0.5, 0.3, 0.1, 0.0),
+        Link(0.3, 1.0, 0.15, 0.0, 0.01, 90.0, 0.05, 0.05, 0.1, 0.1, 0.02, 0.0),
+    ),
+    (9.81, 0.0),
+)
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the log of an arm in MuJoCo, and the file of the arm."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    found = tmp_path_factory.mktemp("arm")
+    motion = Motion(duration=6.0, sample_time=2e-3, bits=17)
+    save(simulate(MADE, motion, np.random.default_rng(7)), found / "run.csv")
+    (found / "arm.toml").write_text("[arm]\nlengths = [0.4, 0.3]\ngravity = 9.81\n")
+    amperes = (found / "run.csv").read_text().replace("torque", "current").replace("[N m]", "[A]")
+    (found / "current.csv").write_text(amperes)
+    return found
+
+
+def test_the_command_finds_both_joints(folder: Path, flexid: Run, tmp_path: Path):
+    """Assert that stiffnesses are within half a per cent, with files and a table per joint."""
+    out = tmp_path / "out"
+    model = str(folder / "arm.toml")
+    done = flexid("identify", str(folder / "run.csv"), "--model", model, "--out", str(out))
+    assert "Joint 1" in done.stdout
+    assert "Joint 2" in done.stdout
+    assert (out / "report.html").exists()
+    document = json.loads((out / "estimate.json").read_text())
+    truth = MADE.truth()
+    for joint, table in enumerate(document["joints"], 1):
+        stiffness = table[f"joint_stiffness_{joint}"]
+        assert stiffness["verdict"] == "determined"
+        assert abs(stiffness["value"] / truth[f"joint_stiffness_{joint}"] - 1.0) < 5e-3
+        assert document["free_run_percent"][f"deflection_{joint}"] > 90.0
+    assert document["hold"] == "zero"
+
+
+def test_currents_give_ratios(folder: Path, flexid: Run):
+    """Assert that currents leave one scale open, and what needs none is as it was."""
+    model = str(folder / "arm.toml")
+    done = flexid("identify", str(folder / "current.csv"), "--model", model, "--json")
+    document = json.loads(done.stdout)
+    assert document["fit"]["fixed"]["torque_constant_1"] == 1.0
+    first, second = document["joints"]
+    assert first["joint_stiffness_1"]["unit"] == "A/rad"
+    assert abs(second["torque_constant_2"]["value"] - 1.0) < 0.02
+    truth = MADE.truth()
+    wanted = truth["joint_stiffness_2"] / truth["link_inertia_2"]
+    assert abs(second["stiffness_over_inertia_2"]["value"] / wanted - 1.0) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--terms", "gravity"), "terms"),
+        (("--stream",), "stream"),
+        (("--known", "motor_inertia=1"), "known"),
+    ],
+)
+def test_options_of_one_joint_are_refused(
+    folder: Path, flexid: Run, options: tuple[str, ...], word: str
+):
+    """Assert that what is for one joint is refused with exit status 2, in one line."""
+    model = str(folder / "arm.toml")
+    done = flexid("identify", str(folder / "run.csv"), "--model", model, *options)
+    assert done.status == 2
+    assert word in done.stderr
+    assert "arm" in done.stderr
+
+
+def test_other_commands_refuse_an_arm(folder: Path, flexid: Run):
+    """Assert that a command for one joint says that it takes no arm."""
+    model = str(folder / "arm.toml")
+    done = flexid("excitation", str(folder / "run.csv"), "--model", model)
+    assert done.status == 2
+    assert "only flexid identify" in done.stderr
+
+
+def test_one_joint_as_the_core_for_one_joint(examples: Path):
+    """Assert that the same terms give the same values within a tenth of an interval."""
+    log = read_arm_log(examples / "flexible_joint.csv", 1)
+    balance = planar_arm(PlanarArm((1.0,), (9.81, 0.0)))
+    kept = {"joint_stiffness_1", "motor_inertia_1", "motor_viscous_friction_1"}
+    kept |= {"link_inertia_1", "link_moment_along_1"}
+    fixed = {name: 0.0 for name in balance.coefficients if name not in kept}
+    fit = fit_arm(balance, log.recordings, {**fixed, "torque_constant_1": 1.0}, lambda _: None)
+    values = fit.values
+    values["gravity_torque_1"] = 9.81 * values["link_moment_along_1"]
+    estimate = identify(examples / "flexible_joint.csv")
+    for name, parameter in estimate.parameters.items():
+        lower, upper = parameter.interval
+        assert abs(values[f"{name}_1"] - parameter.value) < 0.1 * (upper - lower), name

@@ -1,0 +1,181 @@
+"""The torque balance of a planar arm: accelerations, derivatives, dry friction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.arms.arm import mjcf, random_arm
+from two_links import ARM, TRUTH, TwoLinks, motion, truth_values
+
+from flexid.arrays import FloatArray
+from flexid.estimators.balance_motion import balance_kernel, balance_motion, balance_unknowns
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segments import divide
+from flexid.models.planar_arm import PlanarArm, planar_arm
+
+BALANCE = planar_arm(ARM)
+
+
+def rates(
+    kernel: Any, x: FloatArray, u: FloatArray, p: FloatArray, arm: PlanarArm = ARM
+) -> FloatArray:
+    """Rates of the states, all rows sliding."""
+    found = np.empty(len(x))
+    constants = np.array(list(planar_arm(arm).constants.values()))
+    kernel.state_rates(x, u, np.where(x[1::2] < 0.0, -1.0, 1.0), p, constants, found)
+    return found
+
+
+@pytest.fixture(scope="module")
+def kernel() -> Any:
+    """Return the module of two joints."""
+    return balance_kernel(BALANCE)
+
+
+def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None) -> SegmentedMotion:
+    """One segment over all samples, with every parameter but the torque constants sought."""
+    positions = np.zeros((len(torques), 4)) if outputs is None else outputs
+    segments = divide([Samples(positions, None, torques, h)], 1e3)
+    fixed = {"torque_constant_1": 1.0, "torque_constant_2": 1.0}
+    problem = balance_motion(BALANCE, segments, Timing("zero"), balance_unknowns(BALANCE, fixed))
+    return SegmentedMotion(
+        problem.segments,
+        problem.unknowns,
+        problem.timing,
+        problem.constants,
+        4,
+        problem.weights,
+        problem._kernel,
+    )
+
+
+def sought(problem: SegmentedMotion) -> FloatArray:
+    """The true values of what is sought."""
+    return np.array([TRUTH.get(name, 0.0) for name in problem.names])
+
+
+def test_accelerations_of_the_textbook(kernel: Any):
+    """Assert that any motion has the accelerations of the textbook's two links."""
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        x, u = rng.normal(size=8), rng.normal(size=2)
+        arm = TwoLinks(u)
+        expected = arm.accelerations(x, np.sign(x[1::2]))
+        np.testing.assert_allclose(rates(kernel, x, u, truth_values())[1::2], expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 6])
+def test_accelerations_of_mujoco(kernel: Any, seed: int):
+    """Assert that random arms, rotors carried or not, accelerate as they do in MuJoCo."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    rng = np.random.default_rng(seed)
+    arm = random_arm(rng)
+    known = PlanarArm((arm.links[0].length, arm.links[1].length), arm.gravity)
+    truth = {**arm.truth(), "torque_constant_1": 1.0, "torque_constant_2": 1.0}
+    for name in truth:  # MuJoCo's dry friction is soft
+        if "coulomb" in name:
+            truth[name] = 0.0
+    p = np.array([truth[name] for name in planar_arm(known).coefficients])
+    model = mujoco.MjModel.from_xml_string(mjcf(arm, 1e-4))
+    model.dof_frictionloss[:] = 0.0
+    data = mujoco.MjData(model)
+    places = {s: [model.joint(f"{s}_{i}").id for i in (1, 2)] for s in ("link", "motor")}
+    for _ in range(5):
+        x, u = rng.normal(size=8), rng.normal(size=2)
+        shift = np.array([x[2:4], x[6:8]]) if arm.carried else np.zeros((2, 2))
+        data.qpos[places["link"]] = x[[0, 4]] - shift[:, 0]
+        data.qvel[places["link"]] = x[[1, 5]] - shift[:, 1]
+        data.qpos[places["motor"]], data.qvel[places["motor"]] = x[[2, 6]], x[[3, 7]]
+        data.qfrc_applied[places["motor"]] = u
+        mujoco.mj_forward(model, data)
+        found = rates(kernel, x, u, p, known)
+        link = data.qacc[places["link"]] + (data.qacc[places["motor"]] if arm.carried else 0.0)
+        np.testing.assert_allclose(found[[1, 5]], link, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(found[[3, 7]], data.qacc[places["motor"]], rtol=1e-6, atol=1e-8)
+
+
+def test_energy_is_kept(kernel: Any):
+    """Assert that without friction and torque the power of all terms is nothing."""
+    rng = np.random.default_rng(2)
+    kept = {n: v for n, v in TRUTH.items() if "friction" not in n and "damping" not in n}
+    p = np.array([kept.get(name, 0.0) for name in BALANCE.coefficients])
+
+    def energy(x: FloatArray) -> float:
+        arm = TwoLinks(np.zeros(2))
+        v, g = x[1::2], 9.81
+        springs = sum(
+            TRUTH[f"joint_stiffness_{i + 1}"] * (x[4 * i] - x[4 * i + 2]) ** 2 for i in (0, 1)
+        )
+        heights = [
+            TRUTH[f"link_moment_along_{k}"] * np.cos(a)
+            - TRUTH[f"link_moment_across_{k}"] * np.sin(a)
+            for k, a in ((1, x[0]), (2, x[0] + x[4]))
+        ]
+        return float(0.5 * v @ arm.masses(x) @ v + 0.5 * springs - g * sum(heights))
+
+    for _ in range(10):
+        x = rng.normal(size=8)
+        rate = rates(kernel, x, np.zeros(2), p)
+        step = 1e-5
+        power = (energy(x + step * rate) - energy(x - step * rate)) / (2.0 * step)
+        assert abs(power) < 1e-6 * (1.0 + abs(energy(x)))
+
+
+def test_a_pendulum_in_closed_form():
+    """Assert that one joint, its motor at rest in the middle, swings at its natural frequency."""
+    arm = PlanarArm((1.0,), (9.81, 0.0))
+    balance = planar_arm(arm)
+    known = {"link_inertia_1": 0.5, "link_moment_along_1": 0.3, "joint_stiffness_1": 40.0}
+    known |= {"motor_inertia_1": 0.2, "torque_constant_1": 1.0}
+    p = np.array([known.get(name, 0.0) for name in balance.coefficients])
+    angle = 0.2
+    found = rates(balance_kernel(balance), np.array([angle, 0.0, 0.0, 0.0]), np.zeros(1), p, arm)
+    expected = -(40.0 * angle + 9.81 * 0.3 * np.sin(angle)) / 0.5
+    np.testing.assert_allclose(found, [0.0, expected, 0.0, 40.0 * angle / 0.2], rtol=1e-12)
+
+
+def held_torques(rng: np.random.Generator, count: int) -> FloatArray:
+    """Torques that jump now and then, so that joints stick and let go."""
+    jumps = rng.normal(size=(count // 25 + 1, 2)) * [6.0, 1.5]
+    return np.repeat(jumps, 25, axis=0)[:count]
+
+
+def test_stick_and_slip_of_an_independent_integrator():
+    """Assert that coupled joints stick and slide as SciPy's integrator with events has it."""
+    rng = np.random.default_rng(3)
+    h, torques = 2e-3, held_torques(rng, 400)
+    start = np.array([0.3, 0.0, 0.3, 0.0, -0.2, 0.0, -0.2, 0.0])
+    expected, changes = motion(start, torques, h)
+    problem = problem_of(torques, h)
+    found = -problem.equations(Point(sought(problem), start[None]), "nothing").residuals
+    assert changes > 20
+    assert np.ptp(expected[:, 0]) > 0.2
+    np.testing.assert_allclose(found, expected[: len(found), ::2], atol=2e-6)
+
+
+def test_sensitivities_by_finite_differences():
+    """Assert that derivatives by all parameters and first states hold, across sticking too."""
+    rng = np.random.default_rng(4)
+    h, torques = 2e-3, held_torques(rng, 200)
+    start = np.array([0.3, 0.5, 0.28, 0.4, -0.2, -0.6, -0.25, -0.5])
+    outputs = rng.normal(size=(200, 4))
+    problem = problem_of(torques, h, outputs)
+    values = sought(problem)
+    equations = problem.equations(Point(values, start[None]))
+    everything = np.concatenate((start, values))
+    for place in range(len(everything)):
+        step = 1e-6 * max(abs(everything[place]), 0.1)
+        both = []
+        for sign in (1.0, -1.0):
+            moved = everything.copy()
+            moved[place] += sign * step
+            point = Point(moved[8:], moved[None, :8])
+            both.append(problem.equations(point, "nothing").residuals)
+        slopes = (both[1] - both[0]) / (2.0 * step)
+        gradient = float(np.sum(slopes * equations.residuals))
+        size = np.sqrt(np.sum(slopes**2) * np.sum(equations.residuals**2))
+        assert abs(gradient - equations.gradient[:, place].sum()) < 1e-4 * size + 1e-9, place
