@@ -24,6 +24,7 @@ from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
+_INLINED = 2  # joints up to which functions are inlined where they are called
 _TOGETHER = 8  # columns that one instruction may take
 
 
@@ -304,8 +305,13 @@ def _rates(symbolic: SymbolicBalance, mass: _Mass) -> str:
         *_variables(balance),
         *_solved(symbolic, mass),
         "\n".join(ends),
-        decorator="inlined",
+        decorator=_decorator(balance),
     )
+
+
+def _decorator(balance: TorqueBalance) -> str:
+    """How the large functions are compiled: of many joints inlining would take minutes."""
+    return "inlined" if balance.joints <= _INLINED else "uncounted"
 
 
 def _depends(mass: _Mass, row: int) -> list[int]:
@@ -365,7 +371,7 @@ def _slopes(symbolic: SymbolicBalance, mass: _Mass) -> str:
         "\n".join(lines),
         "    if _delay:",
         "\n".join(delayed),
-        decorator="inlined",
+        decorator=_decorator(balance),
     )
 
 
