@@ -34,7 +34,12 @@ from flexid.identification.structure.elimination import CORE, Choice
 from flexid.identification.structure.job import MEASURED_HOLD, Job, predicting
 from flexid.identification.structure.validation import validate
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import Disturbances, ModelError, Validation
+from flexid.identification.vocabulary.evidence import (
+    Disturbances,
+    ModelError,
+    Validation,
+    balance_of,
+)
 from flexid.identification.vocabulary.progress import Progress
 from flexid.identification.vocabulary.thresholds import Thresholds
 from flexid.recording.caution import Caution, Rank
@@ -62,7 +67,7 @@ class Answer:
         With all that is doubted in its covariance.
     disturbances : Disturbances or None
         Of the fit with disturbances, if that is it.
-    doubts : tuple of str
+    doubts : tuple of Caution
         Why some coefficient is not known, whatever its interval says.
     doubted : frozenset of str
         Which these are: those of the spring, in one balance or in both.
@@ -203,10 +208,10 @@ def _judged(
     if skewed or predicted >= _PREDICTED:
         return replace(found, doubts=skewed)
     shares = {} if found.disturbances is None else found.disturbances.shares
-    doubted = {c for c in SPRINGS if shares.get(_balance(c), 1.0) > _UNEXPLAINED}
+    doubted = {c for c in SPRINGS if shares.get(balance_of(c), 1.0) > _UNEXPLAINED}
     if not doubted:
         return found
-    what = "joint" if doubted == SPRINGS else _balance(min(doubted))
+    what = "joint" if doubted == SPRINGS else balance_of(min(doubted))
     doubt = Caution(
         f"more moves this {what} than the model has: over {period:.2g} s, a period of the "
         f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the deflection; look for "
@@ -214,11 +219,6 @@ def _judged(
         Rank.MODEL,
     )
     return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
-
-
-def _balance(coefficient: str) -> str:
-    """Whose balance a coefficient of the spring is of."""
-    return "link" if coefficient == "theta2" else "motor"
 
 
 def _over_a_period(fitted: Fitted, whole: Data, recordings: SplitRecordings) -> tuple[float, float]:

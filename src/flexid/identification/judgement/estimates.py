@@ -11,7 +11,11 @@ from flexid.estimators.unknowns import FIXED, Unknowns
 from flexid.identification.judgement.verdict import verdict
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.vocabulary.estimate import Estimate
-from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+from flexid.identification.vocabulary.evidence import (
+    CoefficientEstimate,
+    ParameterEstimate,
+    balance_of,
+)
 from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
 from flexid.models.parameter_kinds import Product
@@ -90,9 +94,9 @@ def coefficient_estimates(
     estimates |= _tied(estimate, joint, unknowns, estimates, input_unit, thresholds)
     doubts = _doubts(estimates)
     estimates |= {
-        name: replace(e, **doubts[_balance(name)])
+        name: replace(e, **doubts[balance_of(name)])
         for name, e in estimates.items()
-        if e.slopes and _balance(name) in doubts
+        if e.slopes and balance_of(name) in doubts
     }
     order = list(joint.units)
     return dict(sorted(estimates.items(), key=lambda item: order.index(_base(item[0]))))
@@ -141,13 +145,8 @@ def _doubts(estimates: Mapping[str, CoefficientEstimate]) -> dict[str, dict[str,
     for name in sorted(POSITIVE & estimates.keys()):
         if estimates[name].value <= 0.0 and np.isfinite(estimates[name].std):
             reason = f"{name} came out negative, which no spring or inertia can be"
-            doubts.setdefault(_balance(name), {"verdict": "undetermined", "reason": reason})
+            doubts.setdefault(balance_of(name), {"verdict": "undetermined", "reason": reason})
     return doubts
-
-
-def _balance(name: str) -> str:
-    """Whose balance a coefficient is of."""
-    return "link" if name.startswith("theta") else "motor"
 
 
 def parameter_estimates(
@@ -208,7 +207,7 @@ def parameter_estimates(
                 {labels[c]: slope for c, slope in found.slopes.items()},
             )
             for coefficient in found.slopes:
-                doubt = doubts.get(_balance(labels[coefficient]))
+                doubt = doubts.get(balance_of(labels[coefficient]))
                 if doubt is not None:
                     estimates[name] = replace(estimates[name], **doubt)
     return estimates

@@ -221,6 +221,11 @@ class ModelError:
     share: float
 
 
+def balance_of(coefficient: str) -> str:
+    """Whose balance a coefficient stands in: the link's or the motor's."""
+    return "link" if coefficient.startswith("theta") else "motor"
+
+
 @dataclass(frozen=True)
 class Disturbances:
     """What the drive does that no term describes, where the fit allows for it.
