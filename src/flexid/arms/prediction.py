@@ -7,12 +7,12 @@ import numpy as np
 
 from flexid.arms.fitting import ArmFit, at_point
 from flexid.errors import ConvergenceError, SettingError
-from flexid.estimators.arrow import solve_arrow
 from flexid.estimators.balance_motion import balance_motion
 from flexid.estimators.gauss_newton import minimise
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segmented_motion import Point
 from flexid.estimators.segments import divide
+from flexid.identification.structure.following import following_states
 from flexid.models.torque_balance import TorqueBalance
 
 SHARE = 1 / 3
@@ -43,8 +43,7 @@ def free_run(
     begun = np.maximum((_START * windows.lengths).astype(np.int64), 2)
     motion = balance_motion(balance, windows, problem.timing, problem.unknowns)
     motion = replace(motion, weights=problem.weights, substeps=problem.substeps)
-    start = replace(motion, segments=replace(windows, lengths=begun))
-    states = _first_states(start, values)
+    states = following_states(motion, values, replace(windows, lengths=begun))
     left = motion.equations(Point(values, states), "nothing").residuals
     counted = np.zeros(len(left), dtype=np.bool_)
     for a, b, n in zip(windows.starts, begun, windows.lengths, strict=True):
@@ -65,25 +64,6 @@ def _values_of(balance: TorqueBalance, recordings: Sequence[Samples], fit: ArmFi
     point = Point(fit.minimum.point.values, motion.start_states)
     motion = at_point(motion, point, 1.0 / problem.weights)
     return minimise(motion, point, 0.1, insist=False, iterations=_STEPS).point.values
-
-
-def _first_states(start: SegmentedMotion, values: np.ndarray) -> np.ndarray:
-    """Initial states that suit the values best."""
-    states = start.start_states
-    before = np.full(len(states), np.inf)
-    kept = states
-    for _ in range(_STEPS):
-        equations = start.equations(Point(values, states), "states")
-        if not np.isfinite(equations.cost):
-            break
-        better = equations.costs < before
-        kept = np.where(better[:, None], states, kept)
-        before = np.where(better, equations.costs, before)
-        firsts = start.first_blocks[:-1]
-        normal = np.add.reduceat(equations.normal, firsts, axis=0)
-        gradient = np.add.reduceat(equations.gradient, firsts, axis=0)
-        states = states + solve_arrow(normal, gradient, states.shape[1]).states_step
-    return kept
 
 
 def _shares(measured: np.ndarray, left: np.ndarray) -> dict[str, float]:
