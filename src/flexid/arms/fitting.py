@@ -42,27 +42,13 @@ _TIMING_FALL = 25.0  # of the weighted squares, over their variance, that an unu
 
 @dataclass(frozen=True, eq=False)
 class ArmFit:
-    """A fit over segments of one length.
+    """A fit over segments of one length."""
 
-    Parameters
-    ----------
-    problem : SegmentedMotion
-        What was fitted.
-    minimum : Minimum
-        Where it ended.
-    covariance : array, shape (k, k)
-        Of what was sought.
-    degrees_of_freedom : array, shape (k,)
-        Of each variance; 0 where the log says nothing.
-    noise : array, shape (n_rows,)
-        Standard deviation of each encoder's noise.
-    """
-
-    problem: SegmentedMotion
-    minimum: Minimum
-    covariance: FloatArray
-    degrees_of_freedom: FloatArray
-    noise: FloatArray
+    problem: SegmentedMotion  # what was fitted
+    minimum: Minimum  # where it ended
+    covariance: FloatArray  # (k, k): of what was sought
+    degrees_of_freedom: FloatArray  # (k,): of each variance; 0 where the log says nothing
+    noise: FloatArray  # (n_rows,): standard deviation of each encoder's noise
 
     @property
     def values(self) -> dict[str, float]:
@@ -81,24 +67,7 @@ def fit_arm(
     fixed: Mapping[str, float],
     progress: Callable[[str], None],
 ) -> ArmFit:
-    """Fit a torque balance to recordings.
-
-    Parameters
-    ----------
-    balance : TorqueBalance
-        The model.
-    recordings : sequence of Samples
-        Of links and motors in turn, and the motors' inputs.
-    fixed : mapping of str to float
-        Parameters that keep a value.
-    progress : callable
-        Takes each step in words.
-
-    Raises
-    ------
-    ConvergenceError
-        If no start leads anywhere.
-    """
+    """Fit a torque balance to recordings."""
     ladder = _ladder(recordings)
     noise = _noise(recordings)
     progress("least squares")

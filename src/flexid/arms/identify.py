@@ -36,26 +36,7 @@ def identify_arm(
     columns: Path | None = None,
     progress: Callable[[str], None] = lambda _step: None,
 ) -> ArmIdentification:
-    """Identify an arm from its log.
-
-    Parameters
-    ----------
-    path : Path
-        The log, whose channels carry the joint's number.
-    arm : PlanarArm
-        Lengths and gravity.
-    columns : Path, optional
-        A column map.
-    progress : callable, optional
-        Takes each step in words.
-
-    Raises
-    ------
-    RecordingError
-        If the log cannot be used.
-    ConvergenceError
-        If the model follows it from no start.
-    """
+    """Identify an arm from its log."""
     log = read_arm_log(path, arm.joints, columns)
     balance = planar_arm(arm)
     fixed = fixed_parameters(arm, log.input_units)

@@ -26,45 +26,17 @@ _SHARED = ("time", "gear_ratio")  # keys of a column map that need no number
 
 @dataclass(frozen=True, eq=False)
 class ArmLog:
-    """What the log of an arm held.
+    """What the log of an arm held."""
 
-    Parameters
-    ----------
-    recordings : tuple of Samples
-        Positions of link 1, motor 1, link 2, ... and the motors' inputs.
-    input_units : tuple of str
-        Of each joint.
-    warnings : tuple of str
-        A sentence each.
-    provenance : dict
-        File, digest, and the columns of each joint.
-    """
-
+    # positions of link 1, motor 1, link 2, ... and the motors' inputs
     recordings: tuple[Samples, ...]
-    input_units: tuple[str, ...]
-    warnings: tuple[str, ...]
-    provenance: dict[str, Any]
+    input_units: tuple[str, ...]  # of each joint
+    warnings: tuple[str, ...]  # a sentence each
+    provenance: dict[str, Any]  # file, digest, and the columns of each joint
 
 
 def read_arm_log(path: Path, joints: int, columns: Path | None = None) -> ArmLog:
-    """Read the log of an arm.
-
-    Parameters
-    ----------
-    path : Path
-        Of any format that `flexid.read_log` takes. Channels carry the joint's number:
-        ``motor_position_2 [deg]``.
-    joints : int
-        Number of joints.
-    columns : Path, optional
-        A column map whose keys carry the number likewise.
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing, there are more joints than the arm has, or a channel cannot be
-        used.
-    """
+    """Read the log of an arm."""
     file = shown(path)
     is_text = format_of(path) is None
     table = read_table(path) if is_text else _names(path)

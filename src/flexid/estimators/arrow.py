@@ -23,54 +23,29 @@ from flexid.symmetric import pseudo_inverse
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """What is left for the coefficients once the initial states are eliminated.
+    """What is left for the coefficients once the initial states are eliminated."""
 
-    Parameters
-    ----------
-    information : array, shape (k, k)
-        Matrix of the reduced equations.
-    scores : array, shape (k, n_segments)
-        Right-hand side, segment by segment.
-    inverse : array, shape (k, k)
-        Inverse of the information on the directions that the data determine.
-    free : array of bool, shape (k,)
-        Coefficients that have a part in a direction that the data leave open.
-    values_step : array, shape (k,)
-        Solution for the coefficients, zero along open directions.
-    states_step : array, shape (n_segments, n_states)
-        Solution for the initial states.
-    decrement : float
-        Fall of the sum of squares that the equations predict for this step, if undamped.
-    by_states : array, shape (n_segments,)
-        The same of each segment's part, if the coefficients stay as they are.
-    """
-
-    information: FloatArray
-    scores: FloatArray
+    information: FloatArray  # (k, k): matrix of the reduced equations
+    scores: FloatArray  # (k, n_segments): right-hand side, segment by segment
+    # (k, k): inverse of the information on the directions that the data determine
     inverse: FloatArray
+    # (k,): coefficients that have a part in a direction that the data leave open
     free: NDArray[np.bool_]
-    values_step: FloatArray
-    states_step: FloatArray
+    values_step: FloatArray  # (k,): solution for the coefficients, zero along open directions
+    states_step: FloatArray  # (n_segments, n_states): solution for the initial states
+    # fall of the sum of squares that the equations predict for this step, if undamped
     decrement: float
+    # (n_segments,): the same of each segment's part, if the coefficients stay as they are
     by_states: FloatArray
 
 
 def solve_arrow(
-    normal: FloatArray, gradient: FloatArray, n_states: int, damping: float = 0.0
+    normal: FloatArray,  # (n_segments, n, n)
+    gradient: FloatArray,  # (n_segments, n)
+    n_states: int,
+    damping: float = 0.0,
 ) -> Reduced:
-    """Solve the segments' normal equations together.
-
-    Parameters
-    ----------
-    normal : array, shape (n_segments, n, n)
-        Normal matrix of each segment, its initial state first, then the coefficients.
-    gradient : array, shape (n_segments, n)
-        Right-hand sides.
-    n_states : int
-        How many of the n belong to the initial state.
-    damping : float, optional
-        λ of Levenberg and Marquardt: the diagonal is multiplied by 1 + λ.
-    """
+    """Solve the segments' normal equations together."""
     diagonal = np.einsum("sii->si", normal)
     own = normal[:, :n_states, :n_states].copy()
     border = normal[:, :n_states, n_states:]

@@ -43,21 +43,14 @@ def balance_motion(
     return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
 
 
-def balance_columns(balance: TorqueBalance, signals: FloatArray, inputs: FloatArray) -> FloatArray:
+def balance_columns(
+    balance: TorqueBalance,
+    signals: FloatArray,  # (n_samples, n_rows, 3)
+    inputs: FloatArray,  # (n_samples, n_joints)
+) -> FloatArray:
     """φ of every parameter along a motion.
 
-    Parameters
-    ----------
-    balance : TorqueBalance
-        The declaration.
-    signals : array, shape (n_samples, n_rows, 3)
-        Position, velocity and acceleration of every row.
-    inputs : array, shape (n_samples, n_joints)
-        Of the motors.
-
-    Returns
-    -------
-    array, shape (n_samples, n_rows, n_parameters)
+    Returns shape (n_samples, n_rows, n_parameters).
     """
     kernel: Any = balance_kernel(balance)
     constants = np.array(list(balance.constants.values()), dtype=np.float64)

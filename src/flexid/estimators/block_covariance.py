@@ -16,24 +16,13 @@ from flexid.estimators.scaled_inverse import scaled_inverse
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Normal equations, block by block.
+    """Normal equations, block by block."""
 
-    Parameters
-    ----------
-    lengths : array, shape (n_blocks,)
-        Samples in each block.
-    weights : array, shape (n_blocks,)
-        Weight of each block, 1 if nothing is forgotten.
-    matrices : array, shape (n_blocks, n_rows, k, k)
-        Σ r rᵀ of every row, which may have fewer than k coefficients.
-    vectors : array, shape (n_blocks, n_rows, k)
-        Σ r y.
-    """
-
-    lengths: FloatArray
-    weights: FloatArray
+    lengths: FloatArray  # (n_blocks,): samples in each block
+    weights: FloatArray  # (n_blocks,): weight of each block, 1 if nothing is forgotten
+    # (n_blocks, n_rows, k, k): σ r rᵀ of every row, which may have fewer than k coefficients
     matrices: FloatArray
-    vectors: FloatArray
+    vectors: FloatArray  # (n_blocks, n_rows, k): σ r y
 
     @property
     def fading(self) -> float:
@@ -48,26 +37,15 @@ class Blocks:
 
 
 def block_covariance(
-    rows: Sequence[slice], values: FloatArray, blocks: Blocks
+    rows: Sequence[slice],
+    values: FloatArray,  # (n_coefficients,)
+    blocks: Blocks,
 ) -> tuple[FloatArray, FloatArray]:
     """Cluster sandwich with fading weights.
 
-    Parameters
-    ----------
-    rows : sequence of slice
-        Places of each row's coefficients among the values.
-    values : array, shape (n_coefficients,)
-        The estimate.
-    blocks : Blocks
-        All blocks.
-
-    Returns
-    -------
-    covariance : array, shape (n_coefficients, n_coefficients)
-        Infinite variance where there are no more blocks than coefficients, or where the data leave
-        a coefficient open.
-    degrees_of_freedom : array, shape (n_coefficients,)
-        For Student's t; 0 where there is no covariance.
+    Returns shape (n_coefficients, n_coefficients): Infinite variance where there are no more
+    blocks than coefficients, or where the data leave a coefficient open. degrees_of_freedom :
+    array, shape (n_coefficients,) For Student's t; 0 where there is no covariance.
     """
     count = len(blocks.weights)
     influences = np.zeros((len(values), count))

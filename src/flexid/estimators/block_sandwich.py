@@ -29,28 +29,14 @@ def block_duration(total: float) -> float:
 
 def block_lengths(
     lengths: Sequence[int],
-    sample_times: Sequence[float],
-    filter_rate: float,
+    sample_times: Sequence[float],  # in s
+    filter_rate: float,  # in 1/s
     n_coefficients: int,
 ) -> list[int]:
     """Divide contiguous recordings into blocks.
 
-    Parameters
-    ----------
-    lengths : sequence of int
-        Equations in each recording.
-    sample_times : sequence of float
-        Sample time of each recording in s.
-    filter_rate : float
-        λ of the filter in 1/s: residuals are correlated over a few 1/λ.
-    n_coefficients : int
-        Coefficients of the row: a covariance wants more blocks than these.
-
-    Returns
-    -------
-    list of int
-        Equations in each block, in the recordings' order; no block crosses from one
-        to the next.
+    Returns equations in each block, in the recordings' order; no block crosses from one to the
+    next.
     """
     total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
     blocks = []
@@ -77,30 +63,18 @@ def divided(n: int, size: int) -> list[int]:
 
 
 def block_influences(
-    regressor: FloatArray, residual: FloatArray, inverse: FloatArray, blocks: Sequence[int]
+    regressor: FloatArray,  # (k, n)
+    residual: FloatArray,  # (n,)
+    inverse: FloatArray,  # (k, k)
+    blocks: Sequence[int],
 ) -> tuple[FloatArray, FloatArray]:
     """How far each block's scores move the coefficients of least squares.
 
     With L the influences of all coefficients, those of other rows over the same blocks among them,
     L Lᵀ is their covariance.
 
-    Parameters
-    ----------
-    regressor : array, shape (k, n)
-        Regressors, one per row.
-    residual : array, shape (n,)
-        Residuals.
-    inverse : array, shape (k, k)
-        Inverse of the Gram matrix of the regressors.
-    blocks : sequence of int
-        Lengths of the blocks; they sum to n.
-
-    Returns
-    -------
-    influences : array, shape (k, n_blocks)
-        Zero for a coefficient of which the blocks show nothing.
-    degrees_of_freedom : array, shape (k,)
-        Of each variance; 0 where there is none.
+    Returns shape (k, n_blocks): Zero for a coefficient of which the blocks show nothing.
+    degrees_of_freedom : array, shape (k,) Of each variance; 0 where there is none.
     """
     edges = np.concatenate(([0], np.cumsum(blocks, dtype=np.int64)))
     parts = [slice(first, stop) for first, stop in pairwise(edges)]
@@ -113,21 +87,14 @@ def block_influences(
 
 
 def summed_influences(
-    normal: FloatArray, scores: FloatArray, inverse: FloatArray
+    normal: FloatArray,  # (n_blocks, k, k)
+    scores: FloatArray,  # (n_blocks, k)
+    inverse: FloatArray,  # (k, k)
 ) -> tuple[FloatArray, FloatArray]:
     """As `block_influences`, from what each block sums up.
 
     This is `cluster_influences` for blocks that have no unknowns of their own, all of them at once:
     a day has a hundred thousand.
-
-    Parameters
-    ----------
-    normal : array, shape (n_blocks, k, k)
-        Gram matrix of the regressors in each block.
-    scores : array, shape (n_blocks, k)
-        Regressors times residuals, summed over each block.
-    inverse : array, shape (k, k)
-        Inverse of the Gram matrix over all blocks.
     """
     count, k = scores.shape
     influences = np.zeros((k, count))

@@ -23,46 +23,26 @@ _ABSOLUTE, _FIRST_INPUT = -1, -2  # places of what an output is measured relativ
 
 @dataclass(frozen=True)
 class Timing:
-    """How the channels lie in time.
+    """How the channels lie in time."""
 
-    Parameters
-    ----------
-    hold : {"zero", "linear", "cubic"}
-        Behaviour of the inputs between samples.
-    delays : mapping of str to float, optional
-        In s, by name: `INPUT`, and ``link_delay`` for the position of the row ``link``. By so much
-        the inputs act, and the position was measured, later than recorded; what is missing is 0.
-    sought : tuple of str, optional
-        Those that are sought; `delays` holds where to start.
-    relative_to : mapping of str to str, optional
-        A row whose position was measured as a difference, which alone is late: the deflection. It
-        is named with the other row, or with an input that is a position and that the next input
-        is the velocity of.
-    """
-
-    hold: Hold
+    hold: Hold  # behaviour of the inputs between samples
+    # in s, by name: `INPUT`, and ``link_delay`` for the position of the row ``link``. By so much
+    # the inputs act, and the position was measured, later than recorded; what is missing is 0
     delays: Mapping[str, float] = field(default_factory=dict)
-    sought: tuple[str, ...] = ()
+    sought: tuple[str, ...] = ()  # those that are sought; `delays` holds where to start
+    # a row whose position was measured as a difference, which alone is late: the deflection. It is
+    # named with the other row, or with an input that is a position and that the next input is the
+    # velocity of
     relative_to: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelTiming:
-    """The channels of some segments in time.
+    """The channels of some segments in time."""
 
-    Parameters
-    ----------
-    segments : Segments
-        What was measured.
-    system : ParametricSystem
-        Whose rows and inputs the channels are.
-    timing : Timing
-        Hold and delays.
-    """
-
-    segments: Segments
-    system: ParametricSystem
-    timing: Timing
+    segments: Segments  # what was measured
+    system: ParametricSystem  # whose rows and inputs the channels are
+    timing: Timing  # hold and delays
 
     @cached_property
     def output_delays(self) -> tuple[str, ...]:

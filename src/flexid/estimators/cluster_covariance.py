@@ -36,24 +36,16 @@ _LEAST_SHARE = 0.05  # of a variance that the blocks must be able to show
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """A least-squares problem at its solution, block by block.
+    """A least-squares problem at its solution, block by block."""
 
-    Parameters
-    ----------
-    normal : array, shape (n_blocks, n, n)
-        Normal matrix of each block: its segment's own unknowns first, then the k common ones.
-    scores : array, shape (n_blocks, n)
-        Derivatives times residuals, summed over each block.
-    segments : array of int, shape (n_blocks,)
-        The segment of each block, counted from 0; blocks of a segment lie side by side.
-    inverse : array, shape (k, k)
-        Inverse of the normal matrix of the common unknowns, the others eliminated; zero along
-        directions that the data leave open.
-    """
-
+    # (n_blocks, n, n): normal matrix of each block: its segment's own unknowns first, then the k
+    # common ones
     normal: FloatArray
-    scores: FloatArray
+    scores: FloatArray  # (n_blocks, n): derivatives times residuals, summed over each block
+    # (n_blocks,): the segment of each block, counted from 0; blocks of a segment lie side by side
     segments: NDArray[np.int64]
+    # (k, k): inverse of the normal matrix of the common unknowns, the others eliminated; zero along
+    # directions that the data leave open
     inverse: FloatArray
 
 
@@ -63,12 +55,9 @@ def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
     With U the influences, those of other problems over the same blocks among them, U Uᵀ is the
     covariance.
 
-    Returns
-    -------
-    influences : array, shape (k, n_blocks)
-        Zero for an unknown of which the blocks show nothing.
-    degrees_of_freedom : array, shape (k,)
-        Of each variance, for Student's t; 0 where there is none.
+    Returns shape (k, n_blocks): Zero for an unknown of which the blocks show nothing.
+    degrees_of_freedom : array, shape (k,) Of each variance, for Student's t; 0 where there is
+    none.
     """
     k = len(clusters.inverse)
     influences = np.zeros((k, len(clusters.normal)))
@@ -98,27 +87,14 @@ def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
 
 
 def unbiased(
-    influences: FloatArray,
-    inverse: FloatArray,
-    shown: FloatArray,
-    squares: FloatArray,
-    across: FloatArray,
-    gram: FloatArray,
+    influences: FloatArray,  # (k, n_blocks)
+    inverse: FloatArray,  # (k, k)
+    shown: FloatArray,  # (k,), (k,), (k,), (k, k, k)
+    squares: FloatArray,  # (k,), (k,), (k,), (k, k, k)
+    across: FloatArray,  # (k,), (k,), (k,), (k, k, k)
+    gram: FloatArray,  # (k,), (k,), (k,), (k, k, k)
 ) -> tuple[FloatArray, FloatArray]:
-    """Scale influences to the variance that white noise has, and count degrees of freedom.
-
-    Parameters
-    ----------
-    influences : array, shape (k, n_blocks)
-        Of all blocks; scaled in place.
-    inverse : array, shape (k, k)
-        Covariance of the unknowns for white noise of unit variance.
-    shown, squares, across, gram : array, shape (k,), (k,), (k,), (k, k, k)
-        Of each variance as a quadratic form in white noise, which is a part from each block's own
-        residuals less what the blocks have in common through the fit: its trace, the sum of the
-        squares of the first, the trace of the product of both, and the second as a matrix R of
-        R `inverse`.
-    """
+    """Scale influences to the variance that white noise has, and count degrees of freedom."""
     products = inverse @ gram
     squares = squares + np.einsum("cij,cji->c", products, products) - 2.0 * across
     variances = np.diag(inverse)
@@ -169,22 +145,15 @@ def _adjusted(
     return (inverse @ across)[:, None] @ correction
 
 
-def _own_unknowns(total: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
+def _own_unknowns(
+    total: FloatArray,  # (n_segments, n, n)
+    k: int,
+) -> tuple[FloatArray, FloatArray]:
     """Covariance of segments' own unknowns, the common ones known, and how these enter.
 
-    Parameters
-    ----------
-    total : array, shape (n_segments, n, n)
-        Normal matrix of each segment.
-    k : int
-        Common unknowns, the last ones.
-
-    Returns
-    -------
-    own : array, shape (n_segments, n, n)
-        Zero for the common ones.
-    borders : array, shape (n_segments, n, k)
-        Minus `own` times the border of the normal matrix; the identity for the common ones.
+    Returns shape (n_segments, n, n): Zero for the common ones. borders : array, shape
+    (n_segments, n, k) Minus `own` times the border of the normal matrix; the identity for the
+    common ones.
     """
     count, n, _ = total.shape
     first = n - k

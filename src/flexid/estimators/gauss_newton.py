@@ -37,26 +37,14 @@ class Minimum:
 
     `minimise` raises where it has not converged, unless it does not insist on that, or what is left
     is good enough.
-
-    Parameters
-    ----------
-    point : Point
-        The unknowns.
-    equations : Equations
-        Normal equations there.
-    reduced : Reduced
-        The same without the initial states.
-    iterations : int
-        Steps taken.
-    last_step : float
-        Length in standard deviations of the step that would have come next; where all steps were
-        taken and did not end, of the last of them.
     """
 
-    point: Point
-    equations: Equations
-    reduced: Reduced
-    iterations: int
+    point: Point  # the unknowns
+    equations: Equations  # normal equations there
+    reduced: Reduced  # the same without the initial states
+    iterations: int  # steps taken
+    # length in standard deviations of the step that would have come next; where all steps were
+    # taken and did not end, of the last of them
     last_step: float
 
     def variance(self, problem: SegmentedMotion) -> float:
@@ -99,29 +87,7 @@ def minimise(
     iterations: int = ITERATIONS,
     enough: float = 0.0,
 ) -> Minimum:
-    """Least sum of squares near a point.
-
-    Parameters
-    ----------
-    problem : SegmentedMotion
-        What to fit.
-    point : Point
-        Where to start.
-    tolerance : float
-        The iteration ends where the next step is shorter than this, in standard deviations.
-    insist : bool, optional
-        Whether it has to end there; if not, the least that was found is the answer.
-    iterations : int, optional
-        Steps that may be taken; one that halves the sum of squares counts as none.
-    enough : float, optional
-        Variance of the weighted residuals at which it is good enough that the steps do not end: the
-        bottom may be too rough, with a friction that the motion hardly shows, or too long.
-
-    Raises
-    ------
-    ConvergenceError
-        If the motion diverges at the start, no step helps, or the steps do not end.
-    """
+    """Least sum of squares near a point."""
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise ConvergenceError(
@@ -205,15 +171,10 @@ def _is_rounding(step: Reduced, point: Point) -> bool:
     return bool(values.all() and states.all())
 
 
-def output_weights(noise: FloatArray, outputs: FloatArray) -> FloatArray:
-    """One over the noise of each output, or over the least that is distinguished from none.
-
-    Parameters
-    ----------
-    noise : array, shape (n_outputs,)
-        Standard deviations.
-    outputs : array, shape (n, n_outputs)
-        What was measured.
-    """
+def output_weights(
+    noise: FloatArray,  # (n_outputs,)
+    outputs: FloatArray,  # (n, n_outputs)
+) -> FloatArray:
+    """One over the noise of each output, or over the least that is distinguished from none."""
     floor = _FINEST * float(np.max(np.abs(outputs)))
     return 1.0 / np.maximum(noise, floor if floor > 0.0 else 1.0)

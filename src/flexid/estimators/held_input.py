@@ -20,25 +20,16 @@ _WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 _INSIDE = 1e-9  # of an interval: a held input jumps at its ends
 
 
-def held_input(inputs: FloatArray, sample_time: float, hold: Hold, delay: float) -> FloatArray:
+def held_input(
+    inputs: FloatArray,  # (n, n_inputs)
+    sample_time: float,  # in s
+    hold: Hold,
+    delay: float,
+) -> FloatArray:
     """Straight lines that act like a sampled input, interval by interval.
 
-    Parameters
-    ----------
-    inputs : array, shape (n, n_inputs)
-        Recorded samples; before the first and after the last one the input is constant.
-    sample_time : float
-        Time h between samples in s.
-    hold : {"zero", "linear", "cubic"}
-        Constant until the next sample; on straight lines; or on the cubic spline.
-    delay : float
-        By how many seconds the input acts later than it was recorded; of either sign.
-
-    Returns
-    -------
-    array, shape (n, n_inputs, 4)
-        Over the interval from each sample on: value at its start, change over it, and the
-        derivatives of both by the delay in 1/s.
+    Returns shape (n, n_inputs, 4): Over the interval from each sample on: value at its start,
+    change over it, and the derivatives of both by the delay in 1/s.
     """
     # A fit that diverges may ask for any delay: beyond the samples all of it is alike.
     reach = sample_time * (len(inputs) + len(_OFFSETS))

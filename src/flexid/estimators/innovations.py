@@ -37,21 +37,11 @@ _SHARES = (1e-4, 2.0)  # of a disturbance, over its row's acceleration
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """What drives the innovations apart from the input.
+    """What drives the innovations apart from the input."""
 
-    Parameters
-    ----------
-    sensors : array, shape (n_outputs,)
-        Standard deviation of each output's noise, in rad.
-    disturbances : array, shape (n_rows,)
-        Root mean square of each row's disturbance, in rad/s².
-    rates : array, shape (n_rows,)
-        How fast each changes, in 1/s.
-    """
-
-    sensors: FloatArray
-    disturbances: FloatArray
-    rates: FloatArray
+    sensors: FloatArray  # (n_outputs,): standard deviation of each output's noise, in rad
+    disturbances: FloatArray  # (n_rows,): root mean square of each row's disturbance, in rad/s²
+    rates: FloatArray  # (n_rows,): how fast each changes, in 1/s
 
     @classmethod
     def of_logarithms(cls, logarithms: FloatArray, n_outputs: int) -> "Sizes":
@@ -67,55 +57,25 @@ class Sizes:
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """A disturbed model fitted to a log.
+    """A disturbed model fitted to a log."""
 
-    Parameters
-    ----------
-    problem : SegmentedMotion
-        With its observer.
-    minimum : Minimum
-        Where the fit ended.
-    sizes : Sizes
-        Of noise and disturbances.
-    cost : float
-        Twice the negative logarithm of the likelihood, but for a constant.
-    """
-
-    problem: SegmentedMotion
-    minimum: Minimum
-    sizes: Sizes
-    cost: float
+    problem: SegmentedMotion  # with its observer
+    minimum: Minimum  # where the fit ended
+    sizes: Sizes  # of noise and disturbances
+    cost: float  # twice the negative logarithm of the likelihood, but for a constant
 
 
 def fit_innovations(
     problem: SegmentedMotion,
     point: Point,
-    directions: FloatArray,
-    slowest: float,
+    directions: FloatArray,  # (n_samples, n_rows)
+    slowest: float,  # in 1/s
     sizes: Sizes | None = None,
 ) -> Innovations:
     """Fit coefficients, and sizes of noise and disturbances, in turn.
 
     While the coefficients take their steps the gains are held; the sizes are sought with the
     coefficients held.
-
-    Parameters
-    ----------
-    problem : SegmentedMotion
-        Over one segment for each recording; its weights are one over the sensors' noise.
-    point : Point
-        Where to begin.
-    directions : array, shape (n_samples, n_rows)
-        Of each row's friction; see `Observer`.
-    slowest : float
-        Least rate of a disturbance in 1/s: one slower than the motion would pass for friction.
-    sizes : Sizes, optional
-        Where to begin with these.
-
-    Raises
-    ------
-    ConvergenceError
-        If the motion diverges from any sizes.
     """
     first = _first_sizes(problem, slowest)
     bounds = _bounds(first, float(problem.segments.sample_times.max()), slowest)

@@ -27,17 +27,7 @@ def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
 
     Steps of half the length show it: they leave a sixteenth.
 
-    Parameters
-    ----------
-    problem : SegmentedMotion
-        What was fitted.
-    found : Minimum
-        Its solution.
-
-    Returns
-    -------
-    float
-        Of the combination of values that it moves most.
+    Returns of the combination of values that it moves most.
     """
     halved = replace(problem, substeps=2 * problem.substeps)
     equations = halved.equations(found.point)
@@ -54,15 +44,7 @@ def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
 def refinement(problem: SegmentedMotion, found: Minimum) -> int:
     """How many times as many steps a motion wants for that error to be negligible.
 
-    Parameters
-    ----------
-    problem, found
-        As of `integration_error`.
-
-    Returns
-    -------
-    int
-        From 1 to `MOST`.
+    Returns from 1 to `MOST`.
     """
     wanted = (integration_error(problem, found) / NEGLIGIBLE) ** (1.0 / _ORDER)
     return min(max(1, ceil(wanted)), MOST)

@@ -153,21 +153,12 @@ def prediction_error(
 
 
 def described(
-    problem: SegmentedMotion, found: Minimum, iterations: int, segment_duration: float
+    problem: SegmentedMotion,
+    found: Minimum,
+    iterations: int,
+    segment_duration: float,  # in s
 ) -> PredictionErrorFit:
-    """What a minimum says about what was sought.
-
-    Parameters
-    ----------
-    problem : SegmentedMotion
-        What was fitted.
-    found : Minimum
-        Its solution.
-    iterations : int
-        Steps it took.
-    segment_duration : float
-        Wanted length of a segment in s.
-    """
+    """What a minimum says about what was sought."""
     reduced, segments, residuals = found.reduced, problem.segments, found.equations.residuals
     influences, freedom = cluster_influences(problem.clusters(found.equations, reduced))
     unknown = reduced.free | (freedom == 0.0)

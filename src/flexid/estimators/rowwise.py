@@ -16,76 +16,38 @@ from flexid.recording.recording import Hold
 
 @dataclass(frozen=True, eq=False)
 class RowSums:
-    """Least squares of one row, without the data that it was fitted to.
+    """Least squares of one row, without the data that it was fitted to."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the row.
-    coefficients : tuple of str
-        Names of what is sought in it, k of them; none if all is fixed.
-    gram : array, shape (k, k)
-        RᵀR of the regressors R as they were fitted.
-    inverse : array, shape (k, k)
-        Its inverse on the directions that the data determine.
-    residual_sum, total_sum : float
-        Sums of squares of the residual and of the left-hand side.
-    undetermined : tuple of str
-        Coefficients that the data leave free: their variance is infinite.
-    count : int
-        Equations that were fitted.
-    """
-
-    name: str
-    coefficients: tuple[str, ...]
-    gram: FloatArray
-    inverse: FloatArray
-    residual_sum: float
-    total_sum: float
+    name: str  # name of the row
+    coefficients: tuple[str, ...]  # names of what is sought in it, k of them; none if all is fixed
+    gram: FloatArray  # (k, k): rᵀR of the regressors R as they were fitted
+    inverse: FloatArray  # (k, k): its inverse on the directions that the data determine
+    residual_sum: float  # sums of squares of the residual and of the left-hand side
+    total_sum: float  # sums of squares of the residual and of the left-hand side
+    # coefficients that the data leave free: their variance is infinite
     undetermined: tuple[str, ...]
-    count: int
+    count: int  # equations that were fitted
 
 
 @dataclass(frozen=True, eq=False)
 class RowFit(RowSums):
-    """Least squares of one row; as `RowSums`, and what was fitted.
+    """Least squares of one row; as `RowSums`, and what was fitted."""
 
-    Parameters
-    ----------
-    regressors : array, shape (k, n_equations)
-        R, all recordings in turn.
-    left_hand_side, fitted : array, shape (n_equations,)
-        What was fitted, less what is known or fixed; and its fit.
-    """
-
-    regressors: FloatArray
+    regressors: FloatArray  # (k, n_equations): r, all recordings in turn
+    # (n_equations,): what was fitted, less what is known or fixed; and its fit
     left_hand_side: FloatArray
-    fitted: FloatArray
+    fitted: FloatArray  # (n_equations,): what was fitted, less what is known or fixed; and its fit
 
 
 @dataclass(frozen=True, eq=False)
 class RowwiseFit:
-    """What is sought in all rows, with its covariance.
+    """What is sought in all rows, with its covariance."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        What is sought, row by row.
-    values : array, shape (n,)
-        Their values, in the system's units.
-    rows : tuple of RowFit
-        The rows' own results.
-    blocks : tuple of int
-        Equations in each block of the covariance, independent of one another.
-    hold : {"linear", "zero"}
-        Hold of the inputs.
-    """
-
-    names: tuple[str, ...]
-    values: FloatArray
-    rows: tuple[RowFit, ...]
-    blocks: tuple[int, ...]
-    hold: Hold
+    names: tuple[str, ...]  # what is sought, row by row
+    values: FloatArray  # (n,): their values, in the system's units
+    rows: tuple[RowFit, ...]  # the rows' own results
+    blocks: tuple[int, ...]  # equations in each block of the covariance, independent of one another
+    hold: Hold  # hold of the inputs
 
     @property
     def covariance(self) -> FloatArray:
@@ -126,15 +88,7 @@ class RowwiseFit:
 def covariance_of_rows(
     rows: Sequence[RowSums], found: Sequence[tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, tuple[float, ...]]:
-    """Covariance of all rows together, and the degrees of freedom of each variance.
-
-    Parameters
-    ----------
-    rows : sequence of RowSums
-        What was sought in each row.
-    found : sequence of tuple of array
-        Influences and degrees of freedom of each row, as of `block_influences`.
-    """
+    """Covariance of all rows together, and the degrees of freedom of each variance."""
     influences = np.concatenate([influences for influences, _ in found])
     freedom = np.concatenate([freedom for _, freedom in found])
     covariance = influences @ influences.T
@@ -147,23 +101,13 @@ def covariance_of_rows(
 
 
 def fit_rows(
-    unknowns: Unknowns, regressors: FloatArray, left_hand_sides: FloatArray
+    unknowns: Unknowns,
+    regressors: FloatArray,  # (n_names, n_equations)
+    left_hand_sides: FloatArray,  # (n_rows, n_equations)
 ) -> tuple[FloatArray, tuple[RowFit, ...]]:
     """Least squares of every row.
 
-    Parameters
-    ----------
-    unknowns : Unknowns
-        What is sought.
-    regressors : array, shape (n_names, n_equations)
-        Of what is sought.
-    left_hand_sides : array, shape (n_rows, n_equations)
-        Less what is known or fixed.
-
-    Returns
-    -------
-    values : array, shape (n_names,)
-    rows : tuple of RowFit
+    Returns shape (n_names,): rows : tuple of RowFit
     """
     values = np.zeros(len(unknowns.names))
     rows = []

@@ -43,13 +43,7 @@ class Samples:
 
 
 def samples_of_recording(recording: Recording) -> Samples:
-    """Arrays of a recording for the rows link and motor of the flexible joint.
-
-    Raises
-    ------
-    RecordingError
-        If the link position or the input was not logged.
-    """
+    """Arrays of a recording for the rows link and motor of the flexible joint."""
     link, motor = recording.link_velocity, recording.motor_velocity
     return Samples(
         np.column_stack((recording.needed_link_position, recording.motor_position)),
@@ -61,13 +55,7 @@ def samples_of_recording(recording: Recording) -> Samples:
 
 
 def rigid_samples(recording: Recording) -> Samples:
-    """Arrays of a recording for the one row of the rigid joint: those of the motor's encoder.
-
-    Raises
-    ------
-    RecordingError
-        If the input was not logged.
-    """
+    """Arrays of a recording for the one row of the rigid joint: those of the motor's encoder."""
     velocity = recording.motor_velocity
     return Samples(
         recording.motor_position[:, None],
@@ -79,13 +67,7 @@ def rigid_samples(recording: Recording) -> Samples:
 
 
 def link_samples(recording: Recording) -> Samples:
-    """Arrays of a recording for the link's row alone, whose inputs are the motor's motion.
-
-    Raises
-    ------
-    RecordingError
-        If the link position was not logged.
-    """
+    """Arrays of a recording for the link's row alone, whose inputs are the motor's motion."""
     link, motor = recording.link_velocity, recording.motor_velocity
     motor = velocity(recording.motor_position, recording.sample_time) if motor is None else motor
     return Samples(

@@ -14,23 +14,14 @@ NULL = 1e-12
 _PART = 1e-6  # of a coefficient in an open direction, from which on it is free
 
 
-def scaled_inverse(matrix: FloatArray, scale: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+def scaled_inverse(
+    matrix: FloatArray,  # (k, k)
+    scale: FloatArray,  # (k,)
+) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Invert a symmetric matrix on the directions that are not lost in rounding.
 
-    Parameters
-    ----------
-    matrix : array, shape (k, k)
-        Of the normal equations.
-    scale : array, shape (k,)
-        Size of each coefficient's column, by which the matrix is made dimensionless; zero of a
-        column that is none, which is free.
-
-    Returns
-    -------
-    inverse : array, shape (k, k)
-        Zero along open directions.
-    free : array of bool, shape (k,)
-        Coefficients that have a part in an open direction.
+    Returns shape (k, k): Zero along open directions. free : array of bool, shape (k,)
+    Coefficients that have a part in an open direction.
     """
     scale = np.where(scale > 0.0, scale, 1.0)
     eigenvalues, vectors = eigen(matrix / np.outer(scale, scale))
@@ -40,35 +31,20 @@ def scaled_inverse(matrix: FloatArray, scale: FloatArray) -> tuple[FloatArray, N
 
 
 class Least(NamedTuple):
-    """Where a quadratic form is least.
+    """Where a quadratic form is least."""
 
-    Parameters
-    ----------
-    values : array, shape (k,)
-        Of what is sought.
-    inverse : array, shape (k, k)
-        Of its part of the form's matrix, as of `scaled_inverse`.
-    free : array of bool, shape (k,)
-        What has a part in an open direction, along which a value stays what it was.
-    """
-
-    values: FloatArray
-    inverse: FloatArray
+    values: FloatArray  # (k,): of what is sought
+    inverse: FloatArray  # (k, k): of its part of the form's matrix, as of `scaled_inverse`
+    # (k,): what has a part in an open direction, along which a value stays what it was
     free: NDArray[np.bool_]
 
 
-def least_with(left: NDArray[np.bool_], matrix: FloatArray, values: FloatArray) -> Least:
-    """Where a quadratic form is least if some of its values are zero, as the rest follows.
-
-    Parameters
-    ----------
-    left : array of bool, shape (n,)
-        Which values are not zero; k of them.
-    matrix : array, shape (n, n)
-        Of the form.
-    values : array, shape (n,)
-        Where the form is least with all.
-    """
+def least_with(
+    left: NDArray[np.bool_],  # (n,)
+    matrix: FloatArray,  # (n, n)
+    values: FloatArray,  # (n,)
+) -> Least:
+    """Where a quadratic form is least if some of its values are zero, as the rest follows."""
     part = matrix[np.ix_(left, left)]
     inverse, free = scaled_inverse(part, np.sqrt(np.maximum(np.diag(part), 0.0)))
     moved = inverse @ (matrix[np.ix_(left, ~left)] @ values[~left])

@@ -40,27 +40,18 @@ By = Literal["everything", "states", "nothing"]
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """Corrects a predicted motion, and disturbances of each row, by what was measured.
+    """Corrects a predicted motion, and disturbances of each row, by what was measured."""
 
-    Parameters
-    ----------
-    gain : array, shape (n_segments, 2 n_rows, n_outputs)
-        Of positions and velocities.
-    disturbance_gain : array, shape (n_segments, n_rows, n_outputs)
-        Of the disturbances, which are accelerations of the rows.
-    decay : array, shape (n_segments, n_rows)
-        Share of a disturbance that one sampling interval leaves.
-    directions : array, shape (n_samples, n_rows)
-        Mean direction, from -1 to 1, of each row's motion over the interval from each sample on:
-        the direction of its friction.
-    whitening : array, shape (n_segments, n_outputs, n_outputs)
-        Lower triangle that makes the innovations white and of unit size.
-    """
-
-    gain: FloatArray
+    gain: FloatArray  # (n_segments, 2 n_rows, n_outputs): of positions and velocities
+    # (n_segments, n_rows, n_outputs): of the disturbances, which are accelerations of the rows
     disturbance_gain: FloatArray
+    # (n_segments, n_rows): share of a disturbance that one sampling interval leaves
     decay: FloatArray
+    # (n_samples, n_rows): mean direction, from -1 to 1, of each row's motion over the interval from
+    # each sample on: the direction of its friction
     directions: FloatArray
+    # (n_segments, n_outputs, n_outputs): lower triangle that makes the innovations white and of
+    # unit size
     whitening: FloatArray
 
 
@@ -74,28 +65,15 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Normal equations at a point, block by block.
+    """Normal equations at a point, block by block."""
 
-    Parameters
-    ----------
-    cost : float
-        Weighted sum of squares; infinite if the motion diverged.
-    normal : array, shape (n_blocks, n, n)
-        Normal matrix of each block, its segment's initial state first, then what is sought, as far
-        as the motion is differentiated by it.
-    gradient : array, shape (n_blocks, n)
-        Right-hand sides.
-    residuals : array, shape (n_samples, n_outputs)
-        Measured less computed outputs.
-    costs : array, shape (n_segments,)
-        The part of each segment; infinite where its motion diverged.
-    """
-
-    cost: float
+    cost: float  # weighted sum of squares; infinite if the motion diverged
+    # (n_blocks, n, n): normal matrix of each block, its segment's initial state first, then what is
+    # sought, as far as the motion is differentiated by it
     normal: FloatArray
-    gradient: FloatArray
-    residuals: FloatArray
-    costs: FloatArray
+    gradient: FloatArray  # (n_blocks, n): right-hand sides
+    residuals: FloatArray  # (n_samples, n_outputs): measured less computed outputs
+    costs: FloatArray  # (n_segments,): the part of each segment; infinite where its motion diverged
 
     @property
     def diverged(self) -> NDArray[np.bool_]:
@@ -105,34 +83,17 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class SegmentedMotion:
-    """A model's motion over segments, beside the measured one; made by `segmented_motion`.
+    """A model's motion over segments, beside the measured one; made by `segmented_motion`."""
 
-    Parameters
-    ----------
-    segments : Segments
-        What was measured.
-    unknowns : Unknowns
-        Which coefficients are sought.
-    timing : Timing
-        Hold and delays.
-    constants : array
-        Values of the model's constants.
-    substeps : int
-        Steps of Runge-Kutta 4 per sampling interval.
-    weights : array, shape (n_outputs,)
-        One over the standard deviation of each output's noise.
-    observer : Observer or None, optional
-        What corrects the motion on its way, so that the residuals are innovations. Friction then
-        has the direction that the observer knows, and no row sticks.
-    """
-
-    segments: Segments
-    unknowns: Unknowns
-    timing: Timing
-    constants: FloatArray
-    substeps: int
-    weights: FloatArray
+    segments: Segments  # what was measured
+    unknowns: Unknowns  # which coefficients are sought
+    timing: Timing  # hold and delays
+    constants: FloatArray  # values of the model's constants
+    substeps: int  # steps of Runge-Kutta 4 per sampling interval
+    weights: FloatArray  # (n_outputs,): one over the standard deviation of each output's noise
     _kernel: ModuleType
+    # what corrects the motion on its way, so that the residuals are innovations. Friction then has
+    # the direction that the observer knows, and no row sticks
     observer: Observer | None = field(default=None, kw_only=True)
 
     @cached_property
@@ -223,18 +184,7 @@ class SegmentedMotion:
     def linearised(self, point: Point, recording: int, count: int = 40) -> FloatArray:
         """Derivatives of the rates of positions and velocities by these, at some coefficients.
 
-        Parameters
-        ----------
-        point : Point
-            The coefficients.
-        recording : int
-            Whose motion it is about: the mean over some of its samples.
-        count : int, optional
-            How many.
-
-        Returns
-        -------
-        array, shape (2 n_rows, 2 n_rows)
+        Returns shape (2 n_rows, 2 n_rows).
         """
         segments = self.segments
         own = np.flatnonzero(segments.recordings == recording)
@@ -303,16 +253,7 @@ class SegmentedMotion:
         return self._channels.timely(self.delays(values))[0]
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
-        """Run the model from a point and put up the normal equations.
-
-        Parameters
-        ----------
-        point : Point
-            Where.
-        by : {"everything", "states", "nothing"}, optional
-            What they are for. Where residuals are all that is wanted, a run takes a third of the
-            time or less.
-        """
+        """Run the model from a point and put up the normal equations."""
         segments, kernel = self.segments, self._kernel
         wanted = self._wanted()
         coefficients = self._coefficients(point.values)

@@ -25,38 +25,23 @@ _START_EXCESS = 2.0  # root mean square of what a cubic leaves, over white noise
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """All samples in one array each, and where the segments lie.
+    """All samples in one array each, and where the segments lie."""
 
-    Parameters
-    ----------
-    starts, lengths : array of int, shape (n_segments,)
-        First sample and number of samples of every segment; none crosses from one recording to
-        the next.
-    recording_starts : array of int, shape (n_recordings + 1,)
-        First sample of every recording that was cut, and the number of samples.
-    sample_times : array, shape (n_segments,)
-        Time between samples in s.
-    start_times : array, shape (n_segments,)
-        Time of the first sample in s.
-    recordings : array of int, shape (n_segments,)
-        Place of the recording that each segment was cut from.
-    measured : array of int, shape (n_outputs,)
-        The state that each output measures.
-    outputs : array, shape (n_samples, n_outputs)
-        Measured states.
-    inputs : array, shape (n_samples, n_inputs)
-        Inputs.
-    """
-
+    # (n_segments,): first sample and number of samples of every segment; none crosses from one
+    # recording to the next
     starts: NDArray[np.int64]
+    # (n_segments,): first sample and number of samples of every segment; none crosses from one
+    # recording to the next
     lengths: NDArray[np.int64]
+    # (n_recordings + 1,): first sample of every recording that was cut, and the number of samples
     recording_starts: NDArray[np.int64]
-    sample_times: FloatArray
-    start_times: FloatArray
+    sample_times: FloatArray  # (n_segments,): time between samples in s
+    start_times: FloatArray  # (n_segments,): time of the first sample in s
+    # (n_segments,): place of the recording that each segment was cut from
     recordings: NDArray[np.int64]
-    measured: NDArray[np.int64]
-    outputs: FloatArray
-    inputs: FloatArray
+    measured: NDArray[np.int64]  # (n_outputs,): the state that each output measures
+    outputs: FloatArray  # (n_samples, n_outputs): measured states
+    inputs: FloatArray  # (n_samples, n_inputs): inputs
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -112,10 +97,7 @@ class Segments:
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
         """Divide the segments into blocks of about a duration, or of their own if that is shorter.
 
-        Returns
-        -------
-        array of int, shape (n_segments + 1,)
-            First block of every segment, and the number of blocks.
+        Returns shape (n_segments + 1,): First block of every segment, and the number of blocks.
         """
         counts = np.round(self.lengths * self.sample_times / duration).astype(np.int64)
         return np.concatenate(([0], np.cumsum(np.clip(counts, 1, self.lengths))))
@@ -147,30 +129,11 @@ class Segments:
 
 def divide(
     recordings: Sequence[Samples],
-    duration: float,
+    duration: float,  # in s
     use_velocities: bool = False,
     margin: float = 0.0,
 ) -> Segments:
-    """Cut recordings into segments of about equal length.
-
-    Parameters
-    ----------
-    recordings : sequence of Samples
-        Contiguous recordings; those with fewer than `FEWEST_SAMPLES` samples are left out.
-    duration : float
-        Wanted length of a segment in s. Segments have at least `FEWEST_SAMPLES` samples, and a
-        shorter recording is one segment.
-    use_velocities : bool, optional
-        Whether velocities are measured outputs too.
-    margin : float, optional
-        Seconds at both ends of each recording that belong to no segment: what is late needs them.
-
-    Raises
-    ------
-    SettingError
-        If the duration is not positive, no recording is long enough, or velocities are wanted but
-        missing.
-    """
+    """Cut recordings into segments of about equal length."""
     if not (np.isfinite(duration) and duration > 0.0):
         raise SettingError("segment duration", f"{duration} is no duration: give seconds above 0")
     margins = [round(margin / recording.sample_time) for recording in recordings]
@@ -214,10 +177,7 @@ def first_states(segments: Segments) -> FloatArray:
     Each cubic goes through as many of them as it follows within their noise: a stiff drive may turn
     round within some samples where it vibrates, and rests elsewhere.
 
-    Returns
-    -------
-    array, shape (n_segments, n_states)
-        Coordinate and velocity of each row in turn.
+    Returns shape (n_segments, n_states): Coordinate and velocity of each row in turn.
     """
     positions = segments.outputs[:, segments.measured % 2 == 0]
     own = [positions[part] for part, _ in segments.by_recording()]

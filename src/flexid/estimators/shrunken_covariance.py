@@ -16,25 +16,14 @@ from flexid.estimators.cluster_covariance import covariance_root
 
 
 def shrunken(
-    spread: FloatArray, white: FloatArray, freedom: FloatArray
+    spread: FloatArray,  # (k, k)
+    white: FloatArray,  # (k, k)
+    freedom: FloatArray,  # (k,)
 ) -> tuple[FloatArray, FloatArray]:
     """Draw a covariance towards that of white noise.
 
-    Parameters
-    ----------
-    spread : array, shape (k, k)
-        Covariance from the spread of blocks.
-    white : array, shape (k, k)
-        Covariance for white noise of unit variance; the factor φ of it is 1 at least.
-    freedom : array, shape (k,)
-        Degrees of freedom of each variance; 0 where there is none.
-
-    Returns
-    -------
-    covariance : array, shape (k, k)
-        As it was for values without degrees of freedom.
-    degrees_of_freedom : array, shape (k,)
-        Of both parts together.
+    Returns shape (k, k): As it was for values without degrees of freedom. degrees_of_freedom :
+    array, shape (k,) Of both parts together.
     """
     known = (freedom > 0.0) & (np.diag(white) > 0.0)
     _, back = covariance_root(white[np.ix_(known, known)])

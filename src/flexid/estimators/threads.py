@@ -11,17 +11,11 @@ _FEWEST_SAMPLES = 5_000  # of a thread: below, starting it costs as much as it s
 _SHARES = 4  # of each thread, so that none waits long for another
 
 
-def in_threads(run: Callable[[int, int], None], lengths: NDArray[np.int64]) -> None:
-    """Call a function for ranges of segments, on all cores if there is enough to do.
-
-    Parameters
-    ----------
-    run : callable
-        Takes the first segment and the one after the last. What it writes for different segments
-        lies apart, and nothing that it computes depends on the range.
-    lengths : array of int, shape (n_segments,)
-        Samples in each segment.
-    """
+def in_threads(
+    run: Callable[[int, int], None],
+    lengths: NDArray[np.int64],  # (n_segments,)
+) -> None:
+    """Call a function for ranges of segments, on all cores if there is enough to do."""
     reached = np.cumsum(lengths)
     total = int(reached[-1])
     threads = min(cores(), total // _FEWEST_SAMPLES, len(lengths))

@@ -213,15 +213,7 @@ def unknowns_of(
 ) -> Unknowns:
     """The unknowns that an estimator's arguments mean: all of the system's coefficients if none.
 
-    Returns
-    -------
-    Unknowns
-        With this system's values of the constants.
-
-    Raises
-    ------
-    SettingError
-        If they belong to another model or another number of recordings.
+    With this system's values of the constants.
     """
     if unknowns is None:
         return Unknowns(system)

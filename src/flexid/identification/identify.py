@@ -75,32 +75,6 @@ def identify(
     The full model is fitted to the data before each recording's held-out end; what these do not
     show is taken away; what is left predicts the ends, and is fitted once more, to all data, for
     the report.
-
-    Parameters
-    ----------
-    logs : sequence of Log
-        Of the same drive, with the same kind of input and the same encoders. With one encoder the
-        joint is taken as rigid; without an input the link is identified alone, as if the settings
-        said so.
-    settings : Settings, optional
-        Choices; see there.
-    progress : callable, optional
-        Called with each step in words.
-    thresholds : Thresholds, optional
-        What is decided by.
-
-    Returns
-    -------
-    Identification
-
-    Raises
-    ------
-    RecordingError
-        If the logs do not go together or are too short.
-    SettingError
-        If a setting does not suit the logs.
-    ConvergenceError
-        If the model cannot be fitted from any start.
     """
     settings = settings or Settings()
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)

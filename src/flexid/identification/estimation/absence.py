@@ -22,17 +22,7 @@ from flexid.identification.full_model.model import Fitted
 
 
 def hidden_covariance(reported: Fitted, full: Fitted, scales: Mapping[str, float]) -> FloatArray:
-    """Covariance, shape (k, k), of what was reported, from what the model does without.
-
-    Parameters
-    ----------
-    reported : Fitted
-        The model that is reported; k values.
-    full : Fitted
-        The same with the terms that were taken away.
-    scales : mapping of str to float
-        Size τ that a coefficient or delay may have by itself.
-    """
+    """Covariance, shape (k, k), of what was reported, from what the model does without."""
     names = list(full.names)
     kept = [names.index(name) for name in reported.names if name in names]
     places = [i for i, name in enumerate(reported.names) if name in names]

@@ -55,33 +55,17 @@ _BY_DISTURBANCES = "the input is low-passed to the joint's band, where no hold c
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a log says.
+    """What a log says."""
 
-    Parameters
-    ----------
-    fits : FinalFits
-        To all data.
-    validation : Validation
-        Of the same structure, fitted to the data before the held-out ends.
-    estimate : Estimate
-        With all that is doubted in its covariance.
-    disturbances : Disturbances or None
-        Of the fit with disturbances, if that is it.
-    doubts : tuple of Caution
-        Why some coefficient is not known, whatever its interval says.
-    doubted : frozenset of str
-        Which these are: those of the spring, in one balance or in both.
-    prediction : str
-        How well the spring predicts the deflection.
-    """
-
-    fits: FinalFits
-    validation: Validation
-    estimate: Estimate
-    disturbances: Disturbances | None = None
+    fits: FinalFits  # to all data
+    validation: Validation  # of the same structure, fitted to the data before the held-out ends
+    estimate: Estimate  # with all that is doubted in its covariance
+    disturbances: Disturbances | None = None  # of the fit with disturbances, if that is it
+    # why some coefficient is not known, whatever its interval says
     doubts: tuple[Caution, ...] = ()
+    # which these are: those of the spring, in one balance or in both
     doubted: frozenset[str] = SPRINGS
-    prediction: str = ""
+    prediction: str = ""  # how well the spring predicts the deflection
 
 
 def answer(
@@ -92,26 +76,7 @@ def answer(
     progress: Progress,
     thresholds: Thresholds,
 ) -> Answer:
-    """The fit that knows more.
-
-    Parameters
-    ----------
-    job : Job
-        What is to be found.
-    training, whole : Data
-        The data before the held-out ends, and all.
-    recordings : SplitRecordings
-        The same as recorded.
-    progress : callable
-        Called with each step in words.
-    thresholds : Thresholds
-        What is decided by.
-
-    Raises
-    ------
-    ConvergenceError
-        If neither can be had.
-    """
+    """The fit that knows more."""
     settings = job.settings
     # Innovations know neither smoothed friction, nor segments, nor terms with a shape.
     asked = settings.coulomb_velocity != "auto" or settings.segment_duration != "auto"

@@ -30,17 +30,7 @@ _FEWEST = 200  # samples that are left at least
 
 
 def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PERIOD) -> int:
-    """Every how many samples of a log describe the joint.
-
-    Parameters
-    ----------
-    data : Data
-        The log.
-    start : mapping of str to float
-        Coefficients that are nearly right; the springs' give the resonance.
-    per_period : float, optional
-        Samples per period of the resonance.
-    """
+    """Every how many samples of a log describe the joint."""
     sample_time = max(samples.sample_time for samples in data.samples)
     springs = [abs(start[name]) for name in ("theta2", "alpha1") if name in start]
     if springs:
@@ -55,15 +45,7 @@ def thinning(data: Data, start: Mapping[str, float], per_period: float = PER_PER
 
 
 def slowest_disturbance(data: Data, *, rigid: bool) -> float:
-    """Least rate of a disturbance in 1/s: below it, it would take the part of friction.
-
-    Parameters
-    ----------
-    data : Data
-        The thinned log.
-    rigid : bool
-        Whether nothing but friction and inertia tells frequencies apart; a spring does.
-    """
+    """Least rate of a disturbance in 1/s: below it, it would take the part of friction."""
     sample_time = max(samples.sample_time for samples in data.samples)
     resonance = 2.0 * np.pi / (PER_PERIOD * sample_time)
     return resonance if rigid else _SPRING_SHARE * resonance
@@ -81,18 +63,7 @@ def _fastest(data: Data) -> float:
 
 
 def thinned(data: Data, factor: int, *, held: bool) -> Data:
-    """A log in its band.
-
-    Parameters
-    ----------
-    data : Data
-        With velocities.
-    factor : int
-        Of so many samples one is left.
-    held : bool
-        Whether the inputs were constant from one sample to the next: each sample of the filtered
-        ones is then the mean of what acted before and after it.
-    """
+    """A log in its band."""
     if factor == 1:
         return data
     found = []
@@ -125,17 +96,7 @@ def directions(recordings: Sequence[Samples], factor: int) -> FloatArray:
     The direction of a velocity that is only just measured is its expectation: the difference of
     the probabilities that it is positive and negative.
 
-    Parameters
-    ----------
-    recordings : sequence of Samples
-        As logged.
-    factor : int
-        As of `thinned`.
-
-    Returns
-    -------
-    array, shape (n_samples, n_rows)
-        From -1 to 1, of all recordings together.
+    Returns shape (n_samples, n_rows): From -1 to 1, of all recordings together.
     """
     parts = []
     for samples in recordings:

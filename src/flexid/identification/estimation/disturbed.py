@@ -57,30 +57,15 @@ _SKEWED = 0.5  # share of the deflection's variance that a delay explains, to be
 
 @dataclass(frozen=True, eq=False)
 class Disturbed:
-    """A structure fitted with disturbances.
+    """A structure fitted with disturbances."""
 
-    Parameters
-    ----------
-    fitted : Fitted
-        Innovations of the thinned log; values as in a fit of the whole log.
-    full : Fitted
-        The same with all usual terms.
-    terms : tuple of TermEvidence
-        What was kept and what was not.
-    sizes : Sizes
-        Of noise and disturbances.
-    shares : mapping of str to float
-        What each row leaves unexplained over its acceleration, root mean squares.
-    factor : int
-        Of so many samples of the log one was fitted.
-    """
-
-    fitted: Fitted
-    full: Fitted
-    terms: tuple[TermEvidence, ...]
-    sizes: Sizes
+    fitted: Fitted  # innovations of the thinned log; values as in a fit of the whole log
+    full: Fitted  # the same with all usual terms
+    terms: tuple[TermEvidence, ...]  # what was kept and what was not
+    sizes: Sizes  # of noise and disturbances
+    # what each row leaves unexplained over its acceleration, root mean squares
     shares: Mapping[str, float]
-    factor: int
+    factor: int  # of so many samples of the log one was fitted
 
 
 def fit_disturbed(
@@ -90,26 +75,7 @@ def fit_disturbed(
     holds: Sequence[Hold],
     thresholds: Thresholds,
 ) -> Disturbed:
-    """Fit all usual terms, and take away what the log does not show.
-
-    Parameters
-    ----------
-    structure : Structure
-        With every term that is to be considered.
-    data : Data
-        The log, with velocities.
-    kept : collection of str
-        Coefficients and delays that stay in any case.
-    holds : sequence of Hold
-        Behaviours of the input to choose from.
-    thresholds : Thresholds
-        What counts as chance.
-
-    Raises
-    ------
-    ConvergenceError
-        If no start leads anywhere.
-    """
+    """Fit all usual terms, and take away what the log does not show."""
     if _turned(data) < _LEAST_TURN:
         structure = structure.without(_GRAVITY - {*kept})
     if LINK in structure.timing.sought:
@@ -158,15 +124,7 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
 
 
 def disturbed_estimate(found: Disturbed, data: Data) -> Estimate:
-    """The estimate with the spread between bands and halves in its covariance.
-
-    Parameters
-    ----------
-    found : Disturbed
-        Fitted to the data.
-    data : Data
-        The whole log.
-    """
+    """The estimate with the spread between bands and halves in its covariance."""
     fitted = found.fitted
     estimate = Estimate.of(fitted.fit)
     with np.errstate(invalid="ignore", divide="ignore"):

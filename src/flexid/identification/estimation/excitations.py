@@ -42,20 +42,11 @@ def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
 
 
 class _Centred(NamedTuple):
-    """A Gram matrix with deflection and cosine less their part along the constants sought.
+    """A Gram matrix with deflection and cosine less their part along the constants sought."""
 
-    Parameters
-    ----------
-    gram : array, shape (k, k)
-    change : array, shape (k, k)
-        Factors that make its regressors of the row's.
-    moves : bool
-        Whether what is left of them is a motion, or noise and rounding.
-    """
-
-    gram: FloatArray
-    change: FloatArray
-    moves: bool
+    gram: FloatArray  # (k, k)
+    change: FloatArray  # (k, k): factors that make its regressors of the row's
+    moves: bool  # whether what is left of them is a motion, or noise and rounding
 
 
 def _from_its_mean(names: Sequence[str], gram: FloatArray) -> _Centred:
@@ -76,15 +67,6 @@ def unexcited(
 
     Along such a direction a fit may end anywhere, and the quadratic form about where it ended knows
     nothing of that.
-
-    Parameters
-    ----------
-    rows : iterable of RowSums
-        Least squares of each row, as of `without_noise`.
-    values : mapping of str to float
-        Of the coefficients; those that are missing are zero.
-    lost_share : float
-        Share of a row's acceleration that the worst direction has to make.
     """
     found: set[str] = set()
     for row in rows:
@@ -97,16 +79,7 @@ def unexcited(
 
 
 def without_noise(row: RowSums, noisier: RowSums) -> RowSums:
-    """A row whose Gram matrix is that of the motion alone.
-
-    Parameters
-    ----------
-    row : RowSums
-        Least squares of a row.
-    noisier : RowSums
-        The same with the sensors' noise added once more: by about as much as the matrix grows,
-        noise has made it larger already.
-    """
+    """A row whose Gram matrix is that of the motion alone."""
     return replace(row, gram=row.gram - _NOISE_PART * (noisier.gram - row.gram))
 
 
@@ -116,17 +89,8 @@ def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, froze
     Each coefficient counts by its own size, or by what moves the row as much as it does move, if
     that is more: the torques on a light motor all but cancel, and what they leave is its motion.
 
-    Parameters
-    ----------
-    row, values
-        As of `unexcited`.
-
-    Returns
-    -------
-    share : float
-        Root mean square, over that of the acceleration.
-    confounded : frozenset of str
-        What has a part in that combination; empty for a row of one coefficient.
+    Returns root mean square, over that of the acceleration. confounded : frozenset of str What
+    has a part in that combination; empty for a row of one coefficient.
     """
     names = row.coefficients
     centred = _from_its_mean(names, row.gram)

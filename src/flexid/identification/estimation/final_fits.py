@@ -37,39 +37,18 @@ _NOISE_SEED = 1  # of what is added to see how much of a regressor is noise
 
 @dataclass(frozen=True, eq=False)
 class FinalFits:
-    """Fits to all data, ends that were held out among them.
+    """Fits to all data, ends that were held out among them."""
 
-    Parameters
-    ----------
-    choice : Choice
-        The structure, and what it was chosen by.
-    recordings : SplitRecordings
-        What was fitted.
-    reported : Fitted
-        The structure.
-    rungs : sequence of Fitted
-        It over segments of growing length, some longer than the reported ones.
-    retreat : tuple of str
-        Why it was not fitted to all data, if it was not.
-    error : ModelError
-        What the residuals say about the model.
-    driving : frozenset of str
-        Frictions that came out negative beyond noise.
-    full : Fitted
-        The model with all usual terms, to say how large they may be.
-    filter_rate : float
-        Of the least squares beside, in 1/s.
-    """
-
-    choice: Choice
-    recordings: SplitRecordings
-    reported: Fitted
+    choice: Choice  # the structure, and what it was chosen by
+    recordings: SplitRecordings  # what was fitted
+    reported: Fitted  # the structure
+    # it over segments of growing length, some longer than the reported ones
     rungs: Sequence[Fitted]
-    retreat: tuple[str, ...]
-    error: ModelError
-    driving: frozenset[str]
-    full: Fitted
-    filter_rate: float
+    retreat: tuple[str, ...]  # why it was not fitted to all data, if it was not
+    error: ModelError  # what the residuals say about the model
+    driving: frozenset[str]  # frictions that came out negative beyond noise
+    full: Fitted  # the model with all usual terms, to say how large they may be
+    filter_rate: float  # of the least squares beside, in 1/s
 
     @cached_property
     def in_full(self) -> Estimate:
@@ -134,24 +113,10 @@ def final_fits(
     choice: Choice,
     whole: Data,
     recordings: SplitRecordings,
-    filter_rate: float | Literal["auto"],
+    filter_rate: float | Literal["auto"],  # in 1/s
     thresholds: Thresholds,
 ) -> FinalFits:
-    """Fit a structure to all data, and what it does without.
-
-    Parameters
-    ----------
-    choice : Choice
-        The structure.
-    whole : Data
-        All data.
-    recordings : SplitRecordings
-        The same as recorded.
-    filter_rate : float or "auto"
-        Of the least squares beside, in 1/s.
-    thresholds : Thresholds
-        What counts as a model error.
-    """
+    """Fit a structure to all data, and what it does without."""
     whole = replace(whole, refinement=choice.fitted.data.refinement)
     reported, rungs, retreat = _reported(choice, whole, thresholds)
     choice = _as_reported(choice, reported)
@@ -163,17 +128,7 @@ def final_fits(
 
 
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
-    """The estimate with all that is doubted in its covariance.
-
-    Parameters
-    ----------
-    fits : FinalFits
-        What is reported, and what stands beside it.
-    delay_in_doubt : bool
-        Whether a delay and a damping pass for each other.
-    thresholds : Thresholds
-        Up to which excess a model explains a log.
-    """
+    """The estimate with all that is doubted in its covariance."""
     reported, error = fits.reported, fits.error
     estimate = with_free_shapes(widened_by(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))

@@ -28,21 +28,7 @@ def contradictions(
     data: Data,
     thresholds: Thresholds,
 ) -> tuple[str, ...]:
-    """A sentence for each coefficient, exactly known or at its bound, that the log contradicts.
-
-    Parameters
-    ----------
-    given : mapping of str to float
-        Coefficients known exactly.
-    at_bound : mapping of str to float
-        Coefficients that ended at a bound. A bound of zero only says of friction what it is.
-    full : Structure
-        The full model with these fixed.
-    data : Data
-        The log.
-    thresholds : Thresholds
-        When they contradict each other.
-    """
+    """A sentence for each coefficient, exactly known or at its bound, that the log contradicts."""
     wanted = [Known(name, value, 0.0) for name, value in given.items()]
     wanted += [Known(name, value, 0.0, bound=True) for name, value in at_bound.items() if value]
     if not wanted:
@@ -76,23 +62,14 @@ def _sentence(known: Known, value: float, std: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """An estimate with what is known joined to it.
+    """An estimate with what is known joined to it."""
 
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the log and of what is known.
-    exact : mapping of str to tuple of float and str
-        Physical parameters that are thereby fixed, and why: ``"given"`` or ``"at its bound"``.
-    contradicted : tuple of str
-        A sentence for each of them that the log contradicts: nothing that rests on it is known.
-    against : tuple of str
-        A sentence for each uncertain one that it contradicts: the estimate spans both.
-    """
-
-    estimate: Estimate
+    estimate: Estimate  # of the log and of what is known
+    # physical parameters that are thereby fixed, and why: ``"given"`` or ``"at its bound"``
     exact: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    # a sentence for each of them that the log contradicts: nothing that rests on it is known
     contradicted: tuple[str, ...] = ()
+    # a sentence for each uncertain one that it contradicts: the estimate spans both
     against: tuple[str, ...] = ()
 
 

@@ -27,30 +27,17 @@ _SEED = 20031
 
 @dataclass(frozen=True, eq=False)
 class InputNoise:
-    """What the noise of a measured input does to a fit.
+    """What the noise of a measured input does to a fit."""
 
-    Parameters
-    ----------
-    excess : float
-        Mean square of residuals, over that of the sensors' noise, that it makes in hardly any log
-        more of.
-    deviations : array, shape (k,)
-        Standard deviation of each value from it.
-    """
-
+    # mean square of residuals, over that of the sensors' noise, that it makes in hardly any log
+    # more of
     excess: float
-    deviations: FloatArray
+    deviations: FloatArray  # (k,): standard deviation of each value from it
 
 
 @once_per_fit
 def input_noise(fitted: Fitted) -> InputNoise:
-    """What the noise of the first input does to a fit.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        A model whose first input is a measured position.
-    """
+    """What the noise of the first input does to a fit."""
     longest = max(fitted.data.samples, key=len)
     noise = position_noise(longest.inputs[:, 0])
     problem, minimum = fitted.problem, fitted.minimum

@@ -44,20 +44,7 @@ def model_error(
     thresholds: Thresholds,
     explained: Callable[[Fitted], float] = _nothing,
 ) -> ModelError:
-    """Look for a model error in the residuals of a fit.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        What is reported.
-    rungs : sequence of Fitted
-        The same structure over segments of growing length, some longer than the reported ones.
-    thresholds : Thresholds
-        What counts as evidence.
-    explained : callable, optional
-        Mean square of a fit's residuals, over that of the sensors' noise, that is explained beside
-        this noise.
-    """
+    """Look for a model error in the residuals of a fit."""
     floor = thresholds.noise_floor(rungs[0].excess)
     own = _beyond(fitted, floor + explained(fitted), rungs[0])
     growth = _growth(fitted, rungs, floor, explained)
@@ -71,22 +58,17 @@ def model_error(
     return ModelError(own / fitted.problem.degrees_of_freedom, growth, share)
 
 
-def widened(fitted: Fitted, error: ModelError, least: FloatArray | float = 0.0) -> Estimate:
+def widened(
+    fitted: Fitted,
+    error: ModelError,
+    least: FloatArray | float = 0.0,  # (k,)
+) -> Estimate:
     """The estimate of a fit with the model's error in its covariance.
 
     Where residuals are what noise explains, their covariance is drawn towards that of white noise;
     otherwise it is that of the blocks alone, but no less than what the sensors' noise makes it.
     Where friction makes the bottom rough and the steps end without arriving, the one that was not
     taken any more is added; along open directions there is none.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        The fit.
-    error : ModelError
-        What its residuals say about the model.
-    least : array, shape (k,), optional
-        Standard deviation that each value has at least.
     """
     fit, reduced = fitted.fit, fitted.minimum.reduced
     estimate = Estimate.of(fit)
@@ -111,15 +93,6 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
     drive has, and another stand-in would leave other values: they are as uncertain as they move
     without any, or without one of them. A dead zone, or what has a constant that was sought, that
     explains the log alone is none.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        What is reported; k values.
-    error : ModelError
-        What it leaves.
-    thresholds : Thresholds
-        Up to which excess a model explains a log.
     """
     joint = fitted.structure.joint
     stand_ins = {*joint.shapes, *_CURVATURES} & {*fitted.names}
@@ -135,15 +108,7 @@ def stand_in_covariance(fitted: Fitted, error: ModelError, thresholds: Threshold
 
 
 def driving_frictions(fitted: Fitted, thresholds: Thresholds) -> frozenset[str]:
-    """Frictions that came out farther below zero than noise explains.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        What is reported.
-    thresholds : Thresholds
-        How many standard deviations noise explains.
-    """
+    """Frictions that came out farther below zero than noise explains."""
     deviations = np.maximum(fitted.fit.standard_deviations, fitted.unit_deviations)
     below = fitted.values < -thresholds.friction_sign * deviations
     return DISSIPATIVE & {name for name, low in zip(fitted.names, below, strict=True) if low}
@@ -154,13 +119,6 @@ def driving_covariance(fitted: Fitted, driving: Collection[str]) -> FloatArray:
 
     A friction that drives is none: it has the part of something that the model lacks, whatever the
     residuals say. It may be zero as well, and the others what they are then.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        What is reported; k values.
-    driving : collection of str
-        Its `driving_frictions`.
     """
     if not driving:
         return np.zeros((len(fitted.names), len(fitted.names)))

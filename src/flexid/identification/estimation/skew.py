@@ -16,24 +16,12 @@ _MOSTLY = 0.8  # share of the deflection's variance; of a spring's motion less i
 
 @dataclass(frozen=True)
 class Skew:
-    """A delay between the encoders, in place of a spring.
+    """A delay between the encoders, in place of a spring."""
 
-    Parameters
-    ----------
-    delay : float
-        In s, that explains most of the deflection.
-    deviation : float
-        Its standard deviation in s, from the spread between parts of the log.
-    explained : float
-        Its share of the deflection's variance.
-    excess : float
-        What it leaves, as a mean square over that of the deflection's noise.
-    """
-
-    delay: float
-    deviation: float
-    explained: float
-    excess: float
+    delay: float  # in s, that explains most of the deflection
+    deviation: float  # its standard deviation in s, from the spread between parts of the log
+    explained: float  # its share of the deflection's variance
+    excess: float  # what it leaves, as a mean square over that of the deflection's noise
 
     @property
     def makes_the_deflection(self) -> bool:

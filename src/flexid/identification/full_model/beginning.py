@@ -38,27 +38,7 @@ def first_climb(
 ) -> list[Fitted]:
     """Fit over short segments of growing length, from the start that leads to the least residuals.
 
-    Parameters
-    ----------
-    structures : sequence of Structure
-        The full model with each hold of the input. Where the samples are far apart, no start leads
-        anywhere with the wrong one; the others are tried if the first fails.
-    data : Data
-        To what.
-    ladder : sequence of Segments
-        From short to long.
-    thresholds : Thresholds
-        Up to which excess a model explains a log.
-
-    Returns
-    -------
-    list of Fitted
-        From the first of the ladder on, as far as `climb` leads.
-
-    Raises
-    ------
-    ConvergenceError
-        If no start leads anywhere.
+    Returns from the first of the ladder on, as far as `climb` leads.
     """
     structure, *others = structures
     ways = starts(structure, data, ladder[0])

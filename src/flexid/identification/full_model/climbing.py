@@ -40,62 +40,25 @@ _TIED = "the log does not distinguish the holds; of these, the one that needs th
 
 @dataclass(frozen=True, eq=False)
 class Climb:
-    """The full model without unusual terms, over segments of growing length.
+    """The full model without unusual terms, over segments of growing length."""
 
-    Parameters
-    ----------
-    found : tuple of Fitted
-        From short segments to the longest that it follows.
-    ladder : tuple of Segments
-        All lengths.
-    free_length : bool
-        Whether the length of the segments is to be chosen.
-    holds : tuple of Hold
-        Behaviours of the input that there were to choose from.
-    hold_reason : str
-        Why the input was taken to behave as it does.
-    tied : tuple of Hold
-        Other behaviours that the log cannot tell from this one.
-    """
-
-    found: tuple[Fitted, ...]
-    ladder: tuple[Segments, ...]
-    free_length: bool
-    holds: tuple[Hold, ...]
-    hold_reason: str
-    tied: tuple[Hold, ...] = ()
+    found: tuple[Fitted, ...]  # from short segments to the longest that it follows
+    ladder: tuple[Segments, ...]  # all lengths
+    free_length: bool  # whether the length of the segments is to be chosen
+    holds: tuple[Hold, ...]  # behaviours of the input that there were to choose from
+    hold_reason: str  # why the input was taken to behave as it does
+    tied: tuple[Hold, ...] = ()  # other behaviours that the log cannot tell from this one
 
 
 def climb_full(
     base: Structure,
     data: Data,
     holds: Sequence[Hold],
-    durations: tuple[float, ...],
+    durations: tuple[float, ...],  # in s
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Climb:
-    """Fit the full model over segments of growing length.
-
-    Parameters
-    ----------
-    base : Structure
-        With every usual term that is to be considered; its hold is of no account.
-    data : Data
-        To fit.
-    holds : sequence of Hold
-        Behaviours of the input to choose from.
-    durations : tuple of float
-        The length of the segments in s, if it is given; empty where it is to be chosen.
-    progress : callable
-        Told of each step in words.
-    thresholds : Thresholds, optional
-        Up to which excess a model explains a log, and what counts as chance.
-
-    Raises
-    ------
-    ConvergenceError
-        If no start leads anywhere.
-    """
+    """Fit the full model over segments of growing length."""
     ladder = lengths(data, *durations)
     progress("the full model")
     short = [s for s in ladder if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
@@ -120,20 +83,7 @@ def climb_remembering(
 ) -> Climb | None:
     """Fit a joint with memory where one without leaves more than noise.
 
-    Parameters
-    ----------
-    climbed : Climb
-        Of the full model without.
-    leaner : sequence of Fitted
-        What was left of that model, over segments of growing length: where the full one does not
-        follow over longer ones these show a hysteresis.
-    progress, thresholds
-        As of `climb_full`.
-
-    Returns
-    -------
-    Climb or None
-        None where the model without explains the log, or one with memory hardly does so better.
+    Returns none where the model without explains the log, or one with memory hardly does so better.
     """
     full = climbed.found[-1].structure
     before = turning((*climbed.found, *leaner), thresholds)
@@ -165,13 +115,6 @@ def turning(found: Sequence[Fitted], thresholds: Thresholds) -> Fitted | None:
     """The fit whose residuals show best what a model lacks; None where none leaves more than noise.
 
     Over the shortest segments anything is a curve; over the longest ones no start is good.
-
-    Parameters
-    ----------
-    found : sequence of Fitted
-        Over segments of growing length.
-    thresholds : Thresholds
-        Up to which excess a model explains a log.
     """
     left = [fitted for fitted in found if fitted.excess > thresholds.sensor_excess]
     longer = (fitted for fitted in left if fitted.duration >= _TURNING)
@@ -190,23 +133,7 @@ def explained_by(
     thresholds: Thresholds,
     settled: Callable[[Fitted], Fitted] = _as_it_is,
 ) -> Fitted | None:
-    """A wider fit, if its first steps take away most of what one without leaves beyond noise.
-
-    Parameters
-    ----------
-    before : Fitted
-        Without.
-    structure : Structure
-        With more terms.
-    way : mapping of str to float
-        Where the steps begin.
-    floor : float
-        The excess that is noise.
-    thresholds : Thresholds
-        How much is most.
-    settled : callable, optional
-        What belongs to the first steps beside them.
-    """
+    """A wider fit, if its first steps take away most of what one without leaves beyond noise."""
     segments = [before.problem.segments]
     try:
         (found,) = climb(
@@ -232,17 +159,7 @@ def explained_by(
 
 
 def leaves_more(fitted: Fitted, chosen: Sequence[Fitted], thresholds: Thresholds) -> bool:
-    """Whether a fit leaves more than noise, and more than others over the same segments.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        To be judged.
-    chosen : sequence of Fitted
-        The others, over segments of several lengths.
-    thresholds : Thresholds
-        Up to which excess residuals are noise.
-    """
+    """Whether a fit leaves more than noise, and more than others over the same segments."""
     if fitted.excess <= thresholds.sensor_excess:
         return False
     length = len(fitted.problem.segments)
@@ -250,17 +167,7 @@ def leaves_more(fitted: Fitted, chosen: Sequence[Fitted], thresholds: Thresholds
 
 
 def promised(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> float:
-    """Share of the residuals beyond noise that the first step with more terms promises to take.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        Without them.
-    structure : Structure
-        The same with them.
-    way : mapping of str to float
-        Where that step begins.
-    """
+    """Share of the residuals beyond noise that the first step with more terms promises to take."""
     states = fitted.minimum.point.initial_states
     problem, point = motion_at(structure, fitted.data, fitted.problem.segments, way, states)
     equations = problem.equations(point)
@@ -275,21 +182,7 @@ def with_best_hold(
     free_length: bool,
     thresholds: Thresholds,
 ) -> Climb:
-    """A climb with the hold that suits it best, over the same segments.
-
-    Parameters
-    ----------
-    found : list of Fitted
-        Over segments of growing length, with one of the holds.
-    ladder : sequence of Segments
-        All lengths.
-    holds : sequence of Hold
-        Behaviours of the input to choose from.
-    free_length : bool
-        Whether the length of the segments is to be chosen.
-    thresholds : Thresholds
-        Up to which excess a model explains a log, and what counts as chance.
-    """
+    """A climb with the hold that suits it best, over the same segments."""
     if len(holds) == 1:
         refined = with_steps_refined(found)
         return Climb(refined, tuple(ladder), free_length, tuple(holds), "as given")
@@ -306,15 +199,7 @@ def _with_hold(structure: Structure, hold: Hold) -> Structure:
 
 
 def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
-    """The same structure with another hold, from where a fit ended; None if there is none.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        Where to begin.
-    hold : Hold
-        Another than its own, or there is none.
-    """
+    """The same structure with another hold, from where a fit ended; None if there is none."""
     structure = fitted.ended
     before = structure.timing.hold
     if hold == before:
@@ -334,17 +219,7 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
 
 
 def climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments]) -> list[Fitted]:
-    """A climb over the same segments as another, with the structure of a fit to the last of them.
-
-    Parameters
-    ----------
-    best : Fitted
-        That fit.
-    found : list of Fitted
-        The other climb.
-    ladder : sequence of Segments
-        All lengths.
-    """
+    """Fits over the same segments as others, with the structure of a fit to the last of them."""
     if best is found[-1]:
         return found
     states = found[0].minimum.point.initial_states
@@ -362,23 +237,8 @@ def best_hold(
 ) -> tuple[Fitted, str, tuple[Hold, ...]]:
     """The fit whose hold explains the log best; of those that are alike, that of least delay.
 
-    Parameters
-    ----------
-    last : Fitted
-        With one of the holds.
-    holds : sequence of Hold
-        All of them.
-    thresholds : Thresholds
-        How much better is better.
-
-    Returns
-    -------
-    fitted : Fitted
-        The same structure with the best hold.
-    reason : str
-        Why it is.
-    tied : tuple of Hold
-        Others that the log cannot tell from it.
+    The same structure with the best hold. reason : str Why it is. tied : tuple of Hold Others
+    that the log cannot tell from it.
     """
     others = [fitted for hold in holds if (fitted := held_otherwise(last, hold)) is not None]
     # One whose steps did not end is no rival of one whose steps did.
@@ -433,11 +293,6 @@ def residual_variance(found: Sequence[Fitted]) -> float:
 
     An encoder's steps under a slow motion are correlated for many samples; their sum of squares
     falls by chance as much as if there were fewer of them.
-
-    Parameters
-    ----------
-    found : sequence of Fitted
-        With one hold each.
     """
     return max(1.0, min(max(fitted.excess, _correlated(fitted)) for fitted in found))
 
@@ -452,15 +307,7 @@ def _correlated(fitted: Fitted) -> float:
 
 
 def hold_covariance(reported: Fitted, tied: Sequence[Hold]) -> FloatArray:
-    """Covariance, shape (k, k), of what was reported, from holds that the log cannot tell apart.
-
-    Parameters
-    ----------
-    reported : Fitted
-        With one of these holds; k values.
-    tied : sequence of Hold
-        The others.
-    """
+    """Covariance, shape (k, k), of what was reported, from holds that the log cannot tell apart."""
     added = np.zeros((len(reported.names), len(reported.names)))
     found = [other for hold in tied if (other := held_otherwise(reported, hold)) is not None]
     # In as short steps as what is reported, or their error would pass for a doubt.

@@ -45,39 +45,14 @@ def climb(
     data: Data,
     start: Mapping[str, float],
     ladder: Sequence[Segments],
-    states: FloatArray | None = None,
+    states: FloatArray | None = None,  # (n_segments, n_states)
     insist: bool = True,
     iterations: int = ITERATIONS,
 ) -> list[Fitted]:
     """Fit over segments of growing length, each from where the one before it ended.
 
-    Parameters
-    ----------
-    structure : Structure
-        What to fit.
-    data : Data
-        To what.
-    start : mapping of str to float
-        Where to begin; what is missing starts at zero.
-    ladder : sequence of Segments
-        From short to long, each of several of the one before put together.
-    states : array, shape (n_segments, n_states), optional
-        Where the states of the first length begin, if not near the measured positions.
-    insist : bool, optional
-        Whether the shortest segments have to be fitted well; if not, as well as may be.
-    iterations : int, optional
-        Steps that the shortest segments may take.
-
-    Returns
-    -------
-    list of Fitted
-        Up to the length at which the fit fails. One whose steps do not end is kept where its
-        residuals are nearly those of the noise, and leads on.
-
-    Raises
-    ------
-    ConvergenceError
-        If not even the shortest segments can be fitted.
+    Returns up to the length at which the fit fails. One whose steps do not end is kept where
+    its residuals are nearly those of the noise, and leads on.
     """
     how = {"insist": insist, "iterations": iterations, "enough": NEARLY_NOISE}
     first = _fit_segments(structure, data, ladder[0], start, states, ROUGH, **how)
@@ -87,11 +62,8 @@ def climb(
 def onward(first: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
     """Climb from a fit to those segments of a ladder that are longer than its own.
 
-    Returns
-    -------
-    list of Fitted
-        Up to the length at which the fit fails. One whose steps do not end is kept where its
-        residuals are nearly those of the noise, and leads on.
+    Returns up to the length at which the fit fails. One whose steps do not end is kept where
+    its residuals are nearly those of the noise, and leads on.
     """
     last, found = first, []
     for segments in (longer for longer in ladder if len(longer) < len(first.problem.segments)):
@@ -132,17 +104,9 @@ def fit_to(
 ) -> tuple[Fitted, list[Fitted]]:
     """Fit to other data over segments of a length in s, from values that are nearly right.
 
-    Returns
-    -------
-    fitted : Fitted
-        Over segments of that length, in steps that suit these data: those of `in_own_steps`.
-    rungs : list of Fitted
-        Rough fits over segments of growing length, up to four times as long.
-
-    Raises
-    ------
-    ConvergenceError
-        If it does not converge.
+    Returns over segments of that length, in steps that suit these data: those of
+    `in_own_steps`. rungs : list of Fitted Rough fits over segments of growing length, up to
+    four times as long.
     """
     ladder = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
     found = climb(structure, data, start, ladder)
@@ -192,13 +156,7 @@ def refit(
     tolerance: float,
     states: FloatArray | None,
 ) -> Fitted:
-    """Fit over given segments, within bounds, from values and states that are nearly right.
-
-    Raises
-    ------
-    ConvergenceError
-        If it does not converge, or a delay leaves the data.
-    """
+    """Fit over given segments, within bounds, from values and states that are nearly right."""
 
     def fit_with(unknowns: Unknowns) -> Fitted:
         # What ended at a bound is fixed there.

@@ -17,18 +17,6 @@ def turned_round(
     """Whether a measured deflection explains the link's motion if its sign is changed, only then.
 
     The link's row alone decides: the motor's fits either way, with a stiffness of either sign.
-
-    Parameters
-    ----------
-    structure : Structure
-        The model.
-    recordings : sequence of Recording
-        With velocities.
-    groups : sequence of int
-        The log of each.
-    share : float
-        Of the part of the link's acceleration that is left unexplained: below it, the other sign
-        is the right one.
     """
     if not recordings[0].link_from_deflection:
         return False

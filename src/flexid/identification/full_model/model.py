@@ -34,27 +34,14 @@ _FINEST = 1e-9  # noise over the largest position that still counts as some
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """What a model is fitted to.
+    """What a model is fitted to."""
 
-    Parameters
-    ----------
-    samples : tuple of Samples
-        Recordings with velocities.
-    groups : tuple of int
-        The log of each.
-    noise : array, shape (n_rows,)
-        Standard deviation of each position's noise.
-    relative_to : mapping of str to str
-        Rows whose position was measured relative to another row's, or to an input.
-    refinement : int, optional
-        How many times as many integration steps as usual a fit takes at its end.
-    """
-
-    samples: tuple[Samples, ...]
-    groups: tuple[int, ...]
-    noise: FloatArray
+    samples: tuple[Samples, ...]  # recordings with velocities
+    groups: tuple[int, ...]  # the log of each
+    noise: FloatArray  # (n_rows,): standard deviation of each position's noise
+    # rows whose position was measured relative to another row's, or to an input
     relative_to: Mapping[str, str] = field(default_factory=dict)
-    refinement: int = 1
+    refinement: int = 1  # how many times as many integration steps as usual a fit takes at its end
 
     @cached_property
     def margin(self) -> float:
@@ -96,27 +83,13 @@ def data_of(joint: Joint, recordings: Sequence[Recording], groups: Sequence[int]
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A model with the choices made about it.
+    """A model with the choices made about it."""
 
-    Parameters
-    ----------
-    joint : Joint
-        With all its terms.
-    absent : frozenset of str
-        Coefficients that are zero: terms that are off, or found to be.
-    timing : Timing
-        Hold of the input, and the delays.
-    fixed : mapping of str to float
-        Coefficients whose value is given.
-    bounds : mapping of str to tuple of float
-        Ends of coefficients.
-    """
-
-    joint: Joint
-    absent: frozenset[str]
-    timing: Timing
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    bounds: Bounds = field(default_factory=dict)
+    joint: Joint  # with all its terms
+    absent: frozenset[str]  # coefficients that are zero: terms that are off, or found to be
+    timing: Timing  # hold of the input, and the delays
+    fixed: Mapping[str, float] = field(default_factory=dict)  # coefficients whose value is given
+    bounds: Bounds = field(default_factory=dict)  # ends of coefficients
 
     def unknowns(self, groups: Sequence[int]) -> Unknowns:
         """What is sought of the coefficients."""
@@ -148,29 +121,14 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A structure fitted to data over segments of one length.
+    """A structure fitted to data over segments of one length."""
 
-    Parameters
-    ----------
-    structure : Structure
-        What was fitted.
-    data : Data
-        To what.
-    problem : SegmentedMotion
-        The motion that was fitted.
-    minimum : Minimum
-        Where it ended.
-    duration : float
-        Wanted length of a segment in s.
-    at_bound : mapping of str to float
-        What ended at a bound, and was fixed there.
-    """
-
-    structure: Structure
-    data: Data
-    problem: SegmentedMotion
-    minimum: Minimum
-    duration: float
+    structure: Structure  # what was fitted
+    data: Data  # to what
+    problem: SegmentedMotion  # the motion that was fitted
+    minimum: Minimum  # where it ended
+    duration: float  # wanted length of a segment in s
+    # what ended at a bound, and was fixed there
     at_bound: Mapping[str, float] = field(default_factory=dict)
 
     @property

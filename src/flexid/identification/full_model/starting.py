@@ -34,17 +34,7 @@ _COMPARED = 50  # segments over which starts are compared
 
 
 def starts(structure: Structure, data: Data, segments: Segments) -> list[dict[str, float]]:
-    """Values that a fit may begin with, the most promising first.
-
-    Parameters
-    ----------
-    structure : Structure
-        What is to be fitted.
-    data : Data
-        To what, with velocities.
-    segments : Segments
-        Short ones, over which the residuals of each start are compared.
-    """
+    """Values that a fit may begin with, the most promising first."""
     found: list[tuple[float, int, dict[str, float]]] = []
     some = segments.some(_COMPARED)
     states = first_states(some)
@@ -109,17 +99,7 @@ def _while_moving(fit: LeastSquaresFit) -> dict[str, float]:
 def least_squares_start(
     structure: Structure, data: Data, filter_rate: float
 ) -> tuple[dict[str, float], LeastSquaresFit]:
-    """Least squares of the data with smoothed friction, delays ignored: where a fit begins.
-
-    Parameters
-    ----------
-    structure : Structure
-        Terms that are on, and what is given.
-    data : Data
-        With velocities.
-    filter_rate : float
-        In 1/s.
-    """
+    """Least squares of the data with smoothed friction, delays ignored: where a fit begins."""
     unknowns = smooth_unknowns(structure, data.groups)
     hold = "zero" if structure.timing.hold == "zero" else "linear"
     fit = filtered_least_squares(data.samples, unknowns.system, filter_rate, hold, unknowns)
@@ -155,15 +135,7 @@ def _passive(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def smooth_unknowns(structure: Structure, groups: Sequence[int]) -> Unknowns:
-    """What least squares seeks of a structure: friction smoothed, and each coefficient for itself.
-
-    Parameters
-    ----------
-    structure : Structure
-        Terms that are on, and what is given.
-    groups : sequence of int
-        The log of each recording.
-    """
+    """What least squares seeks of a structure: friction smoothed, no coefficients tied."""
     joint = structure.joint
     smooth = joint.smooth
     absent = structure.absent

@@ -26,17 +26,7 @@ _BEYOND_NOISE = 3.0  # times its noise that a deflection must have to be one
 def compare_with_rigid(
     structure: Structure, recordings: SplitRecordings, flexible: Validation
 ) -> Compliance:
-    """Hold the rigid joint against the same data as the flexible one.
-
-    Parameters
-    ----------
-    structure : Structure
-        The flexible joint with what was chosen about it.
-    recordings : SplitRecordings
-        With two encoders.
-    flexible : Validation
-        Of the flexible joint over the held-out ends.
-    """
+    """Hold the rigid joint against the same data as the flexible one."""
     return _compliance(recordings, flexible, _rigid_fits(structure, recordings))
 
 
@@ -46,15 +36,6 @@ def of_link_alone(
     """Whether the spring explains the deflection that the motor's motion causes.
 
     There is no rigid joint to compare with, where no input drives it.
-
-    Parameters
-    ----------
-    recordings : SplitRecordings
-        With two encoders.
-    driven : Validation
-        Of the link alone over the held-out ends.
-    stiffness : CoefficientEstimate
-        Per link inertia. Where the log leaves it open, something else explains the deflection.
     """
     found = _compliance(recordings, driven, {})
     if found.visible and stiffness.verdict == "undetermined":

@@ -22,14 +22,7 @@ from flexid.models.parameter_kinds import Product
 
 
 def widest(estimates: Mapping[str, CoefficientEstimate], sizes: Mapping[str, float]) -> float:
-    """Half the widest interval, over the value or over what moves its row, whichever is less.
-
-    Parameters
-    ----------
-    estimates : mapping of str to CoefficientEstimate
-    sizes : mapping of str to float
-        What each coefficient does to its row; see `row_sizes`.
-    """
+    """Half the widest interval, over the value or over what moves its row, whichever is less."""
 
     def relative(found: CoefficientEstimate) -> float:
         half = 0.5 * (found.interval[1] - found.interval[0])
@@ -50,25 +43,7 @@ def coefficient_estimates(
     input_unit: str,
     thresholds: Thresholds = THRESHOLDS,
 ) -> dict[str, CoefficientEstimate]:
-    """Estimate with interval and verdict for every coefficient; what is fixed has no width.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Values with their covariance, of coefficients and of what else was sought.
-    joint : Joint
-        Units, and coefficients that follow from others.
-    unknowns : Unknowns
-        What was sought.
-    sizes : mapping of str to float
-        What each coefficient does to its row; see `row_sizes`.
-    fixed : mapping of str to tuple of float and str
-        What was not estimated, and why.
-    input_unit : str
-        Unit of the input.
-    thresholds : Thresholds, optional
-        Where the verdicts end.
-    """
+    """Estimate with interval and verdict for every coefficient; what is fixed has no width."""
     estimates = {}
     deviations = estimate.deviations
     for place, name in enumerate(estimate.names):

@@ -20,22 +20,7 @@ def verdict(
 ) -> Judged:
     """Judge a number by its interval.
 
-    Parameters
-    ----------
-    value : float
-        The number.
-    interval : tuple of float
-        Its interval.
-    effect : float, optional
-        Share of its row's acceleration that half the interval's width makes.
-    thresholds : Thresholds, optional
-        Where the verdicts end.
-
-    Returns
-    -------
-    verdict : {"determined", "weak", "undetermined"}
-    reason : str
-        Empty for a determined number.
+    Returns reason : str Empty for a determined number.
     """
     half = 0.5 * (interval[1] - interval[0])
     if not isfinite(half):

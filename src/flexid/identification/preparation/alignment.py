@@ -21,71 +21,33 @@ DelayStatus: TypeAlias = Literal["given", "found", "none"]
 
 @dataclass(frozen=True)
 class Delay:
-    """A delay of one channel against the motor's encoder.
+    """A delay of one channel against the motor's encoder."""
 
-    Parameters
-    ----------
-    value : float
-        In s: zero unless one was given or found.
-    std : float
-        In s.
-    interval : tuple of float
-        In s, at 95 %; of one that is none, what it could be.
-    status : {"given", "found", "none"}
-        Where it comes from.
-    """
-
-    value: float
-    std: float
-    interval: tuple[float, float]
-    status: DelayStatus
+    value: float  # in s: zero unless one was given or found
+    std: float  # in s
+    interval: tuple[float, float]  # in s, at 95 %; of one that is none, what it could be
+    status: DelayStatus  # where it comes from
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Hold of the input, and delays of the channels against the motor's encoder.
+    """Hold of the input, and delays of the channels against the motor's encoder."""
 
-    Parameters
-    ----------
-    hold : {"zero", "linear", "cubic"}
-        How the input behaves between samples.
-    input_delay : Delay
-        Positive if the input acts later than it stands in the log.
-    link_delay : Delay
-        Positive if the link's encoder shows where the link was so much earlier; of a deflection
-        that was measured, where the deflection was.
-    hold_reason : str
-        Why this hold.
-    """
-
-    hold: Hold
-    input_delay: Delay
+    hold: Hold  # how the input behaves between samples
+    input_delay: Delay  # positive if the input acts later than it stands in the log
+    # positive if the link's encoder shows where the link was so much earlier; of a deflection that
+    # was measured, where the deflection was
     link_delay: Delay
-    hold_reason: str
+    hold_reason: str  # why this hold
 
 
 def aligned(recording: Recording, alignment: Alignment) -> Recording:
     """Return the recording with all channels on the motor encoder's clock.
 
-    Parameters
-    ----------
-    recording : Recording
-        As it was logged.
-    alignment : Alignment
-        Its delays.
-
-    Returns
-    -------
-    Recording
-        Shorter by the samples at both ends that not all channels cover. The link's position, and
-        its velocity if it was logged, pass an all-pass filter, which leaves white noise white
-        (`flexid.recording.shift`). The input becomes its mean over each sample's hold, or its value
-        on the straight line between two samples.
-
-    Raises
-    ------
-    RecordingError
-        If nothing is left.
+    Returns shorter by the samples at both ends that not all channels cover. The link's
+    position, and its velocity if it was logged, pass an all-pass filter, which leaves white
+    noise white (`flexid.recording.shift`). The input becomes its mean over each sample's hold,
+    or its value on the straight line between two samples.
     """
     drive = alignment.input_delay.value / recording.sample_time
     link = -alignment.link_delay.value / recording.sample_time

@@ -54,52 +54,27 @@ _GRIP_SHARE = 0.4  # reach with which the search for a spring's hysteresis begin
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint with all its terms; made by `flexible`, `link` and `rigid`.
+    """A joint with all its terms; made by `flexible`, `link` and `rigid`."""
 
-    Parameters
-    ----------
-    kind : {"flexible", "link", "rigid"}
-        Two encoders and a spring between them; the same without an input, where the motor's
-        measured motion drives the link; or one encoder.
-    system : ParametricSystem
-        The model with every usual term, and dry friction.
-    extended : ParametricSystem
-        The same with those of `SHAPE_TERMS` that have no memory.
-    remembering : ParametricSystem
-        The same with those that have.
-    smooth : ParametricSystem
-        The first with smoothed friction: what least squares and the paper's observer take.
-    shaped : ParametricSystem
-        The extended one with smoothed friction.
-    terms : mapping of str to tuple of str
-        Coefficients that each term adds.
-    shapes : frozenset of str
-        Coefficients that only the extended model has.
-    units : mapping of str to str
-        Unit of every coefficient; ``{input}`` stands for the unit of the input.
-    channels : tuple of str
-        What a free run is compared in.
-    ties : mapping of str to tuple of str
-        Coefficients that follow from others.
-    grips : mapping of str to str
-        Coefficients that multiply a memory, and the grip without which they say nothing.
-    first_grip : float
-        In 1/rad, where the search for a grip begins.
-    """
-
+    # two encoders and a spring between them; the same without an input, where the motor's measured
+    # motion drives the link; or one encoder
     kind: Kind
-    system: ParametricSystem
-    extended: ParametricSystem
-    remembering: ParametricSystem
+    system: ParametricSystem  # the model with every usual term, and dry friction
+    extended: ParametricSystem  # the same with those of `SHAPE_TERMS` that have no memory
+    remembering: ParametricSystem  # the same with those that have
+    # the first with smoothed friction: what least squares and the paper's observer take
     smooth: ParametricSystem
-    shaped: ParametricSystem
-    terms: Mapping[str, tuple[str, ...]]
-    shapes: frozenset[str]
+    shaped: ParametricSystem  # the extended one with smoothed friction
+    terms: Mapping[str, tuple[str, ...]]  # coefficients that each term adds
+    shapes: frozenset[str]  # coefficients that only the extended model has
+    # unit of every coefficient; ``{input}`` stands for the unit of the input
     units: Mapping[str, str]
-    channels: tuple[str, ...]
+    channels: tuple[str, ...]  # what a free run is compared in
+    # coefficients that follow from others
     ties: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+    # coefficients that multiply a memory, and the grip without which they say nothing
     grips: Mapping[str, str] = field(default_factory=dict)
-    first_grip: float = 1.0
+    first_grip: float = 1.0  # in 1/rad, where the search for a grip begins
 
     @property
     def remembered(self) -> frozenset[str]:
@@ -183,16 +158,12 @@ class Joint:
             return samples_of_recording(recording)
         return link_samples(recording) if self.kind == "link" else rigid_samples(recording)
 
-    def channels_of(self, positions: FloatArray, inputs: FloatArray) -> FloatArray:
-        """Channels, shape (n, n_channels), in rad.
-
-        Parameters
-        ----------
-        positions : array, shape (n, n_rows)
-            Of the rows.
-        inputs : array, shape (n, n_inputs)
-            Of the system.
-        """
+    def channels_of(
+        self,
+        positions: FloatArray,  # (n, n_rows)
+        inputs: FloatArray,  # (n, n_inputs)
+    ) -> FloatArray:
+        """Channels, shape (n, n_channels), in rad."""
         if self.kind == "rigid":
             return positions
         motor = inputs[:, 0] if self.kind == "link" else positions[:, 1]
@@ -204,17 +175,7 @@ class Joint:
         fixed: Mapping[str, float],
         groups: Sequence[int] = (),
     ) -> Unknowns:
-        """What is sought where some coefficients are zero.
-
-        Parameters
-        ----------
-        absent : collection of str
-            Coefficients whose terms are off; others, the inertias and the spring, are always there.
-        fixed : mapping of str to float
-            Coefficients whose value is given.
-        groups : sequence of int, optional
-            The log that each recording comes from: offsets are sought log by log.
-        """
+        """What is sought where some coefficients are zero."""
         system = self.system if self.shapes <= {*absent} else self.extended
         system = system if self.remembered <= {*absent} else self.remembering
         off = {c: 0.0 for c in system.coefficients if c in absent}

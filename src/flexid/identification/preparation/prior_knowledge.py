@@ -36,27 +36,13 @@ _LARGEST_STEP = 0.5  # of a positive coefficient's value, lest it jump across ze
 
 @dataclass(frozen=True)
 class Known:
-    """A coefficient or physical parameter that is known beforehand.
+    """A coefficient or physical parameter that is known beforehand."""
 
-    Parameters
-    ----------
-    name : str
-        Of the coefficient or physical parameter.
-    value, std : float
-        What it is known as, and the standard deviation of that; 0 if it is known exactly.
-    bound : bool, optional
-        Whether it is the end of a range that the log leaves.
-
-    Raises
-    ------
-    SettingError
-        If the value is not finite, or the standard deviation negative or not finite.
-    """
-
-    name: str
+    name: str  # of the coefficient or physical parameter
+    # what it is known as, and the standard deviation of that; 0 if it is known exactly
     value: float
-    std: float
-    bound: bool = False
+    std: float  # what it is known as, and the standard deviation of that; 0 if it is known exactly
+    bound: bool = False  # whether it is the end of a range that the log leaves
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.value) and np.isfinite(self.std) and self.std >= 0.0):
@@ -76,35 +62,9 @@ def informed(
 ) -> tuple[Estimate, dict[str, str]]:
     """Join knowledge to a fit.
 
-    Parameters
-    ----------
-    fit : Fit
-        Of the log alone.
-    known : sequence of Known
-        Coefficients of the fit, or physical parameters; independent of the log and of one another.
-    parameters : sequence of PhysicalParameter, optional
-        Those that `known` may name.
-    given : mapping of str to float, optional
-        Coefficients that were not fitted, if a physical parameter needs them.
-    contradiction : float, optional
-        Standard deviations between log and knowledge beyond which they contradict each other. The
-        covariance then spans both.
-
-    Returns
-    -------
-    estimate : Estimate
-        Of both. What was known counts as known exactly in its uncertainty, so the more a value
-        rests on it, the more degrees of freedom (Welch and Satterthwaite).
-    contradicted : dict of str to str
-        By name, a sentence on what is known otherwise than the log says.
-
-    Raises
-    ------
-    SettingError
-        If a name is neither coefficient nor parameter, or the log leaves a coefficient free that
-        it depends on.
-    ConvergenceError
-        If no values satisfy both.
+    Returns of both. What was known counts as known exactly in its uncertainty, so the more a
+    value rests on it, the more degrees of freedom (Welch and Satterthwaite). contradicted :
+    dict of str to str By name, a sentence on what is known otherwise than the log says.
     """
     wanted = [_parameter(item.name, fit, parameters) for item in known]
     finite = np.isfinite(np.diag(fit.covariance))

@@ -18,21 +18,11 @@ _FEWEST_HELD_OUT_SAMPLES = 10
 
 @dataclass(frozen=True)
 class SplitRecordings:
-    """Contiguous recordings of motion, each cut once: a part to fit, and an end to test on.
+    """Contiguous recordings of motion, each cut once: a part to fit, and an end to test on."""
 
-    Parameters
-    ----------
-    recorded : tuple of Recording
-        As they were recorded.
-    starts : tuple of int
-        Where the held-out end of each begins.
-    groups : tuple of int
-        The log that each comes from.
-    """
-
-    recorded: tuple[Recording, ...]
-    starts: tuple[int, ...]
-    groups: tuple[int, ...]
+    recorded: tuple[Recording, ...]  # as they were recorded
+    starts: tuple[int, ...]  # where the held-out end of each begins
+    groups: tuple[int, ...]  # the log that each comes from
 
     @cached_property
     def whole(self) -> tuple[Recording, ...]:
@@ -57,24 +47,7 @@ class SplitRecordings:
 def prepare(
     logs: Sequence[Log], share: float, model: Kind | Auto = "auto"
 ) -> tuple[SplitRecordings, tuple[str, ...]]:
-    """Collect the recordings that are long enough, and a warning for each that is not.
-
-    Parameters
-    ----------
-    logs : sequence of Log
-        Of the same drive, with the same kind of input.
-    share : float
-        Share of each recording, at its end, to be held out.
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Whose channels are kept; all, if not given.
-
-    Raises
-    ------
-    RecordingError
-        If the logs do not go together, or all are too short.
-    SettingError
-        If the share leaves too little to test on, or the logs lack a channel of the model.
-    """
+    """Collect the recordings that are long enough, and a warning for each that is not."""
     check_distinct(logs)
     common_input_unit(logs)
     _check_encoders(logs)

@@ -38,55 +38,32 @@ Auto = Literal["auto"]
 
 @dataclass(frozen=True)
 class Settings:
-    """Choices of an identification; what is ``auto`` is chosen from the log.
+    """Choices of an identification; what is ``auto`` is chosen from the log."""
 
-    Parameters
-    ----------
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint: flexible, from both encoders and the input; the link alone, driven by the
-        measured motor position, without the input; or rigid, from the motor's encoder alone.
-        What the log shows, if not given.
-    terms : tuple of str, optional
-        Terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
-        `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder.
-    known : mapping of str to float, optional
-        Physical parameters, such as ``motor_inertia`` in kg m², or coefficients, by name.
-    known_deviations : mapping of str to float, optional
-        Standard deviations of what is known; what has none is taken as exact.
-    bounds : mapping of str to tuple of float, optional
-        Lower and upper end of physical parameters or coefficients, infinite where there is none.
-    hold : {"auto", "zero", "linear", "cubic"}, optional
-        How the input behaves between samples.
-    input_delay : float, optional
-        By how many seconds the input acts later than it was recorded.
-    link_delay : float, optional
-        By how many seconds the link's encoder lags behind the motor's.
-    coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes sign; at once if not given.
-    filter_rate : float, optional
-        Rate in 1/s of the state-variable filter of least squares, which a stream is fitted by.
-    segment_duration : float, optional
-        Length of the segments of the prediction error in s.
-    validation_share : float, optional
-        Share of each recording, at its end, that the free run is tested on.
-
-    Raises
-    ------
-    SettingError
-        If a value cannot be used.
-    """
-
+    # of the joint: flexible, from both encoders and the input; the link alone, driven by the
+    # measured motor position, without the input; or rigid, from the motor's encoder alone. What the
+    # log shows, if not given
     model: Kind | Auto = "auto"
+    # terms of the model; see `flexid.models.flexible_joint.TERMS` and `SHAPE_TERMS`, and
+    # `flexid.models.rigid_joint.RIGID_TERMS` for a log with one encoder
     terms: tuple[str, ...] | Auto = "auto"
+    # physical parameters, such as ``motor_inertia`` in kg m², or coefficients, by name
     known: Mapping[str, float] = field(default_factory=dict)
+    # standard deviations of what is known; what has none is taken as exact
     known_deviations: Mapping[str, float] = field(default_factory=dict)
+    # lower and upper end of physical parameters or coefficients, infinite where there is none
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    hold: Hold | Auto = "auto"
+    hold: Hold | Auto = "auto"  # how the input behaves between samples
+    # by how many seconds the input acts later than it was recorded
     input_delay: float | Auto = "auto"
+    # by how many seconds the link's encoder lags behind the motor's
     link_delay: float | Auto = "auto"
+    # velocity in rad/s over which Coulomb friction changes sign; at once if not given
     coulomb_velocity: float | Auto = "auto"
+    # rate in 1/s of the state-variable filter of least squares, which a stream is fitted by
     filter_rate: float | Auto = "auto"
-    segment_duration: float | Auto = "auto"
+    segment_duration: float | Auto = "auto"  # length of the segments of the prediction error in s
+    # share of each recording, at its end, that the free run is tested on
     validation_share: float = 1 / 3
 
     def __post_init__(self) -> None:
@@ -148,18 +125,12 @@ def check_for(joint: Joint, settings: Settings) -> None:
                 )
 
 
-def check_against(settings: Settings, sample_time: float, shortest: float) -> None:
-    """Raise `SettingError` for numbers that a log gives no meaning to.
-
-    Parameters
-    ----------
-    settings : Settings
-        To check.
-    sample_time : float
-        Of the log, in s.
-    shortest : float
-        Length of its shortest recording in s.
-    """
+def check_against(
+    settings: Settings,
+    sample_time: float,  # in s
+    shortest: float,  # in s
+) -> None:
+    """Raise `SettingError` for numbers that a log gives no meaning to."""
     length = settings.segment_duration
     if length != "auto" and length < FEWEST_SAMPLES * sample_time:
         raise SettingError(

@@ -28,38 +28,21 @@ _ORDER = (
 
 @dataclass(frozen=True)
 class Stated:
-    """What is stated of a joint.
+    """What is stated of a joint."""
 
-    Parameters
-    ----------
-    given : mapping of str to float
-        Coefficients that are known exactly.
-    bounds : mapping of str to tuple of float
-        Ends of coefficients.
-    known : tuple of Known
-        What is to be joined to the fit: what is uncertain, and exact functions of several
-        coefficients.
-    within : mapping of str to tuple of float
-        Ends of functions of several coefficients.
-    kept : frozenset of str
-        Coefficients that all this is about, so that their terms stay.
-    """
-
-    given: Mapping[str, float]
-    bounds: Mapping[str, tuple[float, float]]
+    given: Mapping[str, float]  # coefficients that are known exactly
+    bounds: Mapping[str, tuple[float, float]]  # ends of coefficients
+    # what is to be joined to the fit: what is uncertain, and exact functions of several
+    # coefficients
     known: tuple[Known, ...] = ()
+    # ends of functions of several coefficients
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # coefficients that all this is about, so that their terms stay
     kept: frozenset[str] = frozenset()
 
 
 def stated(settings: Settings, joint: Joint, input_unit: str) -> Stated:
-    """What the settings state of a joint with an input.
-
-    Raises
-    ------
-    SettingError
-        If a name is none here, or two statements exclude or repeat each other.
-    """
+    """What the settings state of a joint with an input."""
     functions = _functions(settings, joint, input_unit)
     for setting, names in (("known", settings.known), ("bounds", settings.bounds)):
         for name in names:

@@ -17,19 +17,7 @@ _KEPT = 2000  # samples of the trace that are kept for the figure
 def stream(recordings: Sequence[Samples], unknowns: Unknowns, hold: Hold) -> ObserverTrace:
     """Run the observer with suggested constant gains over recordings, one after the other.
 
-    Parameters
-    ----------
-    recordings : sequence of Samples
-        With velocities. The estimates at the end of one are where the next begins.
-    unknowns : Unknowns
-        What is sought. What is fixed keeps its value; the observer does not distinguish logs.
-    hold : {"zero", "linear"}
-        Behaviour of the input between samples.
-
-    Returns
-    -------
-    ObserverTrace
-        Of the coefficients that are sought, starting from zero estimates.
+    Returns of the coefficients that are sought, starting from zero estimates.
     """
     system = unknowns.system
     sought = [c for c in system.coefficients if c not in unknowns.fixed]

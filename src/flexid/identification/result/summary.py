@@ -19,17 +19,7 @@ _HOLDS = {"zero": "held between samples", "linear": "on straight lines", "cubic"
 
 
 def summary(choices: Choices, model: Kind, *, asked: bool = False) -> tuple[str, str, str]:
-    """Terms, alignment and estimator, a sentence each.
-
-    Parameters
-    ----------
-    choices : Choices
-        What was chosen.
-    model : {"flexible", "link", "rigid"}
-        What was identified.
-    asked : bool, optional
-        Whether the settings named the model; else it follows from the log.
-    """
+    """Terms, alignment and estimator, a sentence each."""
     return (
         _model_sentence(choices, model, asked=asked),
         _alignment_sentence(choices.alignment, model),

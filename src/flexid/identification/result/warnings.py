@@ -27,14 +27,7 @@ _SIGN_ADVICE = {
 def sign_warnings(
     coefficients: Mapping[str, CoefficientEstimate], driving: Collection[str]
 ) -> Iterator[Caution]:
-    """Warn of coefficients that physics wants positive and the data want negative.
-
-    Parameters
-    ----------
-    coefficients : mapping of str to CoefficientEstimate
-    driving : collection of str
-        Frictions that came out negative beyond noise.
-    """
+    """Warn of coefficients that physics wants positive and the data want negative."""
     for name, advice in _SIGN_ADVICE.items():
         if name in coefficients and coefficients[name].interval[1] < 0:
             yield Caution(
@@ -89,19 +82,6 @@ def model_warnings(
 
     One that is no larger than the sensors' noise is uncertain, and that leaves every interval
     narrow, is no cause for alarm.
-
-    Parameters
-    ----------
-    error : ModelError
-        What they show.
-    model : {"flexible", "link", "rigid"}
-        What was fitted.
-    widest : float
-        Half the widest interval with the allowance for it, as `judgement.estimates` has it.
-    disturbances : Disturbances, optional
-        Of the fit with disturbances, if that is reported.
-    thresholds : Thresholds, optional
-        How large the one and how wide the other has to be.
     """
     if disturbances is not None:
         worst = max(disturbances.shares, key=lambda name: disturbances.shares[name])

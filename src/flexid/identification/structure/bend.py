@@ -24,28 +24,12 @@ def _deflection(joint: Joint, data: Data) -> tuple[float, float]:
 
 
 def resolution(joint: Joint, data: Data) -> float:
-    """Difference of two deflections at which a spring may bend, in rad.
-
-    Parameters
-    ----------
-    joint : Joint
-        With a spring.
-    data : Data
-        Its recordings.
-    """
+    """Difference of two deflections at which a spring may bend, in rad."""
     return _BETWEEN * _deflection(joint, data)[1]
 
 
 def deflections(structure: Structure, data: Data) -> list[float]:
-    """Deflections at which the spring may bend, in rad.
-
-    Parameters
-    ----------
-    structure : Structure
-        Of a joint with a spring.
-    data : Data
-        Its recordings; where nothing is deflected they show none.
-    """
+    """Deflections at which the spring may bend, in rad."""
     mean, usual = _deflection(structure.joint, data)
     if not usual > 0.0:
         return []
@@ -66,13 +50,7 @@ BEND = SoughtShape(
 
 
 def is_slack(fitted: Fitted) -> bool:
-    """Whether a bent spring has no stiffness to speak of below its bend, as a spring with play has.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        With a bent spring or without.
-    """
+    """Whether a bent spring has hardly any stiffness below its bend, as one with play has."""
     values = {**fitted.structure.fixed, **fitted.by_name}
     springs = [(values.get(below), values.get(more)) for below, more in _SPRINGS]
     known = [(below, more) for below, more in springs if below is not None and more is not None]

@@ -36,34 +36,17 @@ CORE = ("theta1", "theta2", "alpha1", "beta1", "gamma1")
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The structure of a log.
+    """The structure of a log."""
 
-    Parameters
-    ----------
-    full : Structure
-        With everything that was considered.
-    structure : Structure
-        With what the log shows.
-    fitted : Fitted
-        It, fitted to the data that it was chosen on.
-    terms : tuple of TermEvidence
-        What was kept and what was not.
-    found : tuple of Fitted
-        What was left, over segments of growing length.
-    climbed : Climb
-        How the full model was fitted.
-    rivals : tuple of Fitted
-        With terms that chance might explain, without frictions that came out negative, and, where
-        the model leaves more than noise, over segments of other lengths: held-out data may prefer
-        one of these.
-    """
-
-    full: Structure
-    structure: Structure
-    fitted: Fitted
-    terms: tuple[TermEvidence, ...]
-    found: tuple[Fitted, ...]
-    climbed: Climb
+    full: Structure  # with everything that was considered
+    structure: Structure  # with what the log shows
+    fitted: Fitted  # it, fitted to the data that it was chosen on
+    terms: tuple[TermEvidence, ...]  # what was kept and what was not
+    found: tuple[Fitted, ...]  # what was left, over segments of growing length
+    climbed: Climb  # how the full model was fitted
+    # with terms that chance might explain, without frictions that came out negative, and, where the
+    # model leaves more than noise, over segments of other lengths: held-out data may prefer one of
+    # these
     rivals: tuple[Fitted, ...] = ()
 
     @property
@@ -86,21 +69,7 @@ def choose_structure(
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Choice:
-    """Take away from the full model what a log does not show.
-
-    Parameters
-    ----------
-    climbed : Climb
-        Of the full model.
-    kept : collection of str
-        Coefficients and delays that stay whatever the log says.
-    with_shapes : bool
-        Whether terms beyond the usual ones are considered.
-    progress : callable
-        Called with each step in words.
-    thresholds : Thresholds, optional
-        What counts as chance.
-    """
+    """Take away from the full model what a log does not show."""
     found, ladder = list(climbed.found), climbed.ladder
     best = best_length(found) if climbed.free_length else found[-1]
     progress("taking away what the log does not show")
@@ -287,19 +256,7 @@ def _leanest(
 def eliminate(
     full: Fitted, kept: Collection[str], thresholds: Thresholds, *, usual_first: bool = False
 ) -> tuple[Structure, tuple[TermEvidence, ...]]:
-    """Take terms away while one is left that chance explains.
-
-    Parameters
-    ----------
-    full : Fitted
-        With all terms.
-    kept : collection of str
-        What stays in any case.
-    thresholds : Thresholds
-        Probabilities below which a term is no chance.
-    usual_first : bool, optional
-        Of terms that the log does not distinguish, whether the usual ones go first, not the others.
-    """
+    """Take terms away while one is left that chance explains."""
     joint = full.structure.joint
     names = full.names
     base = [name.partition("[")[0] for name in names]

@@ -14,21 +14,14 @@ _NULL = 1e-9  # of the largest eigenvalue
 _CONVERGED = 1e-6  # relative fall of the sum of squares that the last step promises
 
 
-def following_states(model: SegmentedMotion, values: FloatArray, windows: Segments) -> FloatArray:
+def following_states(
+    model: SegmentedMotion,
+    values: FloatArray,  # (k,)
+    windows: Segments,
+) -> FloatArray:
     """First states for which a model follows its windows best, its coefficients given.
 
-    Parameters
-    ----------
-    model : SegmentedMotion
-        The model; its own segments do not matter.
-    values : array, shape (k,)
-        Of what it seeks.
-    windows : Segments
-        Stretches to follow.
-
-    Returns
-    -------
-    array, shape (n_windows, n_states)
+    Returns shape (n_windows, n_states).
     """
     problem = replace(model, segments=windows)
     states = problem.start_states

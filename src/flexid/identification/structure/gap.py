@@ -50,11 +50,6 @@ def as_wide_as_its_gap(fitted: Fitted) -> Fitted:
     """A fit whose play has the width of its own gap; the same fit where that is worse.
 
     A sharper shape may want shorter steps, which the data of what is returned then have.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        With or without play.
     """
     trail: list[tuple[float, float]] = []
     for _ in range(_MOST_FITS):
@@ -164,13 +159,6 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     With e the errors of the values while the width stays, d their change with it, and g the
     derivatives of the gap, the width is off by g·e / (1 - g·d), and the values by
     (I + d gᵀ / (1 - g·d)) e.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the fit.
-    fitted : Fitted
-        With or without play.
     """
     deviation = _deviation(fitted)
     if not is_dead_zone(fitted) or not 0.0 < deviation < half_gap(fitted):
@@ -191,22 +179,8 @@ def climb_gapped(
 ) -> Climb | None:
     """Fit a joint with play where one without leaves more than noise.
 
-    Parameters
-    ----------
-    climbed : Climb
-        Of the full model without.
-    chosen : sequence of Fitted
-        Of the full model that what is chosen so far was taken from.
-    progress : callable
-        Called with each step in words.
-    thresholds : Thresholds
-        Up to which excess a model explains a log, and how much a start has to explain.
-
-    Returns
-    -------
-    Climb or None
-        None where the model without explains the log, no start with play does so far better, or
-        something else does so better.
+    Returns none where the model without explains the log, no start with play does so far
+    better, or something else does so better.
     """
     full, data = climbed.found[-1].structure, climbed.found[-1].data
     play = PLAY & full.joint.shapes

@@ -41,30 +41,14 @@ _HOLDS: tuple[Hold, ...] = ("zero", "cubic", "linear")
 
 @dataclass(frozen=True)
 class Job:
-    """What the logs and the settings leave to be found.
+    """What the logs and the settings leave to be found."""
 
-    Parameters
-    ----------
-    joint : Joint
-        Flexible, its link alone, or rigid.
-    input_unit : str
-        Of the input; empty where there is none.
-    stated : Stated
-        What the user states of the drive.
-    settings : Settings
-        What the user decides.
-    deflection : bool, optional
-        Whether the deflection was measured instead of the link's position.
-    left_out : frozenset of str, optional
-        Coefficients and delays that are not considered.
-    """
-
-    joint: Joint
-    input_unit: str
-    stated: Stated
-    settings: Settings
-    deflection: bool = False
-    left_out: frozenset[str] = frozenset()
+    joint: Joint  # flexible, its link alone, or rigid
+    input_unit: str  # of the input; empty where there is none
+    stated: Stated  # what the user states of the drive
+    settings: Settings  # what the user decides
+    deflection: bool = False  # whether the deflection was measured instead of the link's position
+    left_out: frozenset[str] = frozenset()  # coefficients and delays that are not considered
 
     @property
     def delay_in_doubt(self) -> bool:
@@ -127,13 +111,7 @@ class Job:
 
 
 def job_of(recordings: SplitRecordings, settings: Settings) -> Job:
-    """What is to be found in some recordings.
-
-    Raises
-    ------
-    SettingError
-        If a setting does not suit the joint.
-    """
+    """What is to be found in some recordings."""
     input_unit = recordings.recorded[0].input_unit
     joint = joint_of(_kind(recordings.recorded[0]))
     check_for(joint, settings)

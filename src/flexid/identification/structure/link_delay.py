@@ -46,13 +46,7 @@ def doubtful(values: Mapping[str, float]) -> frozenset[str]:
 
 
 def possible(values: Mapping[str, float]) -> tuple[float, float]:
-    """Ends in s of the further delay that the signs of damping and friction leave possible.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-        Coefficients, as they are beside the delay that was taken.
-    """
+    """Ends in s of the further delay that the signs of damping and friction leave possible."""
     stiffness = values.get(_STIFFNESS, 0.0)
     if stiffness <= 0.0:
         return 0.0, 0.0
@@ -78,15 +72,7 @@ def confused_covariance(estimate: Estimate) -> FloatArray:
 
 
 def in_doubt(alignment: Alignment, estimate: Estimate) -> Alignment:
-    """An alignment whose link delay is what the signs of damping and friction leave possible.
-
-    Parameters
-    ----------
-    alignment : Alignment
-        As it was chosen.
-    estimate : Estimate
-        With `confused_covariance` in it.
-    """
+    """An alignment whose link delay is what the signs of damping and friction leave possible."""
     delay = alignment.link_delay
     if LINK in estimate.names:
         place = estimate.names.index(LINK)

@@ -27,13 +27,7 @@ _MOST_BINS = 2**18  # of a spectrum, however many turns there are
 
 
 def resolution(_: Joint, data: Data) -> float:
-    """Difference of two numbers of periods in a turn that makes one period over the whole motion.
-
-    Parameters
-    ----------
-    data : Data
-        Of a flexible joint.
-    """
+    """Difference of two numbers of periods in a turn: one period over the whole motion."""
     return 2.0 * np.pi / _range(data)
 
 
@@ -44,15 +38,7 @@ def _range(data: Data) -> float:
 
 
 def numbers(structure: Structure, data: Data) -> list[float]:
-    """Periods in a turn of which what least squares leaves may have some.
-
-    Parameters
-    ----------
-    structure : Structure
-        Without ripple.
-    data : Data
-        Of a flexible joint, with velocities; of a motor that does not move they show none.
-    """
+    """Periods in a turn of which what least squares leaves may have some."""
     if not _range(data) > 0.0:
         return []
     apart = resolution(structure.joint, data)

@@ -23,13 +23,7 @@ SOUGHT_COEFFICIENTS = frozenset(c for shape in SOUGHT for c in shape.coefficient
 
 
 def settled(fitted: Fitted) -> Fitted:
-    """A fit whose shapes have the constants that suit it best.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        With or without such shapes.
-    """
+    """A fit whose shapes have the constants that suit it best."""
     fitted = as_wide_as_its_gap(fitted)
     for shape in SOUGHT:
         fitted = at_its_constant(shape, fitted)
@@ -41,11 +35,6 @@ def free_information(fitted: Fitted) -> FloatArray:
 
     With I the form while a constant stays, and d what the values move by with its standard
     deviation, their covariance is I⁻¹ + d dᵀ, and the form that of Sherman and Morrison.
-
-    Parameters
-    ----------
-    fitted : Fitted
-        With or without such shapes.
     """
     information = fitted.information
     for shape in SOUGHT:
@@ -56,15 +45,7 @@ def free_information(fitted: Fitted) -> FloatArray:
 
 
 def with_free_shapes(estimate: Estimate, fitted: Fitted) -> Estimate:
-    """The estimate with the uncertainty of such constants in its covariance.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the fit.
-    fitted : Fitted
-        With or without such shapes.
-    """
+    """The estimate with the uncertainty of such constants in its covariance."""
     estimate = with_free_width(estimate, fitted)
     for shape in SOUGHT:
         estimate = with_free_constant(shape, estimate, fitted)

@@ -44,27 +44,14 @@ _FARTHEST = 0.5  # of a constant, over which values are taken to move in proport
 
 @dataclass(frozen=True)
 class SoughtShape:
-    """A term with a constant that is sought.
+    """A term with a constant that is sought."""
 
-    Parameters
-    ----------
-    words : str
-        What it describes.
-    coefficients : frozenset of str
-        Of the term, those that follow from others among them.
-    constant : str
-        The constant's name in the model.
-    candidates : callable
-        Constants that a structure and its data speak for; none where nothing moves.
-    resolution : callable
-        How far apart two constants are, near that of a joint, which its data distinguish at a
-        glance.
-    """
-
-    words: str
-    coefficients: frozenset[str]
-    constant: str
+    words: str  # what it describes
+    coefficients: frozenset[str]  # of the term, those that follow from others among them
+    constant: str  # the constant's name in the model
+    # constants that a structure and its data speak for; none where nothing moves
     candidates: Callable[[Structure, Data], list[float]]
+    # how far apart two constants are, near that of a joint, which its data distinguish at a glance
     resolution: Callable[[Joint, Data], float]
 
     def of(self, structure: Structure) -> float:
@@ -95,26 +82,8 @@ def climb_with(
 ) -> Climb | None:
     """Fit a joint with a term more where one without leaves more than noise.
 
-    Parameters
-    ----------
-    shape : SoughtShape
-        The term.
-    climbed : Climb
-        Of the full model without.
-    leaner : sequence of Fitted
-        What was left of that model, over segments of growing length.
-    chosen : sequence of Fitted
-        Of the full model that what is chosen so far was taken from.
-    progress : callable
-        Called with each step in words.
-    thresholds : Thresholds
-        Up to which excess a model explains a log, and how much the term has to explain.
-
-    Returns
-    -------
-    Climb or None
-        None where the model without explains the log, the term does so hardly better, or something
-        else does so better.
+    Returns none where the model without explains the log, the term does so hardly better, or
+    something else does so better.
     """
     full = climbed.found[-1].structure
     before = turning((*climbed.found, *leaner), thresholds)
@@ -137,18 +106,7 @@ def climb_with(
 def climb_asked_for(
     shape: SoughtShape, climbed: Climb, progress: Progress, thresholds: Thresholds
 ) -> Climb:
-    """Fit a joint with a term more whatever it explains, since somebody asked for it.
-
-    Parameters
-    ----------
-    shape, climbed, progress, thresholds
-        As of `climb_with`.
-
-    Raises
-    ------
-    ConvergenceError
-        If there is no fit with the term.
-    """
+    """Fit a joint with a term more whatever it explains, since somebody asked for it."""
     progress(shape.words)
     before = turning(climbed.found, thresholds) or climbed.found[-1]
     promising = [*_promising(shape, before, climbed.found[-1].structure)]
@@ -201,15 +159,7 @@ def _near(
 
 
 def at_its_constant(shape: SoughtShape, fitted: Fitted) -> Fitted:
-    """A fit with the constant for which the sum of squares is least; the same where that is worse.
-
-    Parameters
-    ----------
-    shape : SoughtShape
-        The term.
-    fitted : Fitted
-        With it or without.
-    """
+    """A fit with the constant of the least sum of squares; the same where that is worse."""
     for _ in range(_MOST_FITS):
         if not shape.is_in(fitted):
             return fitted
@@ -267,13 +217,6 @@ def moved_by_constant(shape: SoughtShape, fitted: Fitted) -> FloatArray:
     """By how much values move as the constant moves by its standard deviation, shape (k,).
 
     Zero where the fit has not the term, or the log does not show its constant.
-
-    Parameters
-    ----------
-    shape : SoughtShape
-        The term.
-    fitted : Fitted
-        With it or without.
     """
     return _moved(fitted, shape) if shape.is_in(fitted) else np.zeros(len(fitted.names))
 
@@ -289,17 +232,7 @@ def _moved(fitted: Fitted, shape: SoughtShape) -> FloatArray:
 
 
 def with_free_constant(shape: SoughtShape, estimate: Estimate, fitted: Fitted) -> Estimate:
-    """The estimate with the uncertainty of the constant in its covariance.
-
-    Parameters
-    ----------
-    shape : SoughtShape
-        The term.
-    estimate : Estimate
-        Of the fit.
-    fitted : Fitted
-        With the term or without.
-    """
+    """The estimate with the uncertainty of the constant in its covariance."""
     moved = moved_by_constant(shape, fitted)
     if not moved.any():
         return estimate

@@ -13,26 +13,12 @@ _BETWEEN = 0.8  # of a Stribeck velocity, to the next one that the data distingu
 
 
 def resolution(joint: Joint, _: Data) -> float:
-    """Difference of two Stribeck velocities, in rad/s: it grows with the velocity itself.
-
-    Parameters
-    ----------
-    joint : Joint
-        With a Stribeck velocity.
-    """
+    """Difference of two Stribeck velocities, in rad/s: it grows with the velocity itself."""
     return _BETWEEN * joint.extended.constants[STRIBECK_VELOCITY]
 
 
 def velocities(structure: Structure, data: Data) -> list[float]:
-    """Velocities in rad/s over which static friction may fall off.
-
-    Parameters
-    ----------
-    structure : Structure
-        Of a joint with a motor.
-    data : Data
-        Its recordings, with velocities; of a motor that does not move they show none.
-    """
+    """Velocities in rad/s over which static friction may fall off."""
     sides = (structure.joint.both_sides(recording)[1] for recording in data.samples)
     usual = float(np.sqrt(np.mean(np.concatenate([v[:, _MOTOR] for v in sides]) ** 2)))
     return [share * usual for share in _TRIED] if usual > 0.0 else []

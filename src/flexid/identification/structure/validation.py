@@ -34,22 +34,8 @@ def validate(
 ) -> Validation:
     """Predict the held-out end of each recording.
 
-    Parameters
-    ----------
-    fitted : Fitted
-        To the data before the held-out ends.
-    data : Data
-        The recordings with their ends.
-    starts : sequence of int
-        Where the held-out end of each begins.
-    horizons : sequence of float, optional
-        Seconds after which predictions begin anew, beside the free run.
-
-    Returns
-    -------
-    Validation
-        With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
-        hardly moves in the held-out stretches, where a fit would test nothing.
+    With fit −inf per cent in every channel if the free run diverges, and NaN in a channel that
+    hardly moves in the held-out stretches, where a fit would test nothing.
     """
     joint, problem = fitted.structure.joint, fitted.problem
     return validate_with(joint, problem, fitted.values, data, starts, horizons)
@@ -58,28 +44,14 @@ def validate(
 def validate_with(
     joint: Joint,
     problem: SegmentedMotion,
-    values: FloatArray,
+    values: FloatArray,  # (k,)
     data: Data,
     starts: Sequence[int],
     horizons: Sequence[float] = HORIZONS,
 ) -> Validation:
     """Predict the held-out end of each recording with given values, wherever they come from.
 
-    Parameters
-    ----------
-    joint : Joint
-        What was identified.
-    problem : SegmentedMotion
-        The model's motion; over which segments does not matter.
-    values : array, shape (k,)
-        Of what `problem` seeks.
-    data, starts, horizons
-        As of `validate`.
-
-    Returns
-    -------
-    Validation
-        As of `validate`.
+    As of `validate`.
     """
     spreads = _spreads(joint, data, starts)
     runs = _predictions(joint, problem, values, data, [[start] for start in starts], np.inf)
@@ -116,19 +88,12 @@ def _warm_up(sample_time: float) -> int:
 
 
 def residuals_over_noise(
-    problem: SegmentedMotion, values: FloatArray, data: Data, duration: float
+    problem: SegmentedMotion,
+    values: FloatArray,
+    data: Data,
+    duration: float,  # in s
 ) -> dict[str, float]:
-    """Residual of each position over its sensor's noise, as root mean squares.
-
-    Parameters
-    ----------
-    problem, values
-        As of `validate_with`.
-    data : Data
-        What the model is to follow.
-    duration : float
-        Length in s of segments that each start anew from the state that fits them best.
-    """
+    """Residual of each position over its sensor's noise, as root mean squares."""
     segments = divide(data.samples, duration)
     states = following_states(problem, values, segments)
     equations = replace(problem, segments=segments).equations(Point(values, states), "nothing")

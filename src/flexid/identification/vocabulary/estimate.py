@@ -35,24 +35,13 @@ class Fit(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Values of what was sought, with their uncertainty.
+    """Values of what was sought, with their uncertainty."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        What was sought, k of them.
-    values : array, shape (k,)
-        Their values.
-    covariance : array, shape (k, k)
-        Of all that is doubted; infinite variance where the data leave a value free.
-    degrees_of_freedom : tuple of float
-        Of each variance, for Student's t.
-    """
-
-    names: tuple[str, ...]
-    values: FloatArray
+    names: tuple[str, ...]  # what was sought, k of them
+    values: FloatArray  # (k,): their values
+    # (k, k): of all that is doubted; infinite variance where the data leave a value free
     covariance: FloatArray
-    degrees_of_freedom: tuple[float, ...]
+    degrees_of_freedom: tuple[float, ...]  # of each variance, for Student's t
 
     @classmethod
     def of(cls, fit: Fit) -> "Estimate":

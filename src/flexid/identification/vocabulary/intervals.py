@@ -33,28 +33,14 @@ _ROUNDING = 1e-6  # of the largest share, below which a degree is none
 
 @dataclass(frozen=True)
 class Propagated:
-    """A physical parameter as a fit gives it.
+    """A physical parameter as a fit gives it."""
 
-    Parameters
-    ----------
-    value, std : float
-        Value and standard deviation in the parameter's unit.
-    interval : tuple of float
-        Lower and upper end of the 95 % interval.
-    degrees_of_freedom : float
-        Of the standard deviation; infinite if nothing in it was estimated.
-    logarithmic : bool
-        Whether the interval was taken on the logarithm.
-    slopes : mapping of str to float
-        Derivatives by what was fitted.
-    """
-
-    value: float
-    std: float
-    interval: Interval
-    degrees_of_freedom: float
-    logarithmic: bool
-    slopes: Mapping[str, float]
+    value: float  # value and standard deviation in the parameter's unit
+    std: float  # value and standard deviation in the parameter's unit
+    interval: Interval  # lower and upper end of the 95 % interval
+    degrees_of_freedom: float  # of the standard deviation; infinite if nothing in it was estimated
+    logarithmic: bool  # whether the interval was taken on the logarithm
+    slopes: Mapping[str, float]  # derivatives by what was fitted
 
 
 def checked_level(level: float) -> float:
@@ -74,17 +60,7 @@ def quantile(degrees_of_freedom: float, level: float = CONFIDENCE) -> float:
 def interval(
     value: float, std: float, degrees_of_freedom: float, level: float = CONFIDENCE
 ) -> Interval:
-    """Symmetrical interval; the whole line if nothing is known.
-
-    Parameters
-    ----------
-    value, std : float
-        Estimate and its standard deviation.
-    degrees_of_freedom : float
-        Of the standard deviation.
-    level : float, optional
-        Nominal coverage.
-    """
+    """Symmetrical interval; the whole line if nothing is known."""
     if std == 0.0:
         return value, value
     half_width = quantile(degrees_of_freedom, level) * std
@@ -107,21 +83,7 @@ def logarithmic_interval(
 
 
 def propagated(parameter: PhysicalParameter, values: Mapping[str, float], fit: Fit) -> Propagated:
-    """Physical parameter with the interval that the coefficients' covariance gives it.
-
-    Parameters
-    ----------
-    parameter : PhysicalParameter
-        What to compute.
-    values : mapping of str to float
-        Value of every coefficient, those of the fit and those that were given.
-    fit : Fit
-        Covariance and degrees of freedom of the fitted ones; the fewest of those involved count.
-
-    Returns
-    -------
-    Propagated
-    """
+    """Physical parameter with the interval that the coefficients' covariance gives it."""
     value = parameter.value(values)
     names = tuple(name for name in fit.names if name in parameter.coefficients)
     if not names:  # follows from what was given

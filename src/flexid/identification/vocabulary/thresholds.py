@@ -141,15 +141,7 @@ class Thresholds:
 
         An encoder's steps are no white noise, and leave a little more than 1 even there.
 
-        Parameters
-        ----------
-        shortest : float
-            The median excess over the shortest segments, in units of the sensors' noise.
-
-        Returns
-        -------
-        float
-            At least 1 and at most `sensor_excess`, in the same unit.
+        Returns at least 1 and at most `sensor_excess`, in the same unit.
         """
         return min(max(shortest, 1.0), self.sensor_excess)
 
