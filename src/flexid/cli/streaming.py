@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 def identify_with_bar(
     logs: Sequence[Path], columns: Path | None, settings: Settings, console: "Console"
 ) -> Identification:
-    """Stream a log, and show how far it is, how fast, and how long it will take.
-
-    Raises
-    ------
-    SettingError
-        If there are several logs.
-    """
+    """Stream a log, and show how far it is, how fast, and how long it will take."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
 

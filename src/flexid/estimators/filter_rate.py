@@ -16,22 +16,7 @@ hundredth at a tenth of it."""
 def check_filter_rate(
     filter_rate: float, sample_time: float, *, slowest: float = 1.0, fastest: float = 1.0
 ) -> None:
-    """Raise unless a filter suits the samples.
-
-    Parameters
-    ----------
-    filter_rate : float
-        In 1/s.
-    sample_time : float
-        In s.
-    slowest, fastest : float, optional
-        Multiples of the rate at which filters run beside.
-
-    Raises
-    ------
-    SettingError
-        If it is too slow or too fast, with the rates that are not.
-    """
+    """Raise unless a filter suits the samples."""
     least, most = SLOWEST / (slowest * sample_time), FASTEST / (fastest * sample_time)
     if not least <= filter_rate <= most:
         raise SettingError(

@@ -120,85 +120,29 @@ class OnlineEstimator(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class CompiledEstimator:
-    """An online estimator whose step is one compiled function.
+    """An online estimator whose step is one compiled function."""
 
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-    sample_time : float
-        Time between samples in s.
-    hold : {"linear", "zero"}
-        Hold of the inputs between samples.
-    needs_velocities : bool
-        Whether samples hold velocities, or coordinates and inputs alone.
-    """
-
-    system: ParametricSystem
-    sample_time: float
-    hold: Hold
-    needs_velocities: bool
+    system: ParametricSystem  # The model
+    sample_time: float  # Time between samples in s
+    hold: Hold  # Hold of the inputs between samples
+    needs_velocities: bool  # Whether samples hold velocities, or coordinates and inputs alone
     _kernel: ModuleType
     _settings: FloatArray
     _first_state: FloatArray
     _first_coefficient: ClassVar[int] = 0
 
     def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """State before the first sample.
-
-        Parameters
-        ----------
-        values : mapping of str to float, optional
-            Initial estimates; a coefficient that is not named starts from 0.
-
-        Returns
-        -------
-        array
-            The state, packed. `coefficients` reads the estimates from it.
-
-        Raises
-        ------
-        SettingError
-            If a name is no coefficient of the model, or a value is not finite.
-        """
+        """State before the first sample."""
         state = self._first_state.copy()
         state[self._coefficients] = start_values(self.system, values)
         return state
 
     def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Take in one sample.
-
-        Parameters
-        ----------
-        state : array
-            From `init`, `step` or a replay; not changed.
-        sample : array, float64
-            One row of what `pack` makes: coordinates (and the velocity after each, if
-            `needs_velocities`), then inputs.
-
-        Returns
-        -------
-        state : array
-            The new state.
-        info : array, shape (n_rows + 1,)
-            Innovations and `Status`, as in `History`.
-        """
+        """Take in one sample."""
         return self._kernel.step(state, sample, self._settings)
 
     def replay(self, state: FloatArray, samples: FloatArray) -> History:
-        """Take in many samples, exactly as `step` would one by one.
-
-        Parameters
-        ----------
-        state : array
-            From `init`, `step` or an earlier replay; not changed.
-        samples : array, shape (n, sample size)
-            One sample per row; `pack` makes them.
-
-        Returns
-        -------
-        History
-        """
+        """Take in many samples, exactly as `step` would one by one."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         coefficients = np.empty((len(samples), len(self.system.coefficients)))
         infos = np.empty((len(samples), len(self.system.rows) + 1))
@@ -215,24 +159,12 @@ class CompiledEstimator:
         return slice(first, first + len(self.system.coefficients))
 
     def pack(self, samples: Samples) -> FloatArray:
-        """Samples as `step` and `replay` take them, one per row.
-
-        Raises
-        ------
-        SettingError
-            If velocities are needed and the samples have none.
-        """
+        """Samples as `step` and `replay` take them, one per row."""
         return packed(samples) if self.needs_velocities else packed_positions(samples)
 
 
 def packed(samples: Samples) -> FloatArray:
-    """Samples with velocities, shape (n, 2 n_rows + n_inputs).
-
-    Raises
-    ------
-    SettingError
-        If the samples have no velocities.
-    """
+    """Samples with velocities, shape (n, 2 n_rows + n_inputs)."""
     if samples.velocities is None:
         raise SettingError("velocities", "this estimator needs them: derive velocities first")
     states = np.stack((samples.positions, samples.velocities), axis=2).reshape(len(samples), -1)
@@ -245,13 +177,7 @@ def packed_positions(samples: Samples) -> FloatArray:
 
 
 def start_values(system: ParametricSystem, values: Mapping[str, float] | None) -> FloatArray:
-    """Initial estimates in the system's order, 0 where none is given.
-
-    Raises
-    ------
-    SettingError
-        If a name is no coefficient of the model, or a value is not finite.
-    """
+    """Initial estimates in the system's order, 0 where none is given."""
     names = system.coefficients
     start = np.zeros(len(names))
     for name, value in (values or {}).items():
@@ -273,13 +199,7 @@ def checked_sample_time(sample_time: float) -> float:
 
 
 def fading_factor(memory_time: float, sample_time: float) -> float:
-    """Factor by which a weight fades per sample: exp(-h/τ), 1 for an infinite memory.
-
-    Raises
-    ------
-    SettingError
-        If the memory is not longer than ten samples.
-    """
+    """Factor by which a weight fades per sample: exp(-h/τ), 1 for an infinite memory."""
     if not memory_time > 10.0 * sample_time:
         raise SettingError(
             "memory time", f"{memory_time} is too short: give seconds, more than ten samples"

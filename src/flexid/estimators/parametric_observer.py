@@ -30,13 +30,10 @@ class ParametricObserver(CompiledEstimator):
     rad/s; NaN for a recording's first sample, which has no interval before it. The status is never
     `USED`: a constant gain cannot know whether the motion determines the coefficients, so compare
     with least squares.
-
-    Parameters
-    ----------
-    gains : array, shape (n_coefficients,)
-        Diagonal of G; in the paper c1 for each coefficient of the link, c2 for each of the motor.
     """
 
+    # shape (n_coefficients,); Diagonal of G; in the paper c1 for each coefficient of the link, c2
+    # for each of the motor
     gains: FloatArray
     _first_coefficient: ClassVar[int] = 1
 
@@ -86,25 +83,6 @@ def suggest_gains(
     Each coefficient gets rate / (k mean r²), k the number of coefficients in its row, so that all
     weigh alike in r̄ᵀG r̄ whatever their units. Directions that the motion excites less decay more
     slowly, and may not decay within the record at all: see the condition number of the excitation.
-
-    Parameters
-    ----------
-    samples : Samples
-        Typical motion, with velocities.
-    system : ParametricSystem
-        The model.
-    convergence_rate : float, optional
-        In 1/s.
-
-    Returns
-    -------
-    dict of str to float
-        For `parametric_observer`. A regressor that is always zero gets gain 0.
-
-    Raises
-    ------
-    SettingError
-        If the samples have no velocities.
     """
     squares = np.empty(len(system.coefficients))
     constants = np.array(list(system.constants.values()), dtype=np.float64)

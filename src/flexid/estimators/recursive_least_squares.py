@@ -44,38 +44,19 @@ LEAST_INFORMATION = 1e-4
 
 @dataclass(frozen=True)
 class Law:
-    """The numbers that an update goes by, for whoever writes it down in another language.
+    """The numbers that an update goes by, for whoever writes it down in another language."""
 
-    Parameters
-    ----------
-    fading : float
-        μ, by which what was learnt fades per sample.
-    least_information : float
-        Part of the largest information of each coefficient that is never forgotten.
-    fewest : int
-        Equations before anything is called determined.
-    ridge : float
-        ρ, added to the matrix when it is scaled to a unit diagonal.
-    least_tolerance : float
-        Part of a regressor's square that the others must leave over.
-    least_explained : float
-        Part of a left-hand side that a row must explain.
-    memory : int
-        Equations after which the filter remembers nothing of the time before; 0 without a filter.
-    pole : float
-        Of the filter; 0 without one.
-    half_window : int
-        Samples to either side that a velocity is the slope over; 0 where none is needed.
-    """
-
-    fading: float
+    fading: float  # μ, by which what was learnt fades per sample
+    # Part of the largest information of each coefficient that is never forgotten
     least_information: float
-    fewest: int
-    ridge: float
-    least_tolerance: float
-    least_explained: float
+    fewest: int  # Equations before anything is called determined
+    ridge: float  # ρ, added to the matrix when it is scaled to a unit diagonal
+    least_tolerance: float  # Part of a regressor's square that the others must leave over
+    least_explained: float  # Part of a left-hand side that a row must explain
+    # Equations after which the filter remembers nothing of the time before; 0 without a filter
     memory: int
-    pole: float
+    pole: float  # Of the filter; 0 without one
+    # Samples to either side that a velocity is the slope over; 0 where none is needed
     half_window: int
 
 
@@ -114,19 +95,6 @@ class RecursiveLeastSquares(CompiledEstimator):
         The residuals are filtered noise, and correlated. So the scores are summed over blocks that
         are long enough to be independent of one another; blocks grow with the record, so that there
         are always between 20 and 40, or eight per memory time.
-
-        Parameters
-        ----------
-        state : array
-            From `step` or a replay.
-
-        Returns
-        -------
-        covariance : array, shape (n_coefficients, n_coefficients)
-            Infinite variance for coefficients of rows that have had no more blocks than
-            coefficients, or that the data leave open.
-        degrees_of_freedom : array, shape (n_coefficients,)
-            For Student's t; 0 where there is no covariance.
         """
         kernel = self._kernel
         kept, clock, _, span, _, past_gone = state[kernel.COUNTS_AT :][:6]
@@ -142,25 +110,14 @@ class RecursiveLeastSquares(CompiledEstimator):
         return block_covariance(rows, self.coefficients(state), blocks)
 
     def information(self, state: FloatArray) -> list[FloatArray]:
-        """Σ r rᵀ of each row, faded: what its singular values say of excitation, see (A4).
-
-        Returns
-        -------
-        list of array, shape (k, k)
-            One matrix per row. While the filter's past is unknown, it is not taken off.
-        """
+        """Σ r rᵀ of each row, faded: what its singular values say of excitation, see (A4)."""
         kernel = self._kernel
         matrices, _ = self._equations(state[kernel.EQUATIONS_AT :][: kernel.EQUATIONS_SIZE])
         sizes = [len(row.coefficients) for row in self.system.rows]
         return [matrix[:k, :k].copy() for matrix, k in zip(matrices[0], sizes, strict=True)]
 
     def powers(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sums of squares of each row's left-hand sides, faded, and what of them is unexplained.
-
-        Returns
-        -------
-        power, unexplained : array, shape (n_rows,)
-        """
+        """Sums of squares of each row's left-hand sides, faded, and what of them is unexplained."""
         kernel = self._kernel
         stored = state[kernel.EQUATIONS_AT :][: kernel.EQUATIONS_SIZE]
         (matrices,), (vectors,) = self._equations(stored)

@@ -28,26 +28,7 @@ def fill_row_signals(
     pole: float,
     wanted: NDArray[np.int64] | None = None,
 ) -> None:
-    """Regressors of all coefficients and left-hand sides of all rows over a recording.
-
-    Parameters
-    ----------
-    signals : array, shape (n_coefficients + n_rows, n_columns)
-        Receives accelerations averaged over the two intervals around every inner sample, weighted
-        by a triangle; filtered. What is not wanted is left alone.
-    first : int
-        The column of the recording's first equation.
-    recording : Samples
-        At least three samples. Velocities are taken as zero where there are none.
-    system : ParametricSystem
-        The model.
-    hold : {"linear", "zero"}
-        Hold of the inputs.
-    pole : float
-        Of the filter ((1 - pole) / (1 - pole/z))² that all signals pass, starting from rest.
-    wanted : array of int, optional
-        Places of the signals that are to be computed, if not all.
-    """
+    """Regressors of all coefficients and left-hand sides of all rows over a recording."""
     kernel = _kernel(system)
     velocities = (
         np.zeros_like(recording.positions) if recording.velocities is None else recording.velocities
@@ -95,15 +76,7 @@ def needs_velocities(unknowns: Unknowns) -> bool:
 
 
 def wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int64]:
-    """Places of the signals that least squares needs: left-hand sides, and regressors that are on.
-
-    Parameters
-    ----------
-    unknowns : Unknowns
-        What is sought.
-    usable : sequence of int
-        Places of the recordings.
-    """
+    """Places of the signals of least squares: left-hand sides, and regressors that are on."""
     system = unknowns.system
     absent = [unknowns.absent(place) for place in usable] or [frozenset()]
     off = frozenset.intersection(*absent)
@@ -115,23 +88,7 @@ def wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int6
 def sought_signals(
     signals: FloatArray, unknowns: Unknowns, usable: Sequence[int], lengths: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Regressors of what is sought, and left-hand sides less what is fixed.
-
-    Parameters
-    ----------
-    signals : array, shape (n_coefficients + n_rows, n_equations)
-        As of `fill_row_signals`, of one or more parts of recordings, one after the other.
-    unknowns : Unknowns
-        What is sought.
-    usable, lengths : sequence of int
-        Place of the recording that each part is of, and its equations.
-
-    Returns
-    -------
-    regressors : array, shape (n_names, n_equations)
-        Zero in the recordings that an unknown has no part in.
-    left_hand_sides : array, shape (n_rows, n_equations)
-    """
+    """Regressors of what is sought, and left-hand sides less what is fixed."""
     system = unknowns.system
     n_coefficients = len(system.coefficients)
     regressors = np.zeros((len(unknowns.names), signals.shape[1]))

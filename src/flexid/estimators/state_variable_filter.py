@@ -32,15 +32,9 @@ _MEMORY = 40.0  # time constants of the filter after which its past has vanished
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresFit(RowwiseFit):
-    """As `RowwiseFit`, of filtered accelerations.
+    """As `RowwiseFit`, of filtered accelerations."""
 
-    Parameters
-    ----------
-    filter_rate : float
-        λ in 1/s.
-    """
-
-    filter_rate: float
+    filter_rate: float  # λ in 1/s
 
 
 def filtered_least_squares(
@@ -107,12 +101,6 @@ def filtered_signals(
     Parameters are those of `filtered_least_squares`, and the places of the signals that are wanted
     if not all are: the others are zero. Every recording has at least three samples. Velocities are
     taken as zero where there are none.
-
-    Returns
-    -------
-    array, shape (n_coefficients + n_rows, n_equations)
-        Regressors of all coefficients, then left-hand sides of all rows; a recording of n samples
-        gives n - 2 equations.
     """
     equations = [len(recording) - 2 for recording in recordings]
     # Memory that nothing is written to takes no room: signals that are not wanted cost nothing.

@@ -39,33 +39,16 @@ MOST_BLOCKS = 32_768
 
 @dataclass(frozen=True, eq=False)
 class StreamedFit:
-    """Least squares of a record that is not in memory.
+    """Least squares of a record that is not in memory."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        What is sought, row by row.
-    values : array, shape (n,)
-        Their values, in the system's units.
-    rows : tuple of RowSums
-        The rows' own results.
-    covariance : array, shape (n, n)
-        As of `flexid.estimators.rowwise.RowwiseFit`.
-    degrees_of_freedom : tuple of float
-        Of each variance, for Student's t; 0 where there is none.
-    hold : {"linear", "zero"}
-        Hold of the inputs.
-    filter_rate : float
-        λ in 1/s.
-    """
-
-    names: tuple[str, ...]
-    values: FloatArray
-    rows: tuple[RowSums, ...]
-    covariance: FloatArray
+    names: tuple[str, ...]  # What is sought, row by row
+    values: FloatArray  # shape (n,); Their values, in the system's units
+    rows: tuple[RowSums, ...]  # The rows' own results
+    covariance: FloatArray  # shape (n, n); As of `flexid.estimators.rowwise.RowwiseFit`
+    # Of each variance, for Student's t; 0 where there is none
     degrees_of_freedom: tuple[float, ...]
-    hold: Hold
-    filter_rate: float
+    hold: Hold  # Hold of the inputs
+    filter_rate: float  # λ in 1/s
 
     @property
     def standard_deviations(self) -> FloatArray:
@@ -80,63 +63,29 @@ class StreamedFit:
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Products of the equations of a stretch, block by block.
+    """Products of the equations of a stretch, block by block."""
 
-    Parameters
-    ----------
-    rows : tuple of array, shape (n_blocks, k + 1, k + 1)
-        M_b of each row.
-    lengths : tuple of int
-        Equations in each block.
-    """
-
-    rows: tuple[FloatArray, ...]
-    lengths: tuple[int, ...]
+    rows: tuple[FloatArray, ...]  # shape (n_blocks, k + 1, k + 1); M_b of each row
+    lengths: tuple[int, ...]  # Equations in each block
 
 
 @dataclass(frozen=True, eq=False)
 class StreamedProblem:
-    """What is sought in a stream, and how.
+    """What is sought in a stream, and how."""
 
-    Parameters
-    ----------
-    unknowns : Unknowns
-        What is sought; of one group of recordings.
-    reference : array, shape (n,)
-        p₀, values near the answer; the answer does not depend on them but for rounding.
-    filter_rate : float
-        λ in 1/s.
-    hold : {"linear", "zero"}
-        Hold of the inputs.
-    block : int
-        Equations in a block.
-    """
-
-    unknowns: Unknowns
+    unknowns: Unknowns  # What is sought; of one group of recordings
+    # shape (n,); p₀, values near the answer; the answer does not depend on them but for rounding
     reference: FloatArray
-    filter_rate: float
-    hold: Hold
-    block: int
+    filter_rate: float  # λ in 1/s
+    hold: Hold  # Hold of the inputs
+    block: int  # Equations in a block
 
     def warm_up(self, sample_time: float) -> int:
         """Samples before the first equation of a stretch that its samples have to begin."""
         return memory(self.filter_rate, sample_time)
 
     def products(self, samples: Samples, skipped: int, count: int, begins: bool) -> Products:
-        """Products of some equations of a stretch; may be called from several threads.
-
-        Parameters
-        ----------
-        samples : Samples
-            The stretch. Equation i belongs to the samples i to i + 2.
-        skipped : int
-            Equations before the first one that counts: at least those of `warm_up`, or none at the
-            beginning of a recording.
-        count : int
-            Equations that count: whole blocks, but at the end of a recording.
-        begins : bool
-            Whether a recording begins here, so that what the filter remembers is unknown.
-        """
+        """Products of some equations of a stretch; may be called from several threads."""
         system = self.unknowns.system
         pole = float(np.exp(-self.filter_rate * samples.sample_time))
         signals = self._room(len(samples) - 2)
@@ -190,15 +139,7 @@ class StreamedProblem:
 
 
 class StreamedSums:
-    """Products of all blocks of a stream, in order; memory is bounded.
-
-    Parameters
-    ----------
-    problem : StreamedProblem
-        What is sought.
-    most_blocks : int, optional
-        Blocks that are kept, an even number.
-    """
+    """Products of all blocks of a stream, in order; memory is bounded."""
 
     def __init__(self, problem: StreamedProblem, most_blocks: int = MOST_BLOCKS) -> None:
         self.problem = problem
@@ -238,15 +179,7 @@ class StreamedSums:
     def fit(
         self, unknowns: Unknowns | None = None, without: Sequence[Products] = ()
     ) -> StreamedFit:
-        """Least squares of all that was added.
-
-        Parameters
-        ----------
-        unknowns : Unknowns, optional
-            The problem's, or with more coefficients fixed.
-        without : sequence of Products
-            Blocks to be left out of the values; the covariance stays that of all blocks.
-        """
+        """Least squares of all that was added."""
         unknowns = unknowns or self.problem.unknowns
         left_out = sum(sum(products.lengths) for products in without)
         values, rows, found = [], [], []
@@ -295,27 +228,7 @@ def _solved(
     total: FloatArray,
     count: int,
 ) -> tuple[RowSums, FloatArray]:
-    """Least squares of a row from the sum of its products.
-
-    Parameters
-    ----------
-    name, names, reference
-        The row, what its products are for, and p₀ of these.
-    sought : array of int
-        Places of what is sought among them.
-    step : array, shape (k,)
-        From p₀ to the values of what is fixed, and to zero for what is sought.
-    total : array, shape (k + 1, k + 1)
-        Products of all blocks.
-    count : int
-        Equations in them.
-
-    Returns
-    -------
-    sums : RowSums
-    step : array
-        From p₀ to the values of what is sought.
-    """
+    """Least squares of a row from the sum of its products."""
     fixed = step.copy()
     fixed[sought] = 0.0
     gram = total[sought[:, None], sought]

@@ -28,15 +28,7 @@ _CHANNELS = {
 def as_choices(
     *, terms: Any, hold: Any, model: Any, known: Any, estimate: Any, memory: Any, **numbers: Any
 ) -> "Choices":
-    """What the arguments of `flexid.watch` choose; other numbers are None where they follow.
-
-    Raises
-    ------
-    ArgumentError
-        If one is of a wrong type.
-    SettingError
-        If one cannot be used.
-    """
+    """What the arguments of `flexid.watch` choose; other numbers are None where they follow."""
     from flexid.streaming.choices import Choices
 
     values, deviations = as_known("watch", known)
@@ -57,13 +49,7 @@ def as_choices(
 
 
 def fed_options(choices: "Choices", names: "Sequence[str]") -> "WatchOptions":
-    """Options of a session that is fed the channels of these names.
-
-    Raises
-    ------
-    ArgumentError
-        If they are too many or too few.
-    """
+    """Options of a session that is fed the channels of these names."""
     inputs = [name for name in INPUTS if name in names]
     links = [name for name in ("link_position", "deflection") if name in names]
     if len(inputs) > 1 or len(links) > 1 or not inputs + links:

@@ -45,36 +45,7 @@ def identify_stream(
     advance: Advance = silent,
     workers: int = 2,
 ) -> Identification:
-    """Identify a joint from a Parquet file in one pass, in bounded memory.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-    columns : Path or mapping, optional
-        A column map: a TOML file, or what it would hold.
-    settings : Settings, optional
-        Choices.
-    progress : callable, optional
-        Called with each step in words.
-    advance : callable, optional
-        Called with rows done and rows in all.
-    workers : int, optional
-        Threads that filter, beside the one that reads. They change no digit of the answer.
-
-    Returns
-    -------
-    Identification
-        Of the whole log, by least squares, but for `model_error`, `compliance`, `observer` and
-        `removed`, which are those of its head.
-
-    Raises
-    ------
-    RecordingError
-        If the log, or some row of it, cannot be used.
-    SettingError
-        If a setting does not suit the log.
-    """
+    """Identify a joint from a Parquet file in one pass, in bounded memory."""
     settings = settings or Settings()
     if settings.model != "auto":
         raise SettingError("model", "is that of the channels in a stream: leave it")

@@ -131,24 +131,7 @@ def stream_result(
 def estimator_shifts(
     task: StreamTask, unknowns: Unknowns, here: LeastSquaresFit, head: Identification
 ) -> FloatArray:
-    """How far each coefficient moves over the head with the way it is estimated.
-
-    Parameters
-    ----------
-    task : StreamTask
-        What was chosen.
-    unknowns : Unknowns
-        What is sought.
-    here : LeastSquaresFit
-        Least squares of the head.
-    head : Identification
-        Its prediction error.
-
-    Returns
-    -------
-    array, shape (k,)
-        In the coefficients' units; 0 where noise explains it.
-    """
+    """How far each coefficient moves over the head with the way it is estimated."""
     others = [task.of_head(unknowns, factor) for factor in _RATES]
     shifts = [_apart(here, other.values, _half_widths(other)) for other in others]
     predicted = [head.coefficients.get(name) for name in here.names]

@@ -34,27 +34,14 @@ _FREE_RUN_DURATION = 10.0  # s of each
 
 @dataclass(frozen=True, eq=False)
 class StreamTask:
-    """What was chosen on the head, and what the stream adds up.
+    """What was chosen on the head, and what the stream adds up."""
 
-    Parameters
-    ----------
-    structure : Structure
-        The model with its choices; no delays, for channels are aligned beforehand.
-    alignment : Alignment
-        Hold and delays.
-    head : tuple of Recording
-        Recordings of the head, aligned, with velocities.
-    sums : StreamedSums
-        Of the whole log.
-    sample_time : float
-        In s.
-    """
-
+    # The model with its choices; no delays, for channels are aligned beforehand
     structure: Structure
-    alignment: Alignment
-    head: tuple[Recording, ...]
-    sums: StreamedSums
-    sample_time: float
+    alignment: Alignment  # Hold and delays
+    head: tuple[Recording, ...]  # Recordings of the head, aligned, with velocities
+    sums: StreamedSums  # Of the whole log
+    sample_time: float  # In s
 
     @property
     def joint(self) -> Joint:
@@ -173,18 +160,8 @@ def _least_squares(
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A stretch that is kept out of the fit.
+    """A stretch that is kept out of the fit."""
 
-    Parameters
-    ----------
-    recording : Recording
-        The stretch, aligned, and as much before it.
-    start : int
-        Where it begins.
-    products : Products
-        Its equations.
-    """
-
-    recording: Recording
-    start: int
-    products: Products
+    recording: Recording  # The stretch, aligned, and as much before it
+    start: int  # Where it begins
+    products: Products  # Its equations

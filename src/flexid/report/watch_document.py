@@ -8,13 +8,7 @@ from flexid.streaming.session import Session
 
 
 def watch_document(session: Session) -> dict[str, Any]:
-    """Health, parameters and what happened to the samples.
-
-    Parameters
-    ----------
-    session : Session
-        At the moment that is described.
-    """
+    """Health, parameters and what happened to the samples."""
     judgement = session.health
     return {
         "time": session.time,

@@ -39,15 +39,7 @@ _WORDS = {
 
 
 def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
-    """Tables and sentences of what is known.
-
-    Parameters
-    ----------
-    session : Session
-        At the moment that is shown.
-    sparks : Sparks, optional
-        What was known earlier, for a column of sparklines.
-    """
+    """Tables and sentences of what is known."""
     judgement = session.health
     yield Text.assemble(
         (judgement.health.words, f"bold {COLOURS[judgement.health]}"), f": {judgement.reason}."

@@ -11,27 +11,13 @@ from flexid.recording.checks import TURN
 
 @dataclass(frozen=True)
 class StreamChannels:
-    """What the values of a sample are.
+    """What the values of a sample are."""
 
-    Parameters
-    ----------
-    kind : {"flexible", "link", "rigid"}
-        Whether there are two encoders and an input, no input, or one encoder.
-    input_unit : str
-        Of the input; empty where there is none.
-    from_deflection : bool
-        Whether the first position is the joint's deflection.
-    warnings : tuple of str
-        What was assumed.
-    motor_turn : float, optional
-        See `WatchOptions`.
-    """
-
-    kind: Kind
-    input_unit: str
-    from_deflection: bool
-    warnings: tuple[str, ...]
-    motor_turn: float = 0.0
+    kind: Kind  # Whether there are two encoders and an input, no input, or one encoder
+    input_unit: str  # Of the input; empty where there is none
+    from_deflection: bool  # Whether the first position is the joint's deflection
+    warnings: tuple[str, ...]  # What was assumed
+    motor_turn: float = 0.0  # See `WatchOptions`
 
     @property
     def words(self) -> str:
@@ -44,24 +30,7 @@ class StreamChannels:
 def chosen_channels(
     source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...], model: str = "auto"
 ) -> tuple[list[Channel], StreamChannels]:
-    """The channels of a sample, in its order: time, positions, input.
-
-    Parameters
-    ----------
-    source : str
-        For messages.
-    channels : mapping of str to Channel
-        As of a log, by name.
-    warnings : tuple of str
-        What was assumed of them.
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint; by default what the channels show.
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing that the model needs.
-    """
+    """The channels of a sample, in its order: time, positions, input."""
     drive = next((name for name in INPUTS if name in channels), None)
     link = next((name for name in ("deflection", "link_position") if name in channels), None)
     kind = model

@@ -31,13 +31,7 @@ WANTED = "a checkpoint of flexid watch"
 
 
 def save_session(session: Session, path: Path) -> None:
-    """Write a session into a file, which appears whole or not at all.
-
-    Raises
-    ------
-    SettingError
-        If it cannot be written.
-    """
+    """Write a session into a file, which appears whole or not at all."""
     content = _content(session)
     document = {
         "format": FORMAT,
@@ -54,13 +48,7 @@ def save_session(session: Session, path: Path) -> None:
 
 
 def read_session(path: Path) -> Session:
-    """Read a session from a file; it goes on as if it had never ended.
-
-    Raises
-    ------
-    SettingError
-        If the file cannot be read, is no checkpoint, is damaged or of another version.
-    """
+    """Read a session from a file; it goes on as if it had never ended."""
 
     def refuse(reason: str) -> SettingError:
         return SettingError("checkpoint", f"{path}: {reason}")

@@ -14,45 +14,21 @@ from flexid.streaming.options import KINDS, RATES, USABLE_TERMS, USUAL_TERMS, Wa
 
 @dataclass(frozen=True)
 class Choices:
-    """What a user chooses; the rest follows from the stream, or from an estimate made before.
+    """What a user chooses; the rest follows from the stream, or from an estimate made before."""
 
-    Parameters
-    ----------
-    terms : tuple of str or None, optional
-        See `WatchOptions`; None takes those of the estimate, or the usual ones.
-    hold : {"auto", "linear", "zero"}, optional
-        With ``"auto"`` that of the estimate, if there is one.
-    filter_rate : float or None, optional
-        In 1/s; None takes that of the estimate, or 20, as far as the sample time allows.
-    memory : float, optional
-        In s.
-    coulomb_velocity : float or None, optional
-        In rad/s; None takes that of the estimate, or 0.1.
-    sample_time : float or None, optional
-        In s; None takes it from the first time stamps.
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint; with ``"auto"`` that of the estimate, or what the channels show.
-    known, known_deviations : mapping of str to float, optional
-        See `WatchOptions`.
-    estimate : Commissioned or None, optional
-        What the stream is held against.
-
-    Raises
-    ------
-    SettingError
-        If there is no such model.
-    """
-
+    # See `WatchOptions`; None takes those of the estimate, or the usual ones
     terms: tuple[str, ...] | None = None
-    hold: str = "auto"
+    hold: str = "auto"  # With ``"auto"`` that of the estimate, if there is one
+    # In 1/s; None takes that of the estimate, or 20, as far as the sample time allows
     filter_rate: float | None = None
-    memory: float = inf
-    coulomb_velocity: float | None = None
-    sample_time: float | None = None
+    memory: float = inf  # In s
+    coulomb_velocity: float | None = None  # In rad/s; None takes that of the estimate, or 0.1
+    sample_time: float | None = None  # In s; None takes it from the first time stamps
+    # Of the joint; with ``"auto"`` that of the estimate, or what the channels show
     model: str = "auto"
-    known: Mapping[str, float] = field(default_factory=dict)
-    known_deviations: Mapping[str, float] = field(default_factory=dict)
-    estimate: Commissioned | None = None
+    known: Mapping[str, float] = field(default_factory=dict)  # See `WatchOptions`
+    known_deviations: Mapping[str, float] = field(default_factory=dict)  # See `WatchOptions`
+    estimate: Commissioned | None = None  # What the stream is held against
 
     def __post_init__(self) -> None:
         if self.model not in ("auto", *KINDS):
@@ -74,26 +50,7 @@ class Choices:
         from_deflection: bool,
         motor_turn: float = 0.0,
     ) -> WatchOptions:
-        """Options of a session.
-
-        Parameters
-        ----------
-        kind : {"flexible", "link", "rigid"}
-            What the stream's channels show.
-        input_unit : str
-            Of the input; empty where there is none.
-        sample_time : float
-            In s.
-        from_deflection : bool
-            Whether the link's position comes as the joint's deflection.
-        motor_turn : float, optional
-            See `WatchOptions`.
-
-        Raises
-        ------
-        SettingError
-            If something does not go together.
-        """
+        """Options of a session."""
         made = self.estimate or Commissioned(kind, USUAL_TERMS, hold="auto")
         if made.kind != kind:
             raise SettingError(

@@ -31,41 +31,19 @@ _OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset
 
 @dataclass(frozen=True)
 class Commissioned:
-    """What a stream takes from an estimate, and what it is compared with.
+    """What a stream takes from an estimate, and what it is compared with."""
 
-    Parameters
-    ----------
-    kind : {"flexible", "link", "rigid"}
-        Which joint.
-    terms : tuple of str
-        Of the joint.
-    hold : {"auto", "linear", "zero"}
-        The input between samples.
-    filter_rate : float, optional
-        In 1/s.
-    given : mapping of str to float
-        Coefficients that were not estimated.
-    shapes : mapping of str to float
-        Constants of shapes, by name.
-    coulomb_velocity : float or None
-        In rad/s; None where friction was dry.
-    reference : mapping of str to tuple of float
-        Value of each physical parameter that is determined, and half of its 95 % interval.
-    input_unit : str
-        Of the input; empty where there is none.
-    late : mapping of str to float
-        Channels that were found late, and by how many seconds.
-    """
-
-    kind: Literal["flexible", "link", "rigid"]
-    terms: tuple[str, ...]
-    hold: Literal["auto", "linear", "zero"]
-    filter_rate: float = FILTER_RATE
-    given: Mapping[str, float] = field(default_factory=dict)
-    shapes: Mapping[str, float] = field(default_factory=dict)
-    coulomb_velocity: float | None = None
+    kind: Literal["flexible", "link", "rigid"]  # Which joint
+    terms: tuple[str, ...]  # Of the joint
+    hold: Literal["auto", "linear", "zero"]  # The input between samples
+    filter_rate: float = FILTER_RATE  # In 1/s
+    given: Mapping[str, float] = field(default_factory=dict)  # Coefficients that were not estimated
+    shapes: Mapping[str, float] = field(default_factory=dict)  # Constants of shapes, by name
+    coulomb_velocity: float | None = None  # In rad/s; None where friction was dry
+    # Value of each physical parameter that is determined, and half of its 95 % interval
     reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    input_unit: str = ""
+    input_unit: str = ""  # Of the input; empty where there is none
+    # Channels that were found late, and by how many seconds
     late: Mapping[str, float] = field(default_factory=dict)
 
     def warnings(self, sample_time: float) -> tuple[str, ...]:
@@ -79,37 +57,14 @@ class Commissioned:
 
 
 def read_commissioned(estimate: "Path | str | Mapping[str, object]") -> Commissioned:
-    """What a stream takes from a stored estimate.
-
-    Parameters
-    ----------
-    estimate : path or mapping
-        An ``estimate.json`` of ``flexid identify``, or its content.
-
-    Raises
-    ------
-    SettingError
-        If it cannot be read or used.
-    """
+    """What a stream takes from a stored estimate."""
     from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
     return commissioned(stored_identification(read_estimate(estimate)))
 
 
 def commissioned(result: "Identification") -> Commissioned:
-    """What a stream takes from an identification.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found, and stored.
-
-    Raises
-    ------
-    SettingError
-        If a term of it has a memory, which least squares has not, nothing is determined, or
-        something that was given has no value.
-    """
+    """What a stream takes from an identification."""
     from flexid.stored_estimates.rebuilt import given_coefficients, input_unit_of
 
     choices = result.choices
@@ -159,23 +114,13 @@ def _is_known(found: "ParameterEstimate") -> bool:
 
 @dataclass(frozen=True)
 class Departure:
-    """A physical parameter that differs from what it was.
+    """A physical parameter that differs from what it was."""
 
-    Parameters
-    ----------
-    name, unit : str
-        Of the parameter.
-    was, now : float
-        In the estimate, and by the stream.
-    excess : float
-        Their difference, over the least that counts as one.
-    """
-
-    name: str
-    unit: str
-    was: float
-    now: float
-    excess: float
+    name: str  # Of the parameter
+    unit: str  # Of the parameter
+    was: float  # In the estimate, and by the stream
+    now: float  # In the estimate, and by the stream
+    excess: float  # Their difference, over the least that counts as one
 
     @property
     def change(self) -> float:
@@ -205,20 +150,7 @@ def departures(
     widths: float,
     least: float,
 ) -> tuple[Departure, ...]:
-    """Parameters that differ from an estimate, the clearest first.
-
-    Parameters
-    ----------
-    reference : mapping of str to tuple of float
-        Values, and half their intervals.
-    parameters : mapping of str to ParameterEstimate
-        By the stream.
-    widths : float
-        Half intervals, of both together, up to which a difference is chance.
-    least : float
-        Relative difference up to which it is none; of an angle the difference in rad, which is
-        how much of the largest torque it turns round.
-    """
+    """Parameters that differ from an estimate, the clearest first."""
     found = []
     for name, (was, half_was) in reference.items():
         now = parameters.get(name)

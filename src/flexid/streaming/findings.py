@@ -18,41 +18,18 @@ from flexid.streaming.learner import Learner, States
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What is known at a moment.
+    """What is known at a moment."""
 
-    Parameters
-    ----------
-    coefficients : dict of str to CoefficientEstimate
-        Of the model.
-    parameters : dict of str to ParameterEstimate
-        Physical parameters that these determine.
-    widths : list of Width
-        Of spring and inertias.
-    departures : tuple of Departure
-        What differs from an estimate made before.
-    contradicted : tuple of str
-        A sentence on each value that is known otherwise than the stream says.
-    """
-
-    coefficients: dict[str, CoefficientEstimate]
-    parameters: dict[str, ParameterEstimate]
-    widths: list[Width]
-    departures: tuple[Departure, ...]
+    coefficients: dict[str, CoefficientEstimate]  # Of the model
+    parameters: dict[str, ParameterEstimate]  # Physical parameters that these determine
+    widths: list[Width]  # Of spring and inertias
+    departures: tuple[Departure, ...]  # What differs from an estimate made before
+    # A sentence on each value that is known otherwise than the stream says
     contradicted: tuple[str, ...]
 
 
 def findings(learner: Learner, states: States, stated: Stated) -> Findings:
-    """What states say, with what the user states joined to it.
-
-    Parameters
-    ----------
-    learner : Learner
-        Whose states they are.
-    states : tuple of array
-        Of its estimators.
-    stated : Stated
-        What the user states of the drive.
-    """
+    """What states say, with what the user states joined to it."""
     options = learner.options
     joint, unknowns, unit = options.joint, options.unknowns, options.input_unit
     with np.errstate(all="ignore"):  # of numbers that no drive has

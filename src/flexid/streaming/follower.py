@@ -23,13 +23,7 @@ _SAME = 1e-3  # relative difference of sample times of one stream
 
 
 def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
-    """A session from a checkpoint, if there is one, or a new one.
-
-    Raises
-    ------
-    SettingError
-        If the checkpoint cannot be used, or was saved with other options.
-    """
+    """A session from a checkpoint, if there is one, or a new one."""
     if checkpoint is None:
         return Session(options)
     if not checkpoint.exists():
@@ -63,26 +57,7 @@ def checked_every(every: float) -> float:
 
 
 class Follower:
-    """A stream that is followed.
-
-    Parameters
-    ----------
-    source : str
-        See `flexid.streaming.sources.open_source`; or a log of another format, such as MCAP.
-    choices : Choices
-        What the user chooses.
-    column_map : path, mapping or None, optional
-        A column map, as for logs.
-    header : str, optional
-        Names of the columns, where the stream does not begin with them.
-    checkpoint : Path, optional
-        To go on from, if it is there.
-    stop_at_end : bool, optional
-        Whether a text file ends where it ends, or is waited for to grow; a log that cannot grow is
-        played again at its own pace, or with this as fast as it can be.
-    duration : float, optional
-        Seconds on the wall's clock after which to stop.
-    """
+    """A stream that is followed."""
 
     def __init__(
         self,
@@ -130,25 +105,7 @@ class Follower:
         return TextSamples(source, lines, self._map, self._choices.wanted_model)
 
     def turns(self, every: float) -> Generator[bool]:
-        """Take in what comes, until the source ends.
-
-        Parameters
-        ----------
-        every : float
-            Seconds of the stream between two reports; see `checked_every`.
-
-        Yields
-        ------
-        bool
-            Whether a report is due; else it is a turn in which something came, or nothing.
-
-        Raises
-        ------
-        RecordingError
-            If the source cannot be opened, or the stream's first lines cannot be used.
-        SettingError
-            If the source is none, or the options do not suit it or the checkpoint.
-        """
+        """Take in what comes, until the source ends."""
         incoming = self._opened()
         begun = time.monotonic()
         ended = False

@@ -33,17 +33,7 @@ _NAMES += ("unclear", "newest", "newer", "oldest")
 
 
 class GearWraps:
-    """The encoder in front of a gear.
-
-    Parameters
-    ----------
-    turn : float
-        A turn of the motor at the link's side, in rad; 0 where there is no such encoder.
-    sample_time : float
-        In s.
-    column : int
-        Of a sample, in which it stands.
-    """
+    """The encoder in front of a gear."""
 
     def __init__(self, turn: float, sample_time: float, column: int) -> None:
         self._turn, self._sample_time, self._column = turn, sample_time, column

@@ -87,38 +87,19 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class Guarded:
-    """What the guard says of some samples.
+    """What the guard says of some samples."""
 
-    Parameters
-    ----------
-    state : array
-        The guard's, after them.
-    judged : int
-        How many were judged: all, or those up to the first at which an encoder is found stuck.
-    rows : array, shape (m, n_positions + n_inputs)
-        What may be learnt from, as `pack` makes it; a row of NaN stands where samples are missing.
-    stuck_for : int
-        Samples for which that encoder has stood still; 0 if none was found.
-    """
-
-    state: FloatArray
+    state: FloatArray  # The guard's, after them
+    # How many were judged: all, or those up to the first at which an encoder is found stuck
     judged: int
+    # shape (m, n_positions + n_inputs); What may be learnt from, as `pack` makes it; a row of NaN
+    # stands where samples are missing
     rows: FloatArray
-    stuck_for: int
+    stuck_for: int  # Samples for which that encoder has stood still; 0 if none was found
 
 
 class Guard:
-    """The guard of a stream with a clock.
-
-    Parameters
-    ----------
-    sample_time : float
-        In s.
-    n_positions, n_inputs : int
-        Columns of a sample after its time.
-    from_deflection : bool
-        Whether the first position is the joint's deflection, to which the second is added.
-    """
+    """The guard of a stream with a clock."""
 
     def __init__(
         self, sample_time: float, n_positions: int, n_inputs: int, *, from_deflection: bool
@@ -135,15 +116,7 @@ class Guard:
         return self._kernel.first_state()
 
     def guard(self, state: FloatArray, samples: FloatArray) -> Guarded:
-        """Judge samples, until an encoder is found stuck that was not before.
-
-        Parameters
-        ----------
-        state : array
-            Not changed.
-        samples : array, shape (n, 1 + n_positions + n_inputs)
-            Time in s, positions and inputs.
-        """
+        """Judge samples, until an encoder is found stuck that was not before."""
         rows = np.empty((2 * len(samples), self._width))
         fates = np.empty(len(samples))
         new, judged, filled, still = self._kernel.guard(state, samples, self._settings, rows, fates)

@@ -107,45 +107,31 @@ class Width(NamedTuple):
 
     name: str
     value: float
-    half_width: float
-    """Of the interval; infinite where there is none."""
-    disagreement: float
-    """Largest difference between filters."""
+    half_width: float  # Of the interval; infinite where there is none
+    disagreement: float  # Largest difference between filters
 
 
 class Recent(NamedTuple):
     """What a row did in the recent window, in the mean squares of its equations."""
 
     row: str
-    error: float
-    """Of the innovations."""
-    power: float
-    """Of the left-hand sides."""
-    usual_error: float
-    """Of what is unexplained in all that was learnt."""
-    usual_power: float
-    """Of all left-hand sides that were learnt from."""
+    error: float  # Of the innovations
+    power: float  # Of the left-hand sides
+    usual_error: float  # Of what is unexplained in all that was learnt
+    usual_power: float  # Of all left-hand sides that were learnt from
 
 
 class Evidence(NamedTuple):
     """What the health is judged by."""
 
-    bad_share: float
-    """Share of the recent samples that could not be used."""
-    bad_cause: str
-    """Why most of these could not."""
-    is_stuck: bool
-    """Whether an encoder stands still while the other one moves."""
-    settled: float
-    """Time constants of the filter for which motion has been learnt from."""
-    determined: bool
-    """Whether the data determine every coefficient."""
-    open_direction: Sequence[str]
-    """Coefficients that are confused most."""
-    widths: Sequence[Width]
-    """Of spring and inertias."""
-    changed: str
-    """What contradicted the estimates before they began anew; empty if nothing did."""
+    bad_share: float  # Share of the recent samples that could not be used
+    bad_cause: str  # Why most of these could not
+    is_stuck: bool  # Whether an encoder stands still while the other one moves
+    settled: float  # Time constants of the filter for which motion has been learnt from
+    determined: bool  # Whether the data determine every coefficient
+    open_direction: Sequence[str]  # Coefficients that are confused most
+    widths: Sequence[Width]  # Of spring and inertias
+    changed: str  # What contradicted the estimates before they began anew; empty if nothing did
     contradicted: str = ""
     """What is known, or was estimated before, and is otherwise now; empty if nothing is."""
 
@@ -165,19 +151,7 @@ def contradicts(recent: Recent, limits: Limits = LIMITS) -> bool:
 
 
 def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
-    """Judge an estimation.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        What is known of it.
-    limits : Limits, optional
-        What it is decided by.
-
-    Returns
-    -------
-    Judgement
-    """
+    """Judge an estimation."""
     if evidence.is_stuck:
         return Judgement(
             Health.SENSOR_FAULT,

@@ -54,13 +54,7 @@ class Incoming(Protocol):
         ...
 
     def read(self, *, last: bool) -> FloatArray | None:
-        """Samples that have come; empty if none have for a while, None if none will.
-
-        Parameters
-        ----------
-        last : bool
-            Whether nothing will be asked for after this.
-        """
+        """Samples that have come; empty if none have for a while, None if none will."""
         ...
 
     def close(self) -> None:
@@ -69,19 +63,7 @@ class Incoming(Protocol):
 
 
 class TextSamples:
-    """Samples from lines of text.
-
-    Parameters
-    ----------
-    source : Source
-        Of bytes.
-    lines : LineReader
-        What makes cells of them.
-    column_map : path, mapping or None
-        A column map.
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint, see `chosen_channels`.
-    """
+    """Samples from lines of text."""
 
     def __init__(
         self,
@@ -177,22 +159,6 @@ class Replay:
     """A whole log, an MCAP file for example, whose samples come again when they came.
 
     It is read in parts, where its format can be.
-
-    Parameters
-    ----------
-    path : Path
-        The log.
-    column_map : path, mapping or None
-        A column map.
-    at_once : bool
-        Whether its samples come as fast as they are taken.
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint, see `chosen_channels`.
-
-    Raises
-    ------
-    RecordingError
-        If it cannot be read.
     """
 
     begins = False

@@ -24,13 +24,7 @@ States = tuple[FloatArray, ...]
 
 
 class Learner:
-    """Estimators of one model; their states are arrays that are never changed in place.
-
-    Parameters
-    ----------
-    options : WatchOptions
-        The model and its settings.
-    """
+    """Estimators of one model; their states are arrays that are never changed in place."""
 
     def __init__(self, options: WatchOptions) -> None:
         self.options = options

@@ -37,61 +37,32 @@ _INPUT_UNITS = ("N m", "A", "V")
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """What does not change while a stream is watched.
+    """What does not change while a stream is watched."""
 
-    Parameters
-    ----------
-    sample_time : float
-        In s.
-    terms : tuple of str, optional
-        Terms of the flexible joint beside its spring.
-    kind : {"flexible", "link", "rigid"}, optional
-        Whether link and motor have an encoder each, and there is an input; or the link is driven by
-        the motor's measured motion; or the drive has one encoder.
-    hold : {"auto", "linear", "zero"}, optional
-        The input between samples: on straight lines, or held. With ``"auto"`` it is taken as on
-        lines, and the intervals cover what a held one would give.
-    filter_rate : float, optional
-        λ of the filter, in 1/s.
-    memory : float, optional
-        Seconds after which a sample weighs 1/e as much; infinite: nothing fades.
-    coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes its sign.
-    input_unit : {"N m", "A", "V", ""}, optional
-        Of what drives the motor; empty for the link alone.
-    from_deflection : bool, optional
-        Whether the link's position comes as the joint's deflection.
-    shapes : mapping of str to float, optional
-        Constants of the shapes of unusual terms, by name.
-    known : mapping of str to float, optional
-        Physical parameters or coefficients, as in `Settings`.
-    known_deviations : mapping of str to float, optional
-        Standard deviations of what is known; what has none is known exactly.
-    reference : mapping of str to tuple of float, optional
-        Physical parameters by an estimate made before, and half of their intervals.
-    motor_turn : float, optional
-        A turn of the motor at the link's side of the gear, in rad, where its encoder may wrap by
-        such turns; 0 where it stands behind the gear, or there is none.
-
-    Raises
-    ------
-    SettingError
-        If one cannot be used.
-    """
-
-    sample_time: float
-    terms: tuple[str, ...] = USUAL_TERMS
+    sample_time: float  # In s
+    terms: tuple[str, ...] = USUAL_TERMS  # Terms of the flexible joint beside its spring
+    # Whether link and motor have an encoder each, and there is an input; or the link is driven by
+    # the motor's measured motion; or the drive has one encoder
     kind: Kind = "flexible"
+    # The input between samples: on straight lines, or held. With ``"auto"`` it is taken as on
+    # lines, and the intervals cover what a held one would give
     hold: Literal["auto", "linear", "zero"] = "auto"
-    filter_rate: float = 20.0
-    memory: float = inf
+    filter_rate: float = 20.0  # λ of the filter, in 1/s
+    memory: float = inf  # Seconds after which a sample weighs 1/e as much; infinite: nothing fades
+    # Velocity in rad/s over which Coulomb friction changes its sign
     coulomb_velocity: float = COULOMB_VELOCITY
-    input_unit: str = "N m"
-    from_deflection: bool = False
+    input_unit: str = "N m"  # Of what drives the motor; empty for the link alone
+    from_deflection: bool = False  # Whether the link's position comes as the joint's deflection
+    # Constants of the shapes of unusual terms, by name
     shapes: Mapping[str, float] = field(default_factory=dict)
+    # Physical parameters or coefficients, as in `Settings`
     known: Mapping[str, float] = field(default_factory=dict)
+    # Standard deviations of what is known; what has none is known exactly
     known_deviations: Mapping[str, float] = field(default_factory=dict)
+    # Physical parameters by an estimate made before, and half of their intervals
     reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # A turn of the motor at the link's side of the gear, in rad, where its encoder may wrap by
+    # such turns; 0 where it stands behind the gear, or there is none
     motor_turn: float = 0.0
 
     def __post_init__(self) -> None:
@@ -134,13 +105,7 @@ class WatchOptions:
 
     @cached_property
     def stated(self) -> Stated:
-        """What the user states of the drive.
-
-        Raises
-        ------
-        SettingError
-            If it is of something that this model has not, or contradicts itself.
-        """
+        """What the user states of the drive."""
         terms = rigid_terms(self.terms) if self.kind == "rigid" else self.terms
         settings = Settings(
             terms=terms, known={**self.known}, known_deviations={**self.known_deviations}
@@ -199,13 +164,7 @@ class WatchOptions:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> "WatchOptions":
-        """The options that a document holds.
-
-        Raises
-        ------
-        SettingError
-            If it holds none that can be used.
-        """
+        """The options that a document holds."""
         names = {f.name for f in fields(cls)}
         if not isinstance(document, Mapping) or {*document} != names:
             raise SettingError("checkpoint", "its options are not those of this version")

@@ -31,13 +31,7 @@ class Pace:
         self._left: tuple[float, float, tuple[float, float]] | None = None  # all before the jump
 
     def due(self, times: FloatArray) -> FloatArray:
-        """When the next samples are due, in s after the first of all; never less than before.
-
-        Parameters
-        ----------
-        times : array, shape (n,)
-            Their time stamps in s, finite, n at least 1.
-        """
+        """When the next samples are due, in s after the first of all; never less than before."""
         if np.isnan(self._time):
             self._time = float(times[0])
             self._first = (self._time, 0.0)

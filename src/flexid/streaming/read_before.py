@@ -13,13 +13,7 @@ FIRST = 200
 
 
 class ReadBefore:
-    """Leaves out what a session has read of a file before.
-
-    Parameters
-    ----------
-    session : Session
-        New, or from a checkpoint.
-    """
+    """Leaves out what a session has read of a file before."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -28,16 +22,7 @@ class ReadBefore:
         self._compared = session.n_read == 0
 
     def new(self, samples: FloatArray, *, last: bool) -> FloatArray:
-        """Those of the samples that the session has not read.
-
-        Parameters
-        ----------
-        samples : array, shape (n, n_values)
-            The next ones of the file, from its beginning on; kept back until there are as many as
-            it is known by.
-        last : bool
-            Whether none follow.
-        """
+        """Those of the samples that the session has not read."""
         if not self._compared:
             samples = self._held = np.vstack((self._held, samples))
             known = self._session.first_read

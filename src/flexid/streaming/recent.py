@@ -28,37 +28,19 @@ FEWEST = 10
 
 @dataclass
 class RecentWindow:
-    """Sums over the window that is not full yet, and what the last full one said.
+    """Sums over the window that is not full yet, and what the last full one said."""
 
-    Parameters
-    ----------
-    errors : array, shape (n_rows,)
-        Σ of the squared innovations.
-    equations : int
-        How many.
-    powers : array, shape (n_rows,)
-        The main estimator's at the beginning of the window.
-    equations_before : int
-        Its equations then.
-    usual : array, shape (2, n_rows)
-        Mean squares of what was unexplained and of the left-hand sides, in all that was learnt
-        before the first window that contradicts it.
-    counts_before : array, shape (n_causes + 1,)
-        Bad samples by cause then, and all.
-    bad_share : float
-        Of the last full window.
-    bad_cause : str
-        Most frequent cause there.
-    """
-
-    errors: FloatArray
-    equations: int
-    powers: FloatArray
-    equations_before: int
+    errors: FloatArray  # shape (n_rows,); Σ of the squared innovations
+    equations: int  # How many
+    powers: FloatArray  # shape (n_rows,); The main estimator's at the beginning of the window
+    equations_before: int  # Its equations then
+    # shape (2, n_rows); Mean squares of what was unexplained and of the left-hand sides, in all
+    # that was learnt before the first window that contradicts it
     usual: FloatArray
+    # shape (n_causes + 1,); Bad samples by cause then, and all
     counts_before: FloatArray = field(default_factory=lambda: np.zeros(len(CAUSES) + 1))
-    bad_share: float = 0.0
-    bad_cause: str = ""
+    bad_share: float = 0.0  # Of the last full window
+    bad_cause: str = ""  # Most frequent cause there
 
     @classmethod
     def at(cls, learner: Learner, states: States) -> "RecentWindow":

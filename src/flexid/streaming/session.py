@@ -37,20 +37,11 @@ def clock_words(time: float) -> str:
 
 @dataclass(frozen=True)
 class Change:
-    """When the motion began to contradict what was learnt, so that learning began anew.
+    """When the motion began to contradict what was learnt, so that learning began anew."""
 
-    Parameters
-    ----------
-    time : float
-        On the stream's clock, in s; by then it had for two windows.
-    row : str
-        Where it was seen first: ``"link"``, ``"motor"`` or ``"rigid"``.
-    times_worse : float
-        How many times its prediction error was the usual one, as a root mean square.
-    """
-
-    time: float
-    row: str
+    time: float  # On the stream's clock, in s; by then it had for two windows
+    row: str  # Where it was seen first: ``"link"``, ``"motor"`` or ``"rigid"``
+    # How many times its prediction error was the usual one, as a root mean square
     times_worse: float
 
     @property
@@ -65,31 +56,15 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """States of the estimators at some sample, to go back to.
+    """States of the estimators at some sample, to go back to."""
 
-    Parameters
-    ----------
-    fed : int
-        Samples that had come.
-    states : tuple of array
-        Of the estimators.
-    determined : bool
-        Whether they determined everything.
-    """
-
-    fed: int
-    states: States
-    determined: bool
+    fed: int  # Samples that had come
+    states: States  # Of the estimators
+    determined: bool  # Whether they determined everything
 
 
 class Session:
-    """Estimation from a stream.
-
-    Parameters
-    ----------
-    options : WatchOptions
-        The model and its settings.
-    """
+    """Estimation from a stream."""
 
     def __init__(self, options: WatchOptions) -> None:
         self.options = options
@@ -120,19 +95,7 @@ class Session:
         self._found: tuple[Memory, Findings] | None = None
 
     def feed(self, samples: FloatArray) -> None:
-        """Take in samples.
-
-        Parameters
-        ----------
-        samples : array, shape (n, options.width)
-            Time in s, positions in rad and the input, if there is one, of each sample in the order
-            in which they came. With a time of NaN a sample is lost.
-
-        Raises
-        ------
-        SettingError
-            If the shape is another one.
-        """
+        """Take in samples."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         width = self.options.width
         if samples.ndim != 2 or samples.shape[1] != width:

@@ -61,23 +61,7 @@ class Source(Protocol):
 
 
 def open_source(text: str, *, stop_at_end: bool = False) -> Source:
-    """Open a source.
-
-    Parameters
-    ----------
-    text : str
-        ``"-"`` for standard input, ``"udp://127.0.0.1:9000"``, ``"serial:///dev/ttyUSB0?baud=
-        921600"``, or the path of a text file.
-    stop_at_end : bool, optional
-        Whether a file ends where it ends, or is waited for to grow.
-
-    Raises
-    ------
-    SettingError
-        If an address is none, or cannot be listened to.
-    RecordingError
-        If a file or a port cannot be opened.
-    """
+    """Open a source."""
     if text == "-":
         return StandardInput()
     scheme, separator, _ = text.partition("://")
@@ -100,13 +84,6 @@ class GrowingFile:
     Before it is read on, its last bytes are compared with those that were read: a file that was cut
     and has grown beyond that place again is found so too. One that was replaced, as rotated logs
     are, is read to its end first.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    stop_at_end : bool
-        Whether it ends where it ends now.
     """
 
     def __init__(self, path: Path, *, stop_at_end: bool) -> None:
@@ -219,11 +196,6 @@ class Datagrams:
 
     A thread takes them from the system, whose room is small, while the rest compiles, computes or
     prints.
-
-    Parameters
-    ----------
-    text : str
-        ``udp://127.0.0.1:9000``; without an address, that of this machine alone.
     """
 
     begins = False
@@ -292,20 +264,7 @@ class Datagrams:
 
 
 class SerialPort:
-    """Lines from a serial port; needs pyserial.
-
-    Parameters
-    ----------
-    text : str
-        ``serial:///dev/ttyUSB0?baud=921600`` or ``serial://COM3``.
-
-    Raises
-    ------
-    SettingError
-        If pyserial is not installed, or the address is none.
-    RecordingError
-        If the port cannot be opened.
-    """
+    """Lines from a serial port; needs pyserial."""
 
     begins = False
 

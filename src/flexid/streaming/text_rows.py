@@ -65,17 +65,7 @@ def stamped_in(lines: list[bytes], layout: Layout) -> tuple[int, ...]:
 
 
 class RowReader:
-    """Numbers of one line after the other.
-
-    Parameters
-    ----------
-    layout : Layout
-        Of the text.
-    mark : bytes, optional
-        Of decimals, as `mark_of` finds it.
-    before : RowReader, optional
-        Of the text that this one follows: times of day in a column of the same name go on from it.
-    """
+    """Numbers of one line after the other."""
 
     def __init__(self, layout: Layout, mark: bytes = b"", before: RowReader | None = None) -> None:
         self._separator = None if layout.separator == BLANK else layout.separator.encode()

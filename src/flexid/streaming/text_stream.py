@@ -33,20 +33,12 @@ FEWEST_LINES = 4
 
 @dataclass(frozen=True, eq=False)
 class StreamColumns:
-    """What a stream's columns are: samples are ``weights @ cells + offsets``.
+    """What a stream's columns are: samples are ``weights @ cells + offsets``."""
 
-    Parameters
-    ----------
-    weights : array, shape (n_values, n_columns)
-        In SI units; the values are time, positions and input.
-    offsets : array, shape (n_values,)
-    channels : StreamChannels
-        What the values are.
-    """
-
+    # shape (n_values, n_columns); In SI units; the values are time, positions and input
     weights: FloatArray
-    offsets: FloatArray
-    channels: StreamChannels
+    offsets: FloatArray  # shape (n_values,)
+    channels: StreamChannels  # What the values are
 
     @property
     def used(self) -> list[int]:
@@ -66,24 +58,7 @@ class StreamColumns:
 def stream_columns(
     source: str, layout: Layout, column_map: MapSource | None, model: str = "auto"
 ) -> StreamColumns:
-    """Decide what the columns of a stream are, exactly as for a log.
-
-    Parameters
-    ----------
-    source : str
-        For messages.
-    layout : Layout
-        Names and their place.
-    column_map : path, mapping or None
-        A column map.
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint, see `chosen_channels`.
-
-    Raises
-    ------
-    RecordingError
-        If a column is missing or a unit cannot be understood.
-    """
+    """Decide what the columns of a stream are, exactly as for a log."""
     import polars as pl
 
     names = layout.names
@@ -106,46 +81,23 @@ def _weights(channel: Channel, names: tuple[str, ...]) -> list[float]:
 
 @dataclass(frozen=True)
 class TextBefore:
-    """The text that another one follows, maybe without a header of its own.
+    """The text that another one follows, maybe without a header of its own."""
 
-    Parameters
-    ----------
-    rows : RowReader
-        What read it.
-    used : list of int
-        Columns that have to hold numbers.
-    """
-
-    rows: RowReader
-    used: list[int]
+    rows: RowReader  # What read it
+    used: list[int]  # Columns that have to hold numbers
 
 
 @dataclass
 class LineReader:
-    """Cells from bytes as they come.
+    """Cells from bytes as they come."""
 
-    Parameters
-    ----------
-    source : str
-        For messages.
-    header : str, optional
-        Names of the columns, where the stream does not begin with them.
-    fewest : int, optional
-        Lines that are waited for before the layout is decided.
-    before : TextBefore, optional
-        The text that this one follows.
-    """
-
-    source: str
-    header: str | None = None
-    fewest: int = HEAD_LINES
-    before: TextBefore | None = None
-    rows: RowReader | None = None
-    """What reads them, as soon as there is a layout."""
-    left_out: int = 0
-    """Lines at the end that were too few to say what their columns are."""
-    head: bytes = b""
-    """The lines by which that was decided, as text in UTF-8."""
+    source: str  # For messages
+    header: str | None = None  # Names of the columns, where the stream does not begin with them
+    fewest: int = HEAD_LINES  # Lines that are waited for before the layout is decided
+    before: TextBefore | None = None  # The text that this one follows
+    rows: RowReader | None = None  # What reads them, as soon as there is a layout
+    left_out: int = 0  # Lines at the end that were too few to say what their columns are
+    head: bytes = b""  # The lines by which that was decided, as text in UTF-8
     _rest: bytes = b""
     _first: list[bytes] = field(default_factory=list)
 
@@ -157,19 +109,6 @@ class LineReader:
         """Cells of the lines that are complete, shape (n, n_columns); None until there is a layout.
 
         A text that follows another and ends too soon has none: see `left_out`.
-
-        Parameters
-        ----------
-        data : bytes
-            What came since.
-        ended : bool, optional
-            Whether nothing follows. A line without its end may be half a sample, and is left out:
-            see `rest`.
-
-        Raises
-        ------
-        RecordingError
-            If the first lines are no table, or a line does not end.
         """
         if len(self._rest) > LONGEST_LINE:
             raise RecordingError(
@@ -202,13 +141,7 @@ class LineReader:
         return None if self.rows is None else self.rows.layout
 
     def check_head(self, columns: StreamColumns, column_map: MapSource | None) -> None:
-        """Raise what would be said of a log, where most of the first lines are no rows of numbers.
-
-        Raises
-        ------
-        RecordingError
-            With the first line that is none.
-        """
+        """Raise as for a log, where most of the first lines are no rows of numbers."""
         rows = self.rows
         if rows is None or not self.head:
             return
@@ -263,13 +196,7 @@ def _is_part(line: bytes, following: bytes, *, header: str) -> bool:
 
 
 def sample_time_of(source: str, time: FloatArray) -> float:
-    """Sample time from the first time stamps: their slope, but for what is missing or late.
-
-    Raises
-    ------
-    RecordingError
-        If there is none, or none that a drive has.
-    """
+    """Sample time from the first time stamps: their slope, but for what is missing or late."""
     steps = np.diff(time[np.isfinite(time)])
     steps = steps[steps > 0.0]
     if len(steps):
