@@ -17,8 +17,9 @@ from flexid.control.loop import LoopDeclaration
 from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.control.robust import robust_law
+from flexid.derivation.closed_loop import compose_loop
 from flexid.derivation.lane_source import lane_loop_source
-from flexid.derivation.loop_source import composed, stiff_loop_source
+from flexid.derivation.loop_source import stiff_loop_source
 from flexid.derivation.model_functions import model_functions
 from flexid.derivation.regressor_classes import filter_functions
 from flexid.derivation.sampled_loop import sampled_loop_source
@@ -241,7 +242,7 @@ def test_every_template_runs_uncompiled() -> None:
 def test_stub_has_the_arguments_that_are_generated() -> None:
     """Assert that the types of generated functions are those of functions that exist."""
     declaration = LoopDeclaration(JOINT, pd_gravity(), sinusoid(1.0, 2.0))
-    law = composed(declaration, plain_coordinates=False)
+    law = compose_loop(declaration)
     sources = [
         model_functions(JOINT, "Test"),
         filter_functions(JOINT, "Test"),

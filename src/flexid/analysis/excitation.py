@@ -24,37 +24,23 @@ _SHARE = 0.1  # of the worst direction, from which on a coefficient counts as pa
 
 @dataclass(frozen=True)
 class Excitation:
-    """How well the coefficients of one row can be distinguished.
+    """How well the coefficients of one row can be distinguished."""
 
-    Parameters
-    ----------
-    row : str
-        Name of the row.
-    coefficients : tuple of str
-        Names of the row's coefficients, n of them.
-    singular_values : (n,) ndarray
-        Of the normalised Gram matrix (unit diagonal), largest first; dimensionless.
-    level : float
-        Smallest eigenvalue of the mean of r rᵀ, in the regressors' own units: the level of
-        persistent excitation.
-    confounded : tuple of str
-        Coefficients that make up the worst direction; empty when there is only one coefficient.
-    direction : (n,) ndarray
-        The worst excited direction, in the coefficients' own units and of arbitrary length: a step
-        along it changes the motion the least.
-    correlation : float
-        Largest correlation, in absolute value, between the estimates of two coefficients.
-    correlated : tuple of str
-        The two coefficients of that correlation; empty when there is only one.
-    """
-
-    row: str
-    coefficients: tuple[str, ...]
+    row: str  # name of the row
+    coefficients: tuple[str, ...]  # names of the row's coefficients, n of them
+    # (n,), of the normalised Gram matrix (unit diagonal), largest first; dimensionless
     singular_values: NDArray[np.float64]
+    # smallest eigenvalue of the mean of r rᵀ, in the regressors' own units: the level of
+    # persistent excitation
     level: float
+    # coefficients that make up the worst direction; empty when there is only one coefficient
     confounded: tuple[str, ...]
+    # (n,), the worst excited direction, in the coefficients' own units and of arbitrary length: a
+    # step along it changes the motion the least
     direction: NDArray[np.float64]
+    # largest correlation, in absolute value, between the estimates of two coefficients
     correlation: float
+    # the two coefficients of that correlation; empty when there is only one
     correlated: tuple[str, ...]
 
     @property
@@ -65,21 +51,7 @@ class Excitation:
 
 
 def excitation(row: str, coefficients: Sequence[str], regressors: ArrayLike) -> Excitation:
-    """Measure the excitation of a row from its regressors along a motion.
-
-    Parameters
-    ----------
-    row : str
-        Name of the row.
-    coefficients : sequence of str
-        Names of the n coefficients.
-    regressors : (m, n) array_like
-        Regressors at m evenly spaced instants.
-
-    Returns
-    -------
-    Excitation
-    """
+    """Measure the excitation of a row from its regressors along a motion."""
     r = np.asarray(regressors, dtype=float)
     return excitation_of_gram(row, coefficients, r.T @ r / len(r))
 

@@ -13,27 +13,13 @@ from flexid.simulation.run import Run
 
 @dataclass(frozen=True, eq=False)
 class RowHistory:
-    """One row along a run of n samples, with m coefficients.
+    """One row along a run of n samples, with m coefficients."""
 
-    Parameters
-    ----------
-    row : str
-        Name of the row.
-    coefficients : tuple of str
-        Names of its m coefficients.
-    gain : float
-        The observer's gain c of this row.
-    regressors : (n, m) ndarray
-        r at every sample.
-    errors : (n, m) ndarray
-        p̃ = p̂ - p at every sample.
-    """
-
-    row: str
-    coefficients: tuple[str, ...]
-    gain: float
-    regressors: FloatArray
-    errors: FloatArray
+    row: str  # name of the row
+    coefficients: tuple[str, ...]  # names of its m coefficients
+    gain: float  # the observer's gain c of this row
+    regressors: FloatArray  # (n, m), r at every sample
+    errors: FloatArray  # (n, m), p̃ = p̂ - p at every sample
 
     @property
     def mismatch(self) -> FloatArray:
@@ -76,20 +62,6 @@ def regressors_along(
     system: ParametricSystem, states: ArrayLike, inputs: ArrayLike
 ) -> dict[str, FloatArray]:
     """Evaluate the regressors of every row along a motion.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        Its constants have the values declared in it.
-    states : (n, n_states) array_like
-        In the system's order, SI units.
-    inputs : (n, n_inputs) array_like
-        In the system's order.
-
-    Returns
-    -------
-    dict of str to (n, m) ndarray
-        By the row's name.
 
     Examples
     --------

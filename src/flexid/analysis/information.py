@@ -23,24 +23,12 @@ from flexid.symmetric import eigen
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What positions tell about k coefficients.
+    """What positions tell about k coefficients."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The coefficients.
-    values : array, shape (k,)
-        Where it was computed.
-    matrix : array, shape (k, k)
-        Fisher information, the initial states unknown.
-    covariance : array, shape (k, k)
-        Its inverse; infinite variance marks what the motion leaves free.
-    """
-
-    names: tuple[str, ...]
-    values: FloatArray
-    matrix: FloatArray
-    covariance: FloatArray
+    names: tuple[str, ...]  # the coefficients
+    values: FloatArray  # where it was computed
+    matrix: FloatArray  # Fisher information, the initial states unknown
+    covariance: FloatArray  # its inverse; infinite variance marks what the motion leaves free
 
     @property
     def standard_deviations(self) -> FloatArray:
@@ -95,28 +83,7 @@ def segmented_information(
     noise: FloatArray,
     hold: Hold,
 ) -> Information:
-    """Information of the model's own motion from given initial states under the inputs.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-    values : array, shape (k,)
-        Its coefficients.
-    segments : Segments
-        Which outputs are measured, when, and the inputs; the outputs' values do not matter.
-    initial_states : array, shape (n_segments, n_states)
-        State at the start of every segment.
-    noise : array, shape (n_outputs,)
-        Standard deviation of each output's noise.
-    hold : {"zero", "linear"}
-        Hold of the inputs.
-
-    Raises
-    ------
-    SimulationError
-        If the motion diverges.
-    """
+    """Information of the model's own motion from given initial states under the inputs."""
     point = Point(np.asarray(values, dtype=np.float64), initial_states)
     return information_at(
         segmented_motion(system, segments, Timing(hold)).at(point, 1.0 / noise), point
@@ -124,13 +91,7 @@ def segmented_information(
 
 
 def information_at(problem: SegmentedMotion, point: Point) -> Information:
-    """Information of a motion that is ready to run: as `segmented_information`, many times over.
-
-    Raises
-    ------
-    SimulationError
-        If the motion diverges.
-    """
+    """Information of a motion that is ready to run: as `segmented_information`, many times over."""
     equations = problem.equations(point)
     if not np.isfinite(equations.cost):
         raise SimulationError(

@@ -25,25 +25,13 @@ ALLOWED_RISE = 10.0
 
 @dataclass(frozen=True)
 class Limit:
-    """What one parameter error does over the last window of a run.
+    """What one parameter error does over the last window of a run."""
 
-    Parameters
-    ----------
-    coefficient : str
-        Its name.
-    first, last : float
-        The error at the start and at the end of the run.
-    drift : float
-        Largest minus smallest value within the window.
-    largest_rate : float
-        Largest magnitude of its rate within the window, per second.
-    """
-
-    coefficient: str
-    first: float
-    last: float
-    drift: float
-    largest_rate: float
+    coefficient: str  # its name
+    first: float  # the error at the start of the run
+    last: float  # the error at its end
+    drift: float  # largest minus smallest value within the window
+    largest_rate: float  # largest magnitude of its rate within the window, per second
 
     @property
     def settled(self) -> bool:
@@ -58,30 +46,15 @@ class Limit:
 
 @dataclass(frozen=True, eq=False)
 class LyapunovMonitor:
-    """V and what follows from it along a run of n samples.
+    """V and what follows from it along a run of n samples."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        In s.
-    value : (n,) ndarray
-        V = Σ |p̃|²/2.  # Huang (2003), eq. (8)
-    rate : (n,) ndarray
-        V' = -Σ c (rᵀp̃)², per second.  # Huang (2003), eq. (9)
-    limits : tuple of Limit
-        One per coefficient.
-    largest_rise : float
-        Largest rise of V above its smallest value so far.
-    rise_in_tolerances : float
-        The same, each rise divided by the change of V that one step at the integrator's tolerance
-        may cause.
-    """
-
-    time: FloatArray
-    value: FloatArray
-    rate: FloatArray
-    limits: tuple[Limit, ...]
-    largest_rise: float
+    time: FloatArray  # (n,), in s
+    value: FloatArray  # (n,), v = Σ |p̃|²/2, Huang (2003), eq. (8)
+    rate: FloatArray  # (n,): V' = -Σ c (rᵀp̃)², per second, eq. (9)
+    limits: tuple[Limit, ...]  # one per coefficient
+    largest_rise: float  # largest rise of V above its smallest value so far
+    # the same, each rise divided by the change of V that one step at the integrator's tolerance
+    # may cause
     rise_in_tolerances: float
 
     @property
@@ -101,20 +74,7 @@ class LyapunovMonitor:
 
 
 def monitor_run(run: Run, window: float) -> LyapunovMonitor:
-    """Watch Theorem 1 along a simulated closed loop.
-
-    Parameters
-    ----------
-    run : Run
-        A continuous run, whose settings tell the integrator's tolerance.
-    window : float
-        Length in s of the last stretch, over which limits are judged.
-
-    Raises
-    ------
-    SettingError
-        If the run is a sampled one: its discrete observer has no tolerance to compare a rise with.
-    """
+    """Watch Theorem 1 along a simulated closed loop."""
     if "relative_tolerance" not in run.settings:
         raise SettingError("run", "has no tolerance: watch a continuous run, or call `monitor`")
     relative = float(run.settings["relative_tolerance"])
@@ -129,19 +89,7 @@ def monitor(
     relative_tolerance: float,
     absolute_tolerance: float,
 ) -> LyapunovMonitor:
-    """Watch Theorem 1 along any histories.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        In s.
-    rows : sequence of RowHistory
-        All rows of the system, n samples each.
-    window : float
-        Length in s of the last stretch, over which limits are judged.
-    relative_tolerance, absolute_tolerance : float
-        Error that the integrator allowed per step in each parameter error.
-    """
+    """Watch Theorem 1 along any histories."""
     errors = np.hstack([row.errors for row in rows])
     value = 0.5 * np.sum(errors**2, axis=1)
     mismatches = np.stack([row.mismatch for row in rows], axis=1)

@@ -29,43 +29,20 @@ from flexid.errors import SettingError
 
 @dataclass(frozen=True, eq=False)
 class Persistence:
-    """Excitation of one row over all windows of one length.
+    """Excitation of one row over all windows of one length."""
 
-    Parameters
-    ----------
-    row : str
-        Name of the row.
-    window : float
-        Length T in s.
-    start : (k,) ndarray
-        Start of each window in s, counted from the first sample.
-    grams : (k, m, m) ndarray
-        ∫ r rᵀ dt over each window.
-    smallest : float
-        The level of persistent excitation: the smallest eigenvalue of all of them.
-    worst : Excitation
-        Normalised excitation within the window of the smallest eigenvalue; it names the
-        coefficients that this window confounds.
-    overall : Excitation
-        Normalised excitation over the whole record.
-    """
-
-    row: str
-    window: float
-    start: FloatArray
-    grams: FloatArray
-    smallest: float
+    row: str  # name of the row
+    window: float  # length T in s
+    start: FloatArray  # (k,), start of each window in s, counted from the first sample
+    grams: FloatArray  # (k, m, m), ∫ r rᵀ dt over each window
+    smallest: float  # the level of persistent excitation: the smallest eigenvalue of all of them
+    # normalised excitation within the window of the smallest eigenvalue; it names the
+    # coefficients that this window confounds
     worst: Excitation
-    overall: Excitation
+    overall: Excitation  # normalised excitation over the whole record
 
     def guaranteed_rate(self, gain: float) -> float:
-        """Rate λ in 1/s with |p̃(t + T)| ≤ exp(-λT) |p̃(t)| at every start t of a window.
-
-        Parameters
-        ----------
-        gain : float
-            The observer's gain c.
-        """
+        """Rate λ in 1/s with |p̃(t + T)| ≤ exp(-λT) |p̃(t)| at every start t of a window."""
         return float(-np.log(contraction(self.grams, gain).max()) / self.window)
 
     def averaged_rate(self, gain: float) -> float:
@@ -85,22 +62,7 @@ def contraction(gram: ArrayLike, gain: float) -> FloatArray:
 
 
 def persistence(history: RowHistory, sample_time: float, window: float) -> Persistence:
-    """Measure the excitation of a row over all windows of a given length.
-
-    Parameters
-    ----------
-    history : RowHistory
-        The row along a motion, evenly sampled.
-    sample_time : float
-        Distance of the samples in s.
-    window : float
-        Length of a window in s; windows start a tenth of it apart.
-
-    Raises
-    ------
-    SettingError
-        If the record is shorter than one window, or a window shorter than ten samples.
-    """
+    """Measure the excitation of a row over all windows of a given length."""
     r = history.regressors
     length = round(window / sample_time)
     if not 10 <= length < len(r):
@@ -129,25 +91,7 @@ def persistence(history: RowHistory, sample_time: float, window: float) -> Persi
 
 
 def decay_rate(time: FloatArray, errors: FloatArray, window: float, floor: float) -> float:
-    """Exponential rate at which a row's errors have decayed.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        In s.
-    errors : (n, m) ndarray
-        p̃ of the row.
-    window : float
-        Length in s of the windows whose largest |p̃| make up the envelope.
-    floor : float
-        Size of |p̃| below which the integrator's error takes over; later windows are left out.
-
-    Returns
-    -------
-    float
-        Minus the slope of the envelope's logarithm over the later half of the windows, where the
-        slowest direction is left, in 1/s; NaN with fewer than three windows there.
-    """
+    """Exponential rate at which a row's errors have decayed."""
     norm = np.linalg.norm(errors, axis=1)
     place = np.floor((time - time[0]) / window * (1 + 1e-12)).astype(int)
     starts = np.flatnonzero(np.diff(place, prepend=-1))

@@ -24,21 +24,7 @@ _TIMEOUT = 10.0  # s, to reach the scheduler
 def run_on_cluster(
     experiment: Experiment, parts: Iterable[Part], scheduler: str
 ) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
-    """Run parts on the workers of a Dask scheduler, and yield each when it is done.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    parts : iterable of Part
-    scheduler : str
-        Its address, for example ``tcp://host:8786``.
-
-    Raises
-    ------
-    CampaignError
-        If the package is missing, the scheduler cannot be reached or is lost, it has no workers,
-        a worker has no flexid or another version, or a part killed every worker that took it.
-    """
+    """Run parts on the workers of a Dask scheduler, and yield each when it is done."""
     client = _connect(scheduler)
     try:
         _check_workers(client, scheduler)

@@ -21,62 +21,29 @@ _SEED = 1  # of the resampling; SALib takes 0 for none
 
 @dataclass(frozen=True)
 class Correlation:
-    """Spearman's rank correlation of a result with an input.
+    """Spearman's rank correlation of a result with an input."""
 
-    Parameters
-    ----------
-    input : str
-        Dotted path.
-    value : float
-        Between -1 and 1.
-    significant : bool
-        Whether it differs from 0 at a level of 5 %, shared by all inputs of the result
-        (Bonferroni).
-    """
-
-    input: str
-    value: float
+    input: str  # dotted path
+    value: float  # between -1 and 1
+    # whether it differs from 0 at a level of 5 %, shared by all inputs of the result (Bonferroni)
     significant: bool
 
 
 @dataclass(frozen=True)
 class SobolIndex:
-    """Share of a result's variance that an input makes.
+    """Share of a result's variance that an input makes."""
 
-    Parameters
-    ----------
-    input : str
-        Dotted path.
-    first, first_half_width : float
-        Share of the input alone, and half of its 95 % interval.
-    total, total_half_width : float
-        The same together with all interactions.
-    """
-
-    input: str
-    first: float
-    first_half_width: float
-    total: float
+    input: str  # dotted path
+    first: float  # share of the input alone
+    first_half_width: float  # of its 95 % interval
+    total: float  # share together with all interactions
     total_half_width: float
 
 
 def rank_correlations(
     inputs: Sequence[str], values: FloatArray, result: FloatArray
 ) -> tuple[Correlation, ...]:
-    """Rank correlations of one result with all inputs, the strongest first.
-
-    Parameters
-    ----------
-    inputs : sequence of str
-    values : (n_runs, n_inputs) ndarray
-    result : (n_runs,) ndarray
-        Runs without a finite value are left out.
-
-    Returns
-    -------
-    tuple of Correlation
-        Without inputs that do not vary; empty if the result does not, or has too few runs.
-    """
+    """Rank correlations of one result with all inputs, the strongest first."""
     from scipy import stats  # late: it loads for a second, and only a summary needs it
 
     there = np.isfinite(result)
@@ -93,25 +60,7 @@ def rank_correlations(
 
 
 def sobol_indices(inputs: Sequence[str], result: FloatArray) -> tuple[SobolIndex, ...]:
-    """Sobol indices of one result, the largest total first.
-
-    Parameters
-    ----------
-    inputs : sequence of str
-    result : (n_points, n_inputs + 2) ndarray
-        Of a plan for Sobol indices, point by point. A point with a run that has no finite value
-        is left out whole.
-
-    Returns
-    -------
-    tuple of SobolIndex
-        Empty if the result does not vary or too few points are complete.
-
-    Raises
-    ------
-    CampaignError
-        If SALib is not installed.
-    """
+    """Sobol indices of one result, the largest total first."""
     try:
         from SALib.analyze import sobol
     except ImportError:

@@ -14,39 +14,17 @@ FILE = "campaign.json"
 
 @dataclass(frozen=True)
 class Manifest:
-    """What was planned; it decides every row of the campaign.
+    """What was planned; it decides every row of the campaign."""
 
-    Parameters
-    ----------
-    flexid : str
-        Version that runs it.
-    experiment : str
-        Digest of whatever decides a run's result.
-    plan : str
-        Digest of all values.
-    kind : str
-        Kind of the plan.
-    runs : int
-        Number of runs.
-    inputs : tuple of str
-        Dotted paths of what varies.
-    keep : tuple of str
-        What is kept of each run.
-    runs_per_part : int
-        How many runs share a file.
-    text : str
-        The experiment file as it was.
-    """
-
-    flexid: str
-    experiment: str
-    plan: str
-    kind: str
-    runs: int
-    inputs: tuple[str, ...]
-    keep: tuple[str, ...]
-    runs_per_part: int
-    text: str
+    flexid: str  # version that runs it
+    experiment: str  # digest of whatever decides a run's result
+    plan: str  # digest of all values
+    kind: str  # kind of the plan
+    runs: int  # number of runs
+    inputs: tuple[str, ...]  # dotted paths of what varies
+    keep: tuple[str, ...]  # what is kept of each run
+    runs_per_part: int  # how many runs share a file
+    text: str  # the experiment file as it was
 
     @property
     def parts(self) -> range:
@@ -66,13 +44,7 @@ def write_manifest(manifest: Manifest, directory: Path) -> None:
 
 
 def read_manifest(directory: Path) -> Manifest | None:
-    """Read ``campaign.json``; None where there is none.
-
-    Raises
-    ------
-    CampaignError
-        If it is no manifest.
-    """
+    """Read ``campaign.json``; None where there is none."""
     try:
         content = json.loads((directory / FILE).read_text(encoding="utf-8"))
         return _manifest(content)
@@ -109,11 +81,6 @@ def refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:
     """Refuse a directory whose rows would not be those that are wanted.
 
     The number of runs per part may differ: it changes no row.
-
-    Raises
-    ------
-    CampaignError
-        If version, experiment, plan or what is kept differ.
     """
     if found.flexid != wanted.flexid:
         what = f"a campaign of flexid {found.flexid}, and this is {wanted.flexid}"

@@ -14,50 +14,17 @@ from flexid.simulation.sampled import sampled_kernel
 
 @dataclass(frozen=True)
 class Part:
-    """Some runs.
-
-    Parameters
-    ----------
-    number : int
-    table : DataFrame
-        Number and values of each run, from the plan.
-    keep : tuple of str
-        Which results to keep.
-    """
+    """Some runs."""
 
     number: int
-    table: pl.DataFrame
-    keep: tuple[str, ...]
+    table: pl.DataFrame  # number and values of each run, from the plan
+    keep: tuple[str, ...]  # which results to keep
 
 
 def run_part(
     experiment: Experiment, part: Part, stopped: Callable[[], bool] = lambda: False
 ) -> tuple[int, pl.DataFrame, pl.DataFrame | None]:
-    """Run a part.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    part : Part
-    stopped : callable, optional
-        Asked every few runs whether to stop.
-
-    Returns
-    -------
-    number : int
-        Of the part.
-    rows : DataFrame
-        One row per run.
-    series : DataFrame or None
-        Time series of the finished runs, where these are kept.
-
-    Raises
-    ------
-    Stopped
-        If `stopped` said so.
-    AccelerationError
-        If no run of this experiment is possible.
-    """
+    """Run a part."""
     _check(experiment)
     rows = part_rows(experiment, part.table, part.keep, stopped)
     wanted = "time_series" in part.keep

@@ -18,21 +18,12 @@ _SMALLEST_SHARE = 2.0**-53
 
 @dataclass(frozen=True)
 class Plan:
-    """The values of every run.
+    """The values of every run."""
 
-    Parameters
-    ----------
-    inputs : tuple of str
-        Dotted paths of what varies.
-    values : (n_runs, n_inputs) ndarray
-        In SI units.
-    seed : int or None
-        From which each run's noise has its seed, where the loop is sampled and its seed not among
-        the inputs.
-    """
-
-    inputs: tuple[str, ...]
-    values: NDArray[np.float64]
+    inputs: tuple[str, ...]  # dotted paths of what varies
+    values: NDArray[np.float64]  # (n_runs, n_inputs), in SI units
+    # from which each run's noise has its seed, where the loop is sampled and its seed not among
+    # the inputs
     seed: int | None
 
     def table(self, runs: range) -> pl.DataFrame:
@@ -53,20 +44,7 @@ class Plan:
 
 
 def make_plan(variation: Variation, sampled: bool) -> Plan:
-    """Plan the runs of a campaign; the same variation always gives the same plan.
-
-    Parameters
-    ----------
-    variation : Variation
-        What varies.
-    sampled : bool
-        Whether the loop is sampled, so that its noise needs a seed.
-
-    Raises
-    ------
-    SettingError
-        If the number of runs does not suit a plan for Sobol indices.
-    """
+    """Plan the runs of a campaign; the same variation always gives the same plan."""
     inputs = tuple(variation.inputs)
     values = _grid(variation) if variation.kind == "grid" else _draws(variation)
     return Plan(inputs, values, variation.seed if sampled and SEED not in inputs else None)
@@ -111,11 +89,6 @@ def _sobol(runs: int, count: int, seed: int) -> NDArray[np.float64]:
 
 def saltelli_points(runs: int, inputs: int) -> int:
     """Points of a plan for Sobol indices, each of which takes as many runs as inputs and 2 more.
-
-    Raises
-    ------
-    SettingError
-        If the runs are not that many times a power of two.
 
     Examples
     --------

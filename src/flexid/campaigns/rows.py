@@ -40,28 +40,7 @@ def part_rows(
     keep: Sequence[str],
     stopped: Callable[[], bool] = lambda: False,
 ) -> pl.DataFrame:
-    """Run a part of a campaign.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    table : DataFrame
-        Number and values of each run, from the plan.
-    keep : sequence of str
-        Which results to keep, out of `flexid.experiments.variation.Kept`.
-    stopped : callable, optional
-        Asked every few runs whether to stop.
-
-    Returns
-    -------
-    DataFrame
-        The table with status and results, one row per run. A run that fails is a row as well.
-
-    Raises
-    ------
-    Stopped
-        If `stopped` said so.
-    """
+    """Run a part of a campaign."""
     status = [FAILED] * len(table)
     errors: list[str | None] = [None] * len(table)
     names = result_names(experiment.loop.system, keep)

@@ -30,19 +30,11 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Campaign:
-    """A finished campaign.
-
-    Parameters
-    ----------
-    directory : Path
-    runs : int
-    statuses : dict of str to int
-        How many runs ended how, the most frequent first.
-    """
+    """A finished campaign."""
 
     directory: Path
     runs: int
-    statuses: dict[str, int]
+    statuses: dict[str, int]  # how many runs ended how, the most frequent first
 
 
 def run_campaign(

@@ -16,24 +16,6 @@ def part_series(
 
     The runs are made once more: the measures are taken at the integrator's own steps, the series
     at the samples.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    rows : DataFrame
-        Of the part.
-    stopped : callable, optional
-        Asked before every run whether to stop.
-
-    Returns
-    -------
-    DataFrame
-        Number of the run, and everything of it at its samples, in SI units.
-
-    Raises
-    ------
-    Stopped
-        If `stopped` said so.
     """
     inputs = rows.columns[1 : rows.columns.index(STATUS)]
     tables = []

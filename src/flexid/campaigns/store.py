@@ -25,13 +25,7 @@ _LOCK = ".campaign.lock"
 
 @dataclass(frozen=True)
 class Store:
-    """The parts of one campaign.
-
-    Parameters
-    ----------
-    directory : Path
-    manifest : Manifest
-    """
+    """The parts of one campaign."""
 
     directory: Path
     manifest: Manifest
@@ -45,13 +39,7 @@ class Store:
         return self.directory / "series" / f"part-{part:06d}.parquet"
 
     def write(self, part: int, rows: pl.DataFrame, series: pl.DataFrame | None) -> None:
-        """Keep a part: first its time series, so that rows never wait for theirs.
-
-        Raises
-        ------
-        CampaignError
-            If there is no room.
-        """
+        """Keep a part: first its time series, so that rows never wait for theirs."""
         try:
             if series is not None:
                 _write_table(series, self.series_path(part))
@@ -79,14 +67,7 @@ class Store:
         return sum(len(self.manifest.runs_of(part)) for part in there)
 
     def missing(self, plan: Plan, results: Mapping[str, pl.DataType]) -> list[int]:
-        """Numbers of the parts that have to be run, damaged ones among them.
-
-        Parameters
-        ----------
-        plan : Plan
-        results : mapping of str to DataType
-            Columns that a row has beside those of the plan, in their order.
-        """
+        """Numbers of the parts that have to be run, damaged ones among them."""
         return [part for part in self.manifest.parts if not self._holds(part, plan, results)]
 
     def _holds(self, part: int, plan: Plan, results: Mapping[str, pl.DataType]) -> bool:
@@ -103,19 +84,7 @@ class Store:
 
 @contextmanager
 def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
-    """Open the directory of a campaign for writing, alone; make it if there is none.
-
-    Parameters
-    ----------
-    directory : Path
-    wanted : Manifest
-        What is to be run; a directory that is there keeps its number of runs per part.
-
-    Raises
-    ------
-    CampaignError
-        If another process writes there, or the directory holds something else.
-    """
+    """Open the directory of a campaign for writing, alone; make it if there is none."""
     _check_name(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -155,13 +124,7 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
 
 
 def find_store(directory: Path) -> Store:
-    """Open the directory of a campaign for reading, while it runs or later.
-
-    Raises
-    ------
-    CampaignError
-        If it holds no campaign.
-    """
+    """Open the directory of a campaign for reading, while it runs or later."""
     _check_name(directory)
     manifest = read_manifest(directory)
     if manifest is None:

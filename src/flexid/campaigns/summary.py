@@ -27,60 +27,31 @@ _SIGNED = ("final_error.", "final_state.")
 
 @dataclass(frozen=True)
 class Result:
-    """One result over all finished runs.
+    """One result over all finished runs."""
 
-    Parameters
-    ----------
-    name : str
-        Column of the rows.
-    values : (n_finished,) ndarray
-        In SI units, in the order of the runs; NaN where a run has none.
-    missing : int
-        Finished runs without a finite value, for example those that never settle.
-    quantiles : tuple of float
-        Of the finite values, at `QUANTILES`; NaN if there are none.
-    correlations : tuple of Correlation
-        With the inputs, the strongest first; of signed results, that of the magnitude.
-    indices : tuple of SobolIndex
-        The largest first; empty unless the plan is one for Sobol indices.
-    """
-
-    name: str
+    name: str  # column of the rows
+    # (n_finished,), in SI units, in the order of the runs; NaN where a run has none
     values: FloatArray
-    missing: int
-    quantiles: tuple[float, ...]
+    missing: int  # finished runs without a finite value, for example those that never settle
+    quantiles: tuple[float, ...]  # of the finite values, at QUANTILES; NaN if there are none
+    # with the inputs, the strongest first; of signed results, that of the magnitude
     correlations: tuple[Correlation, ...]
+    # the largest first; empty unless the plan is one for Sobol indices
     indices: tuple[SobolIndex, ...]
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a campaign shows, finished or not.
-
-    Parameters
-    ----------
-    directory : Path
-    manifest : Manifest
-    done : int
-        Runs whose rows are there.
-    damaged : tuple of str
-        Files that cannot be read; running the campaign again makes them anew.
-    statuses : mapping of str to int
-        How many runs ended how, the most frequent first.
-    first_error : str
-        Text of the first run with the status "error"; empty if there is none.
-    inputs : mapping of str to (n_finished,) ndarray
-        Values of the inputs in the finished runs.
-    results : tuple of Result
-    """
+    """What a campaign shows, finished or not."""
 
     directory: Path
     manifest: Manifest
-    done: int
+    done: int  # runs whose rows are there
+    # files that cannot be read; running the campaign again makes them anew
     damaged: tuple[str, ...]
-    statuses: Mapping[str, int]
-    first_error: str
-    inputs: Mapping[str, FloatArray]
+    statuses: Mapping[str, int]  # how many runs ended how, the most frequent first
+    first_error: str  # text of the first run with the status "error"; empty if there is none
+    inputs: Mapping[str, FloatArray]  # values of the inputs in the finished runs
     results: tuple[Result, ...]
 
     @property
@@ -124,18 +95,7 @@ def summarise(out: str | Path) -> Summary:
 
 
 def campaign_rows(out: str | Path) -> pl.DataFrame:
-    """The rows of a campaign that are there, in the order of the runs.
-
-    Parameters
-    ----------
-    out : str or Path
-        The campaign's directory.
-
-    Raises
-    ------
-    CampaignError
-        If there is no campaign, or none of its rows yet.
-    """
+    """The rows of a campaign that are there, in the order of the runs."""
     return _all_rows(find_store(Path(out)))[0]
 
 

@@ -71,13 +71,7 @@ class Controller:
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """All parameters by name, those that follow from others last.
-
-        Raises
-        ------
-        ExpressionError
-            If one that follows from others has no finite value.
-        """
+        """All parameters by name, those that follow from others last."""
         values = dict(self.parameters)
         for name, text in self.derived.items():
             values[name] = evaluate(text, values, f"{self.name}: {name}")
@@ -97,13 +91,7 @@ class Controller:
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     def with_parameters(self, **values: float) -> "Controller":
-        """Return the same law with other values of some parameters.
-
-        Raises
-        ------
-        ModelError
-            If the law has no such parameter, or it follows from others.
-        """
+        """Return the same law with other values of some parameters."""
         for name in values:
             if name in self.derived:
                 raise ModelError(

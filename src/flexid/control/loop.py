@@ -11,21 +11,7 @@ from flexid.models.parametric_system import RESERVED, ParametricSystem, check_na
 
 @dataclass(frozen=True)
 class LoopDeclaration:
-    """System, controller and reference that fit together.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-    controller : Controller
-    reference : Reference
-
-    Raises
-    ------
-    ModelError
-        If names clash, an input has no expression, or the coordinates are not one per state.
-    ExpressionError
-        If an expression leaves the whitelist or uses an undeclared name.
-    """
+    """System, controller and reference that fit together."""
 
     system: ParametricSystem
     controller: Controller

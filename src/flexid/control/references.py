@@ -98,20 +98,7 @@ class Multisine:
         return values
 
     def evaluate(self, time: ArrayLike, order: int = 0) -> NDArray[np.float64]:
-        """Derivative of the given order.
-
-        Parameters
-        ----------
-        time : array_like
-            In s, of any shape.
-        order : int, optional
-            0 for q_d itself.
-
-        Returns
-        -------
-        ndarray
-            Of the shape of `time`.
-        """
+        """Derivative of the given order."""
         time = np.asarray(time, dtype=float)
         value = np.full(time.shape, self.offset if order == 0 else 0.0)
         waves = zip(self.amplitudes, self.angular_frequencies, self.phases, strict=True)

@@ -23,40 +23,22 @@ from flexid.errors import ModelError
 
 @dataclass(frozen=True)
 class SymbolicLoop:
-    """A closed loop in symbols.
-
-    Parameters
-    ----------
-    declaration : LoopDeclaration
-    signals : Signals
-        The functions of time in the expressions below.
-    variables : tuple of Symbol
-        What is integrated: coordinates of the plant, then the observer's states.
-    start : tuple of Expr
-        The variables as functions of the plain states and of the symbols ``start_estimate``.
-    rates : tuple of Expr
-        Their time derivatives, as all that follows functions of the variables.
-    states, inputs : tuple of Expr
-        x and u.
-    estimates, errors : tuple of Expr
-        p̂ and p̃.
-    tracking_error : Expr
-        The tracked state minus the reference.
-    regressors : tuple of Expr
-        r of all rows in turn.
-    """
+    """A closed loop in symbols."""
 
     declaration: LoopDeclaration
-    signals: Signals
+    signals: Signals  # the functions of time in the expressions below
+    # what is integrated: coordinates of the plant, then the observer's states
     variables: tuple[sp.Symbol, ...]
+    # the variables as functions of the plain states and of the symbols start_estimate
     start: tuple[sp.Expr, ...]
+    # their time derivatives, as all that follows functions of the variables
     rates: tuple[sp.Expr, ...]
-    states: tuple[sp.Expr, ...]
-    inputs: tuple[sp.Expr, ...]
-    estimates: tuple[sp.Expr, ...]
-    errors: tuple[sp.Expr, ...]
-    tracking_error: sp.Expr
-    regressors: tuple[sp.Expr, ...]
+    states: tuple[sp.Expr, ...]  # x
+    inputs: tuple[sp.Expr, ...]  # u
+    estimates: tuple[sp.Expr, ...]  # p̂
+    errors: tuple[sp.Expr, ...]  # p̃
+    tracking_error: sp.Expr  # the tracked state minus the reference
+    regressors: tuple[sp.Expr, ...]  # r of all rows in turn
 
 
 def start_estimates(symbolic: SymbolicSystem) -> tuple[sp.Symbol, ...]:
@@ -65,15 +47,7 @@ def start_estimates(symbolic: SymbolicSystem) -> tuple[sp.Symbol, ...]:
 
 
 def compose_loop(declaration: LoopDeclaration) -> SymbolicLoop:
-    """Compose a closed loop in its controller's coordinates.
-
-    Raises
-    ------
-    AccelerationError
-        If the observer needs an acceleration, so that its error dynamics cannot be had.
-    ModelError
-        If a coordinate is not its state plus a function of the states before it.
-    """
+    """Compose a closed loop in its controller's coordinates."""
     symbolic = symbolic_system(declaration.system)
     check_acceleration_free(symbolic)
     signals, law = control_law(declaration, symbolic)

@@ -17,21 +17,7 @@ _FUSED = 'njit(cache=True, error_model="numpy", fastmath={"contract"})'
 
 
 def lane_loop_source(loop: SymbolicLoop, lanes: int) -> str:
-    """Print what an explicit integrator of several runs needs of a loop.
-
-    Parameters
-    ----------
-    loop : SymbolicLoop
-    lanes : int
-        How many runs go side by side.
-
-    Returns
-    -------
-    str
-        The module of `loop_source` with LANES and N_OBSERVED and the functions ``lane_rates`` (of
-        the state STAGE at STAGE_TIME) and ``lane_rates_and_outputs`` (as well as inputs,
-        errors, tracking error and regressors). Sine and cosine are left to a template.
-    """
+    """Print what an explicit integrator of several runs needs of a loop."""
     observed = [*loop.inputs, *loop.errors, loop.tracking_error, *loop.regressors]
     rates = _targets("RATES", loop.rates)
     return "\n\n".join(

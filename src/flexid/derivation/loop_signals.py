@@ -22,10 +22,6 @@ class Signals:
 
     As symbols they cancel against each other before anything large is computed; for that, the
     derivative of one signal is recognised where it is another (w2N = w1N' in the paper).
-
-    Parameters
-    ----------
-    reference : Reference
     """
 
     def __init__(self, reference: Reference) -> None:
@@ -49,15 +45,7 @@ class Signals:
         return sp.Add(*(sp.diff(expression, s) * self._rate(s) for s in self._in(expression)))
 
     def assignments(self, used: Collection[sp.Basic]) -> tuple[str, set[sp.Basic]]:
-        """Lines that compute those signals that occur among the given symbols.
-
-        Returns
-        -------
-        str
-            Source, the reference first.
-        set of Symbol
-            All symbols that the lines and their users need.
-        """
+        """Lines that compute those signals that occur among the given symbols."""
         values = {s: v for s, v in self._values.items() if s in used}
         needed = set(used).union(*(v.free_symbols for v in values.values()))
         orders = [order for order in range(20) if self.reference(order) in needed]

@@ -5,26 +5,14 @@ from collections.abc import Mapping, Sequence
 import sympy as sp
 
 from flexid.control.loop import LoopDeclaration
-from flexid.derivation.closed_loop import SymbolicLoop, compose_loop, start_estimates
+from flexid.derivation.closed_loop import SymbolicLoop, start_estimates
 from flexid.derivation.loop_signals import Signals
-from flexid.derivation.plain_loop import compose_plain_loop
 from flexid.derivation.source import IMPORTS, assignments, function
 from flexid.derivation.symbolic import symbol, symbolic_system
 
 
-def composed(declaration: LoopDeclaration, plain_coordinates: bool) -> SymbolicLoop:
-    """The loop in its controller's coordinates or in plain ones."""
-    return (compose_plain_loop if plain_coordinates else compose_loop)(declaration)
-
-
 def stiff_loop_source(loop: SymbolicLoop) -> str:
-    """Print what an implicit integrator needs of a loop.
-
-    Returns
-    -------
-    str
-        The module of `loop_source` with the functions ``rates`` and ``rates_and_jacobian``.
-    """
+    """Print what an implicit integrator needs of a loop."""
     size = range(len(loop.variables))
     rates = {f"_dz[{i}]": rate for i, rate in enumerate(loop.rates)}
     jacobian = {
@@ -59,16 +47,7 @@ def stiff_loop_source(loop: SymbolicLoop) -> str:
 
 
 def loop_source(loop: SymbolicLoop) -> str:
-    """Print what every integrator needs of a loop.
-
-    Returns
-    -------
-    str
-        A module with the constants N_STATES (of the plain system), N_INPUTS, N_COEFFICIENTS,
-        N_PARAMETERS, SIZE (of the composed loop) and ROW_STARTS (where each row's coefficients
-        begin) and the functions ``outputs`` (x, u, p̂, p̃, the tracking error and r in turn) and
-        ``start`` (the variables at the start, from x and p̂).
-    """
+    """Print what every integrator needs of a loop."""
     outputs = [*loop.states, *loop.inputs, *loop.estimates, *loop.errors, loop.tracking_error]
     outputs += loop.regressors
     symbolic = symbolic_system(loop.declaration.system)
@@ -128,23 +107,7 @@ def loop_function(
     results: Mapping[str, sp.Expr],
     last: str = "",
 ) -> str:
-    """A compiled function of time, arrays and the loop's parameters ``_p``.
-
-    Parameters
-    ----------
-    declaration : LoopDeclaration
-        Gives the order of the parameters.
-    signals : Signals
-        Functions of time in the results.
-    signature, docstring : str
-        Of the function; time is called ``_t``.
-    arrays : mapping of str to sequence of Symbol
-        The symbols that each argument holds, in order.
-    results : mapping of str to Expr
-        Target to expression.
-    last : str, optional
-        The function's last line.
-    """
+    """A compiled function of time, arrays and the loop's parameters ``_p``."""
     places = {
         name: f"{array}[{place}]"
         for array, names in {**arrays, "_p": parameters(declaration)}.items()
@@ -164,19 +127,7 @@ def loop_body(
     time: str,
     results: Mapping[str, sp.Expr],
 ) -> str:
-    """Lines of a function of a loop: what is used is read, then signals, then the results.
-
-    Parameters
-    ----------
-    signals : Signals
-        Functions of time in the results.
-    places : mapping of Symbol to str
-        Where each symbol is found.
-    time : str
-        Where the time is found.
-    results : mapping of str to Expr
-        Target to expression.
-    """
+    """Lines of a function of a loop: what is used is read, then signals, then the results."""
     used = set().union(*(expression.free_symbols for expression in results.values()))
     lines, used = signals.assignments(used)
     found = {**places, symbol("t"): time}

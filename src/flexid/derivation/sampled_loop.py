@@ -16,14 +16,7 @@ from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 
 
 def sampled_loop_source(declaration: LoopDeclaration) -> str:
-    """Source of the functions that the template ``sampled_loop`` needs.
-
-    Returns
-    -------
-    str
-        A module with the sampled observer, ``linearised``, and on tuples ``sense``,
-        ``control``, ``saturate``, ``plant_rates`` and ``plant_step``.
-    """
+    """Source of the functions that the template ``sampled_loop`` needs."""
     system = declaration.system
     symbolic = symbolic_system(system)
     signals, law = control_law(declaration, symbolic)

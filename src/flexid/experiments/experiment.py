@@ -22,28 +22,16 @@ Tables = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What an experiment file says.
+    """What an experiment file says."""
 
-    Parameters
-    ----------
-    frame : Frame
-        What the names in it decide.
-    tables : mapping
-        The file's tables but the campaign's, complete with what it leaves to the defaults.
-    loop : ClosedLoop
-        Model, true coefficients, controller, reference, observer and where they start.
-    settings : RunSettings
-    sampling : Sampling or None
-        Of a sampled loop; None for a continuous one.
-    variation : Variation or None
-        The ``[campaign]`` part, if there is one.
-    """
-
-    frame: Frame = field(repr=False)
+    frame: Frame = field(repr=False)  # what the names in it decide
+    # the file's tables but the campaign's, complete with what it leaves to the defaults
     tables: Tables = field(repr=False)
+    # model, true coefficients, controller, reference, observer and where they start
     loop: ClosedLoop = field(repr=False)
     settings: RunSettings
-    sampling: Sampling | None
+    sampling: Sampling | None  # of a sampled loop; None for a continuous one
+    # the [campaign] part, if there is one
     variation: Variation | None = field(default=None, repr=False)
 
     @property
@@ -105,18 +93,7 @@ class Experiment:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def with_values(self, values: Mapping[str, float]) -> "Experiment":
-        """Return the same experiment with other numbers in its file.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            By dotted path, for example ``{"controller.k": 30.0, "sampling.seed": 7}``.
-
-        Raises
-        ------
-        ExperimentError
-            If there is no such path, or a value is not allowed there.
-        """
+        """Return the same experiment with other numbers in its file."""
         known = self.values
         tables: dict[str, Any] = dict(self.tables)
         for path, value in values.items():
@@ -135,15 +112,7 @@ class Experiment:
         )
 
     def run(self) -> Run:
-        """Simulate the experiment.
-
-        Raises
-        ------
-        SimulationError
-            If the loop diverges or cannot meet its tolerance.
-        ExperimentError
-            If the observer of a continuous loop needs an acceleration.
-        """
+        """Simulate the experiment."""
         if self.sampling is not None:
             return simulate_sampled(self.loop, self.duration, self.sampling)
         try:

@@ -25,66 +25,33 @@ MOST_SAMPLES = 10_000_000
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How long a loop runs and how closely it is integrated.
+    """How long a loop runs and how closely it is integrated."""
 
-    Parameters
-    ----------
-    duration : float
-        In s.
-    sample_time : float
-        Distance of the samples in s.
-    relative_tolerance, absolute_tolerance : float
-        Of a continuous run.
-    maximum_steps : int
-        Of a continuous run.
-    stiff : bool
-        Whether a continuous run is integrated by the method for stiff loops.
-    """
-
-    duration: float
-    sample_time: float
-    relative_tolerance: float = 1e-6
-    absolute_tolerance: float = 1e-9
-    maximum_steps: int = 1_000_000
-    stiff: bool = True
+    duration: float  # in s
+    sample_time: float  # distance of the samples in s
+    relative_tolerance: float = 1e-6  # of a continuous run
+    absolute_tolerance: float = 1e-9  # of a continuous run
+    maximum_steps: int = 1_000_000  # of a continuous run
+    stiff: bool = True  # whether a continuous run is integrated by the method for stiff loops
 
 
 @dataclass(frozen=True)
 class Kinds:
-    """Which of the possible tables a file has.
+    """Which of the possible tables a file has."""
 
-    Parameters
-    ----------
-    joint : bool
-        Whether the model is the flexible joint, and not in a file of its own.
-    law, reference : str
-        Of the controller, and the reference's kind.
-    sampled : bool
-        Whether the loop is sampled.
-    """
-
-    joint: bool
+    joint: bool  # whether the model is the flexible joint, and not in a file of its own
     law: str
-    reference: str
-    sampled: bool
+    reference: str  # its kind
+    sampled: bool  # whether the loop is sampled
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Makes the parts of an experiment of its tables; the same for all numbers in them.
+    """Makes the parts of an experiment of its tables; the same for all numbers in them."""
 
-    Parameters
-    ----------
-    path : str
-        The file, for messages.
-    kinds : Kinds
-    system : ParametricSystem
-        The model, with the values of its constants as declared.
-    """
-
-    path: str
+    path: str  # the file, for messages
     kinds: Kinds
-    system: ParametricSystem
+    system: ParametricSystem  # the model, with the values of its constants as declared
 
     @property
     def refuse(self) -> Refuse:

@@ -16,32 +16,17 @@ SETTLED = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """A run in numbers, in SI units.
+    """A run in numbers, in SI units."""
 
-    Parameters
-    ----------
-    final_states : mapping of str to float
-        x at the end.
-    final_errors : mapping of str to float
-        p̂ - p at the end, by coefficient.
-    settling_times : mapping of str to float
-        The last time in s at which |p̂ - p| was beyond 5 % of |p|; 0 if it never was, NaN if it
-        still is at the end.
-    tracking_rms, tracking_peak : float
-        Root mean square and largest magnitude of the tracking error.
-    peak_inputs : mapping of str to float
-        Largest magnitude of each input.
-    excitation : mapping of str to Excitation
-        Of each row, by the mean of r rᵀ over the run.
-    """
-
-    final_states: Mapping[str, float]
-    final_errors: Mapping[str, float]
+    final_states: Mapping[str, float]  # x at the end
+    final_errors: Mapping[str, float]  # p̂ - p at the end, by coefficient
+    # the last time in s at which |p̂ - p| was beyond 5 % of |p|; 0 if it never was, NaN if it
+    # still is at the end
     settling_times: Mapping[str, float]
-    tracking_rms: float
-    tracking_peak: float
-    peak_inputs: Mapping[str, float]
-    excitation: Mapping[str, Excitation]
+    tracking_rms: float  # root mean square of the tracking error
+    tracking_peak: float  # its largest magnitude
+    peak_inputs: Mapping[str, float]  # largest magnitude of each input
+    excitation: Mapping[str, Excitation]  # of each row, by the mean of r rᵀ over the run
 
 
 def measure(run: Run) -> Measures:
@@ -66,17 +51,6 @@ def settling_times(
     time: NDArray[np.float64], errors: NDArray[np.float64], true: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Last times at which each error was beyond `SETTLED` of the true value.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-    errors : (n, m) ndarray
-    true : (m,) ndarray
-
-    Returns
-    -------
-    (m,) ndarray
-        0 where an error never was beyond, NaN where it is at the end.
 
     Examples
     --------

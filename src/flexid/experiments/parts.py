@@ -20,6 +20,7 @@ from flexid.toml_file import Refuse
 Table = Mapping[str, Any]
 
 _INERTIAS = ("link_inertia", "motor_inertia")
+_POSITIVE = ("theta2", "alpha1", "beta1")  # without spring or inertia it is no flexible joint
 
 
 def declared_system(model: Table, folder: Path, refuse: Refuse) -> ParametricSystem:
@@ -44,19 +45,7 @@ def declared_system(model: Table, folder: Path, refuse: Refuse) -> ParametricSys
 def plant_values(
     plant: Table, names: Collection[str], joint: bool, refuse: Refuse
 ) -> dict[str, float]:
-    """Values of the plant's coefficients and constants.
-
-    Parameters
-    ----------
-    plant : mapping
-        In the model's own names, or in physical parameters of the flexible joint.
-    names : collection of str
-        The coefficients and constants that need a value.
-    joint : bool
-        Whether the model is the flexible joint.
-    refuse : callable
-        Makes the error.
-    """
+    """Values of the plant's coefficients and constants."""
     values = lumped("plant", plant, names, joint, refuse)
     for name in values:
         if name not in names:
@@ -68,6 +57,9 @@ def plant_values(
     for name in names:
         if name not in values:
             raise refuse("plant", f"gives no value for the coefficient {name!r}: add one")
+    for name in _POSITIVE if joint else ():
+        if not values.get(name, 1.0) > 0.0:
+            raise refuse(f"plant.{_source(name, plant)}", "must be positive: correct it")
     return values
 
 
@@ -95,21 +87,7 @@ def estimate_values(
 def lumped(
     table: str, values: Table, names: Collection[str], joint: bool, refuse: Refuse
 ) -> dict[str, float]:
-    """The values of a table by coefficient, from physical parameters if it has those.
-
-    Parameters
-    ----------
-    table : str
-        Its dotted path.
-    values : mapping of str to float
-        What it holds.
-    names : collection of str
-        Coefficients that it may hold.
-    joint : bool
-        Whether it may hold physical parameters of the flexible joint instead.
-    refuse : callable
-        Makes the error.
-    """
+    """The values of a table by coefficient, from physical parameters if it has those."""
     if all(name in names for name in values):
         return dict(values)
     physical = JOINT_PARAMETERS if joint else ()

@@ -52,13 +52,7 @@ _RESULTS = {
 
 
 class Units:
-    """SI units by name; an empty text where flexid cannot know one.
-
-    Parameters
-    ----------
-    text : str
-        An experiment file.
-    """
+    """SI units by name; an empty text where flexid cannot know one."""
 
     def __init__(self, text: str) -> None:
         try:

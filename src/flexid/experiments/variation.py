@@ -33,12 +33,6 @@ Plan = Literal["grid", "latin-hypercube", "sobol", "sobol-indices"]
 class Distribution:
     """A distribution of one number.
 
-    Parameters
-    ----------
-    kind : {"uniform", "log_uniform", "normal", "integers"}
-    first, second : float
-        Both ends, included for integers; of the normal distribution mean and standard deviation.
-
     Examples
     --------
     >>> Distribution("uniform", 10.0, 50.0).quantile([0.0, 0.5]).tolist()
@@ -46,22 +40,11 @@ class Distribution:
     """
 
     kind: Kind
-    first: float
-    second: float
+    first: float  # lower end, or the mean of a normal distribution
+    second: float  # upper end, included for integers, or the standard deviation
 
     def quantile(self, shares: ArrayLike) -> NDArray[np.float64]:
-        """Values below which the given shares of all draws lie.
-
-        Parameters
-        ----------
-        shares : array_like
-            From 0 on and below 1; for a normal distribution above 0.
-
-        Returns
-        -------
-        ndarray
-            Of the shape of `shares`.
-        """
+        """Values below which the given shares of all draws lie."""
         shares = np.asarray(shares, dtype=float)
         first, second = self.first, self.second
         if self.kind == "uniform":
@@ -77,29 +60,15 @@ class Distribution:
 
 @dataclass(frozen=True)
 class Variation:
-    """The ``[campaign]`` part of an experiment.
+    """The ``[campaign]`` part of an experiment."""
 
-    Parameters
-    ----------
-    kind : {"grid", "latin-hypercube", "sobol", "sobol-indices"}
-        Every combination of the values, or draws; the last ones made for Sobol indices.
-    runs : int
-        Number of runs; of a grid the product of the numbers of values.
-    seed : int
-        Of the draws.
-    inputs : mapping of str to tuple of float or Distribution
-        By dotted path of the experiment's file; of several values each is equally likely.
-    keep : tuple of str
-        What is kept of each run.
-    runs_per_part : int or None
-        How many runs share a file of the result; None leaves it to the campaign.
-    """
-
-    kind: Plan
-    runs: int
-    seed: int
+    kind: Plan  # every combination of the values, or draws; the last ones made for Sobol indices
+    runs: int  # number of runs; of a grid the product of the numbers of values
+    seed: int  # of the draws
+    # by dotted path of the experiment's file; of several values each is equally likely
     inputs: Mapping[str, tuple[float, ...] | Distribution]
-    keep: tuple[Kept, ...]
+    keep: tuple[Kept, ...]  # what is kept of each run
+    # how many runs share a file of the result; None leaves it to the campaign
     runs_per_part: int | None
 
 

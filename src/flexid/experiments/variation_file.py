@@ -16,20 +16,7 @@ Input = tuple[float, ...] | Distribution
 
 
 def read_variation(campaign: Any, experiment: Experiment) -> Variation:
-    """Check a campaign against the experiment that it varies.
-
-    Parameters
-    ----------
-    campaign : object
-        What the file holds under ``campaign``.
-    experiment : Experiment
-
-    Raises
-    ------
-    ExperimentError
-        If it cannot be used; each listed value, both ends of a distribution and a value inside
-        are tried.
-    """
+    """Check a campaign against the experiment that it varies."""
     from flexid.experiments.schema import CampaignTable
 
     def refuse(key: str, reason: str) -> ExperimentError:

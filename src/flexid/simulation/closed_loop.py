@@ -28,7 +28,6 @@ def simulate(
     relative_tolerance: float = 1e-6,
     absolute_tolerance: float | None = None,
     maximum_steps: int = 1_000_000,
-    plain_coordinates: bool = False,
     stiff: bool = True,
 ) -> Run:
     """Simulate a closed loop in continuous time.
@@ -47,9 +46,6 @@ def simulate(
         The same in absolute terms, in SI units; a thousandth of the relative one by default.
     maximum_steps : int, optional
         Steps, accepted and rejected, after which the run is given up.
-    plain_coordinates : bool, optional
-        Integrate x and the observer's own states, Huang (2003), eqs. (1) to (3) as they stand: an
-        independent check, a hundred times slower at high gain and less accurate.
     stiff : bool, optional
         Integrate by Rodas5P, good for any gain. Without it an explicit method is used: several
         times faster where no pole is faster than what is to be followed, as under PD control, and
@@ -72,27 +68,20 @@ def simulate(
     """
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
     grid = SampleGrid(duration, sample_time)
-    kernel = loop_kernel(loop.declaration, plain_coordinates, stiff)
+    kernel = loop_kernel(loop.declaration, stiff)
     samples = np.empty((1, grid.count, kernel.SIZE))
     ends = integrate_loops(kernel, [loop], grid, tolerance, samples, np.empty((1, 0)))
-    task = "continuous, plain coordinates" if plain_coordinates else "continuous"
     if ends.status[0] != kernel.FINISHED:
         largest = float(np.max(np.abs(ends.variables)))
         reason = _reason(kernel, int(ends.status[0]), largest, maximum_steps)
         raise SimulationError(reason, float(ends.reached[0]))
-    settings = {"task": task, "stiff": stiff, **asdict(grid), **asdict(tolerance)}
+    settings = {"task": "continuous", "stiff": stiff, **asdict(grid), **asdict(tolerance)}
     return _run(loop, kernel, grid, samples[0], settings, ends)
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How accurately a loop is integrated; the absolute tolerance follows from the relative one.
-
-    Raises
-    ------
-    SettingError
-        If a value is not positive.
-    """
+    """How accurately a loop is integrated; the absolute tolerance follows from the relative one."""
 
     relative_tolerance: float
     absolute_tolerance: float | None
@@ -122,24 +111,7 @@ def integrate_loops(
     samples: FloatArray,
     totals: FloatArray,
 ) -> Ends:
-    """Integrate n loops of one declaration; other threads can run meanwhile.
-
-    Parameters
-    ----------
-    kernel : module
-        From `loop_kernel`; it does best with RUNS_AT_ONCE loops.
-    loops : sequence of ClosedLoop
-    grid : SampleGrid
-    tolerance : Tolerance
-    samples : (n, count or 0, SIZE) ndarray
-        Filled with the variables at the grid's instants.
-    totals : (n, N_TOTALS or 0) ndarray
-        Zeros, to which the measures of the template ``loop_measures`` are added.
-
-    Returns
-    -------
-    Ends
-    """
+    """Integrate n loops of one declaration; other threads can run meanwhile."""
     runs = len(loops)
     parameters = np.array([loop.parameters for loop in loops])
     variables = np.empty((runs, kernel.SIZE))
@@ -170,7 +142,6 @@ def integrate_loops(
 
 def loop_kernel(
     declaration: LoopDeclaration,
-    plain_coordinates: bool = False,
     stiff: bool = True,
     lanes: int = 1,
 ) -> ModuleType:
@@ -180,17 +151,17 @@ def loop_kernel(
     """
 
     def build() -> str:
+        from flexid.derivation.closed_loop import compose_loop
         from flexid.derivation.lane_source import lane_loop_source
-        from flexid.derivation.loop_source import composed, stiff_loop_source
+        from flexid.derivation.loop_source import stiff_loop_source
 
-        loop = composed(declaration, plain_coordinates)
+        loop = compose_loop(declaration)
         return stiff_loop_source(loop) if stiff else lane_loop_source(loop, lanes)
 
-    task = "plain_closed_loop" if plain_coordinates else "closed_loop"
     integrator = ["rodas5p"] if stiff else ["sin_cos", "lanes", "lane_measures", "dopri5"]
     templates = ["run_status", "loop_measures", "loop_outputs", *integrator]
     decisive = [*declaration.digests, "" if stiff else f"{lanes} lanes"]
-    return load_kernel(task, decisive, build, templates)
+    return load_kernel("closed_loop", decisive, build, templates)
 
 
 def _run(

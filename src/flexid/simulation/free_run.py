@@ -56,28 +56,14 @@ def free_run(
 
 @dataclass(frozen=True, eq=False)
 class FreeRunner:
-    """Free runs of one model from several states that lie close to each other.
+    """Free runs of one model from several states that lie close to each other."""
 
-    Parameters
-    ----------
-    kernel : module
-        Of the model.
-    coefficients, constants : ndarray
-        Of the model, in its order.
-    sample_time : float
-        In s.
-    held : bool
-        Whether the input is constant until the next sample.
-    substeps : int
-        Of the integrator per sample.
-    """
-
-    kernel: ModuleType
-    coefficients: NDArray[np.float64]
-    constants: NDArray[np.float64]
-    sample_time: float
-    held: bool
-    substeps: int
+    kernel: ModuleType  # of the model
+    coefficients: NDArray[np.float64]  # of the model, in its order
+    constants: NDArray[np.float64]  # of the model, in its order
+    sample_time: float  # in s
+    held: bool  # whether the input is constant until the next sample
+    substeps: int  # of the integrator per sample
 
     @classmethod
     def near(

@@ -83,25 +83,6 @@ class ClosedLoop:
 
         What only the names decide is not checked anew, so that a loop costs some microseconds
         where thousands differ in their values alone.
-
-        Parameters
-        ----------
-        coefficients, observer_gains, initial_estimates : mapping of str to float
-        initial_state : sequence of float
-            As for the class; complete.
-        constants : mapping of str to float
-            Values of the system's constants to replace.
-        controller : Controller
-            With the names and expressions of the present one.
-        reference : Reference
-            With the expression of the present one.
-
-        Raises
-        ------
-        SettingError
-            If the names or lengths are not those of this loop.
-        ModelError
-            If the system has no such constant.
         """
         same = (
             list(coefficients) == list(self.coefficients)

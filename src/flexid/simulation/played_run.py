@@ -15,21 +15,13 @@ from flexid.simulation.substeps import HELD_INPUT, runge_kutta_substeps
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """What the drive is given, sample by sample.
+    """What the drive is given, sample by sample."""
 
-    Parameters
-    ----------
-    torque : (n,) ndarray
-        Torque in the input's unit, held over each interval.
-    reference : (n, 2) ndarray
-        Position and velocity that the motor shall follow, in rad and rad/s.
-    gains : (2,) ndarray
-        Proportional and derivative gain of the drive's position loop, in the input's unit per rad
-        and per rad/s; both zero where the torque alone is played.
-    """
-
-    torque: FloatArray
+    torque: FloatArray  # (n,), torque in the input's unit, held over each interval
+    # (n, 2), position and velocity that the motor shall follow, in rad and rad/s
     reference: FloatArray
+    # (2,), proportional and derivative gain of the drive's position loop, in the input's unit per
+    # rad and per rad/s; both zero where the torque alone is played
     gains: FloatArray
 
     def scaled(self, factor: float) -> "Command":
@@ -46,34 +38,7 @@ def play(
     sample_time: float,
     tracked: int = 2,
 ) -> tuple[FloatArray, FloatArray]:
-    """Simulate a system while its first input plays a command, without any limit.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model; its constants have the values declared in it.
-    coefficients : mapping of str to float
-        A value for each of its coefficients.
-    start : (n_states,) ndarray
-        State at the first sample.
-    command : Command
-        Torque or reference.
-    sample_time : float
-        Seconds between samples.
-    tracked : int, optional
-        Place of the position that follows the reference: the motor's by default.
-
-    Returns
-    -------
-    states : (n, n_states) ndarray
-    inputs : (n,) ndarray
-        What the first input was, held from each sample to the next.
-
-    Raises
-    ------
-    SimulationError
-        If the motion grows beyond all bounds, or the model is far too fast for the sample time.
-    """
+    """Simulate a system while its first input plays a command, without any limit."""
     kernel = played_kernel(system)
     p = np.array([coefficients[name] for name in system.coefficients])
     c = np.array(list(system.constants.values()), dtype=np.float64)

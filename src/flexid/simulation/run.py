@@ -86,16 +86,7 @@ class Run:
 
 
 def split_columns(kernel: ModuleType, table: FloatArray) -> list[FloatArray]:
-    """States, inputs, estimates, their errors, tracking error and what follows, columns each.
-
-    Parameters
-    ----------
-    kernel : module
-        Of the loop, continuous or sampled.
-    table : (n, n_columns) ndarray
-        What it wrote: its outputs, which end with the regressors, or its record, which ends with
-        the measured states.
-    """
+    """States, inputs, estimates, their errors, tracking error and what follows, columns each."""
     n = kernel.N_COEFFICIENTS
     widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
     return np.split(table, np.cumsum(widths), axis=1)

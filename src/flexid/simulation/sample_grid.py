@@ -11,13 +11,7 @@ from flexid.errors import SettingError
 
 @dataclass(frozen=True)
 class SampleGrid:
-    """The instants 0, sample_time, 2 sample_time … up to the duration, in s.
-
-    Raises
-    ------
-    SettingError
-        If one is not positive.
-    """
+    """The instants 0, sample_time, 2 sample_time … up to the duration, in s."""
 
     duration: float
     sample_time: float

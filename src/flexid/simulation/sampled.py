@@ -155,25 +155,7 @@ def run_sampled(
     record: FloatArray,
     totals: FloatArray,
 ) -> SampledEnd:
-    """Run a sampled loop in compiled code; other threads can run meanwhile.
-
-    Parameters
-    ----------
-    kernel : module
-        From `sampled_kernel`.
-    loop : ClosedLoop
-    sampling : Sampling
-    grid : SampleGrid
-    record : (count or 1, N_RECORD) ndarray
-        Filled with all samples, or overwritten by each of them.
-    totals : (N_MEASURES or 0,) ndarray
-        Zeros, to which the measures of the template ``loop_measures`` are added.
-
-    Raises
-    ------
-    SimulationError
-        If the model is too stiff for samples so far apart.
-    """
+    """Run a sampled loop in compiled code; other threads can run meanwhile."""
     status, samples, limited = kernel.sampled_run(
         np.array([loop.initial_state]),
         loop.parameters[np.newaxis],

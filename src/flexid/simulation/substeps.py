@@ -24,27 +24,7 @@ def runge_kutta_substeps(
     c: FloatArray,
     sample_time: float,
 ) -> int:
-    """Steps per sample that resolve a model's fastest pole.
-
-    Parameters
-    ----------
-    kernel : module
-        With the model's ``linearised``.
-    x, u, p, c : ndarray
-        State and input at the start, coefficients and constants.
-    sample_time : float
-        In s.
-
-    Returns
-    -------
-    int
-        At least 1.
-
-    Raises
-    ------
-    SimulationError
-        If the model is too stiff for samples so far apart, or jumps with a velocity's sign.
-    """
+    """Steps per sample that resolve a model's fastest pole."""
     fastest = fastest_pole(kernel, x, u, p, c)
     substeps = max(1.0, np.ceil(STEPS_PER_TIME_CONSTANT * fastest * sample_time))
     if substeps > _MOST_SUBSTEPS:
@@ -59,20 +39,7 @@ def runge_kutta_substeps(
 def fastest_pole(
     kernel: ModuleType, x: FloatArray, u: FloatArray, p: FloatArray, c: FloatArray
 ) -> float:
-    """Largest magnitude of a model's poles in 1/s, at the start and at rest.
-
-    Parameters
-    ----------
-    kernel : module
-        With the model's ``linearised``.
-    x, u, p, c : ndarray
-        State and input at the start, coefficients and constants.
-
-    Raises
-    ------
-    SimulationError
-        If the model jumps with a velocity's sign.
-    """
+    """Largest magnitude of a model's poles in 1/s, at the start and at rest."""
     # Smoothed friction is steepest at rest, a hardening spring where the motion starts.
     points = [np.zeros_like(x), x] if np.any(x) else [x]
     return max(_fastest_rate(kernel, at, u, p, c) for at in points)

@@ -10,14 +10,6 @@ def share_out(count: int, workers: int, job: Callable[[int], None]) -> None:
 
     Threads are enough, because compiled code lets other threads run. What a job raises ends all
     of them, each after the job at hand, and is raised here; so does an interrupt.
-
-    Parameters
-    ----------
-    count : int
-    workers : int
-        Threads; one means the caller's own.
-    job : callable
-        Takes the number of the job.
     """
     if workers == 1:
         for place in range(count):

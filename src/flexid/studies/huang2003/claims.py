@@ -32,25 +32,7 @@ def decide_claims(
     cases: tuple[TheoremCase, ...],
     other_controller_error: float,
 ) -> tuple[Claim, ...]:
-    """Decide every claim.
-
-    Parameters
-    ----------
-    readings : mapping of str to Reading
-        All four, by name.
-    runs : mapping of str to SteadyRun
-        Those of the readings (1,2,3) and (1,1,3).
-    attenuation : mapping of str to list of AttenuationPoint
-        Sweeps over k by the reading's name.
-    peak_torques : mapping of float to float
-        Largest torque in N m by k, reading (1,2,3).
-    rates : mapping of str to list of RatePoint
-        By row.
-    cases : tuple of TheoremCase
-        (A4) holds, fails at standstill, nearly fails.
-    other_controller_error : float
-        Worst relative error of the estimates under a controller that is not the paper's.
-    """
+    """Decide every claim."""
     return (
         *design_claims(runs["1,1,3"]),
         *_theorem_claims(runs, cases),

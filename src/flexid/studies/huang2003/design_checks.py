@@ -11,13 +11,7 @@ ROUNDING = 1e-12
 
 
 def design_claims(best: SteadyRun) -> list[Claim]:
-    """Decide the claims about accelerations, eq. (7) and physical parameters.
-
-    Parameters
-    ----------
-    best : SteadyRun
-        The run whose estimates are turned into physical parameters.
-    """
+    """Decide the claims about accelerations, eq. (7) and physical parameters."""
     return [
         Claim(
             "no acceleration",

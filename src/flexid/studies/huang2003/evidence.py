@@ -10,30 +10,15 @@ Verdict = Literal["holds", "does not hold", "depends on the reading"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One number that decides a claim for one subject.
+    """One number that decides a claim for one subject."""
 
-    Parameters
-    ----------
-    subject : str
-        What was looked at: a reading such as ``"1,2,3"``; ``"any"`` where readings do not matter.
-    quantity : str
-        What was measured.
-    value : float
-        What came out.
-    relation : {"<=", ">="}
-        How the value has to compare for the claim to hold.
-    limit : float
-        With what.
-    unit : str, optional
-        Unit of value and limit; dimensionless if left out.
-    """
-
+    # what was looked at: a reading such as "1,2,3"; "any" where readings do not matter
     subject: str
-    quantity: str
-    value: float
-    relation: Relation
-    limit: float
-    unit: str = "1"
+    quantity: str  # what was measured
+    value: float  # what came out
+    relation: Relation  # how the value has to compare for the claim to hold
+    limit: float  # with what
+    unit: str = "1"  # unit of value and limit; dimensionless if left out
 
     @property
     def holds(self) -> bool:
@@ -43,24 +28,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper and what decides it.
+    """A statement of the paper and what decides it."""
 
-    Parameters
-    ----------
-    key : str
-        Short name.
-    source : str
-        Where the paper makes it.
-    statement : str
-        What it says, in our words.
-    findings : tuple of Finding
-        One per subject.
-    """
-
-    key: str
-    source: str
-    statement: str
-    findings: tuple[Finding, ...]
+    key: str  # short name
+    source: str  # where the paper makes it
+    statement: str  # what it says, in our words
+    findings: tuple[Finding, ...]  # one per subject
 
     @property
     def verdict(self) -> Verdict:

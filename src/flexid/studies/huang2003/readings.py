@@ -55,25 +55,13 @@ _SETTLING = 5.0  # s, four periods of the reference
 
 @dataclass(frozen=True, eq=False)
 class SteadyRun:
-    """A reading simulated with Table I over 30 s.
+    """A reading simulated with Table I over 30 s."""
 
-    Parameters
-    ----------
-    run : Run
-        Sampled at 1 kHz.
-    monitor : LyapunovMonitor
-        Theorem 1 along it; limits over the last 5 s.
-    excitation : dict of str to Excitation
-        (A4) of each row over the last 10 s.
-    peak_torque, peak_motor_velocity : float
-        Largest magnitudes of u in N m and of x4 in rad/s; the first instants are resolved.
-    """
-
-    run: Run
-    monitor: LyapunovMonitor
-    excitation: dict[str, Excitation]
-    peak_torque: float
-    peak_motor_velocity: float
+    run: Run  # sampled at 1 kHz
+    monitor: LyapunovMonitor  # Theorem 1 along it; limits over the last 5 s
+    excitation: dict[str, Excitation]  # (A4) of each row over the last 10 s
+    peak_torque: float  # largest |u| in N m; the first instants are resolved
+    peak_motor_velocity: float  # largest |x4| in rad/s, likewise
 
     @property
     def parameter_errors(self) -> dict[str, float]:
@@ -98,27 +86,14 @@ class SteadyRun:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One reading of the feedback gains.
+    """One reading of the feedback gains."""
 
-    Parameters
-    ----------
-    exponents : (int, int, int)
-        Powers of k in the three gains.
-    meaning : str
-        How it comes about.
-    poles : (4,) complex ndarray
-        Poles in 1/s of the loop linearised about rest at qd = 0, rightmost first.
-    early_tracking_error : float
-        Largest |x1 - qd| of Table I in rad within the first 0.3 s.
-    simulated : SteadyRun or None
-        Its run with Table I over 30 s, where there is one.
-    """
-
-    exponents: Exponents
-    meaning: str
+    exponents: Exponents  # powers of k in the three gains
+    meaning: str  # how it comes about
+    # (4,), poles in 1/s of the loop linearised about rest at qd = 0, rightmost first
     poles: NDArray[np.complex128]
-    early_tracking_error: float
-    simulated: SteadyRun | None
+    early_tracking_error: float  # largest |x1 - qd| of Table I in rad within the first 0.3 s
+    simulated: SteadyRun | None  # its run with Table I over 30 s, where there is one
 
     @property
     def name(self) -> str:
@@ -154,21 +129,7 @@ def study_reading(exponents: Exponents) -> Reading:
 
 
 def closed_loop_poles(exponents: Exponents, k: float = ATTENUATION) -> NDArray[np.complex128]:
-    """Poles of the closed loop, linearised about rest at qd = 0.
-
-    Parameters
-    ----------
-    exponents : (int, int, int)
-        Reading of the feedback gains.
-    k : float, optional
-        Attenuation factor in 1/s.
-
-    Returns
-    -------
-    (4,) complex ndarray
-        Eigenvalues in 1/s of the derived Jacobian, by falling real part, then falling imaginary
-        part.
-    """
+    """Poles of the closed loop, linearised about rest at qd = 0."""
     loop = table1_loop(exponents, k, reference=sine(0.0))
     kernel = loop_kernel(loop.declaration)
     z = np.zeros(kernel.SIZE)  # rest at qd = 0 is the origin of the law's error coordinates

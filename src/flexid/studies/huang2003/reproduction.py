@@ -46,30 +46,16 @@ _SWEEPS: dict[Exponents, float] = {(1, 2, 3): EARLIER_ATTENUATION, (1, 1, 3): 10
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """Huang (2003) reproduced.
+    """Huang (2003) reproduced."""
 
-    Parameters
-    ----------
-    readings : dict of str to Reading
-        The four readings of the feedback gains by name.
-    attenuation : dict of str to list of AttenuationPoint
-        Tracking and parameter errors over k, by reading.
-    late_tracking_errors : dict of float to float
-        Largest tracking error in rad under (1,1,3) over the 10 s before each time in s.
-    rates : dict of str to list of RatePoint
-        Exponential rate over the observer's gain, by row.
-    cases : tuple of TheoremCase
-        Theorem 1 in three cases.
-    claims : tuple of Claim
-        The paper's claims, decided.
-    """
-
-    readings: dict[str, Reading]
+    readings: dict[str, Reading]  # the four readings of the feedback gains by name
+    # tracking and parameter errors over k, by reading
     attenuation: dict[str, list[AttenuationPoint]]
+    # largest tracking error in rad under (1,1,3) over the 10 s before each time in s
     late_tracking_errors: dict[float, float]
-    rates: dict[str, list[RatePoint]]
-    cases: tuple[TheoremCase, ...]
-    claims: tuple[Claim, ...]
+    rates: dict[str, list[RatePoint]]  # exponential rate over the observer's gain, by row
+    cases: tuple[TheoremCase, ...]  # Theorem 1 in three cases
+    claims: tuple[Claim, ...]  # the paper's claims, decided
 
     @property
     def runs(self) -> dict[str, SteadyRun]:

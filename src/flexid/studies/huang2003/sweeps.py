@@ -36,24 +36,12 @@ _FLOOR = 1e-8  # of the first parameter error; below it the integrator's error m
 
 @dataclass(frozen=True)
 class AttenuationPoint:
-    """One reading at one attenuation factor.
+    """One reading at one attenuation factor."""
 
-    Parameters
-    ----------
-    k : float
-        In 1/s.
-    max_tracking_error : float
-        Largest |x1 - qd| over 20 to 30 s, in rad.
-    parameter_errors : dict of str to float
-        Errors of the estimates at 30 s, signed.
-    largest_real_part : float
-        Of the closed loop's poles, in 1/s.
-    """
-
-    k: float
-    max_tracking_error: float
-    parameter_errors: dict[str, float]
-    largest_real_part: float
+    k: float  # in 1/s
+    max_tracking_error: float  # largest |x1 - qd| over 20 to 30 s, in rad
+    parameter_errors: dict[str, float]  # errors of the estimates at 30 s, signed
+    largest_real_part: float  # of the closed loop's poles, in 1/s
 
     @property
     def largest_relative_error(self) -> float:
@@ -63,23 +51,12 @@ class AttenuationPoint:
 
 @dataclass(frozen=True)
 class RatePoint:
-    """How fast one row's errors vanish at one gain, in 1/s.
+    """How fast one row's errors vanish at one gain, in 1/s."""
 
-    Parameters
-    ----------
-    gain : float
-        c of the row.
-    measured : float
-        Slope of the logarithm of |p̃|.
-    guaranteed : float
-        Bound from the level of persistent excitation over half a period.
-    averaged : float
-        Prediction for small gains, c times the smallest eigenvalue of the mean of r rᵀ.
-    """
-
-    gain: float
-    measured: float
-    guaranteed: float
+    gain: float  # c of the row
+    measured: float  # slope of the logarithm of |p̃|
+    guaranteed: float  # bound from the level of persistent excitation over half a period
+    # prediction for small gains, c times the smallest eigenvalue of the mean of r rᵀ
     averaged: float
 
 
@@ -112,11 +89,6 @@ def rate_points() -> dict[str, list[RatePoint]]:
 
     The motion is that of Table I under (1,2,3), already on its steady state; errors start at the
     paper's initial values.
-
-    Returns
-    -------
-    dict of str to list of RatePoint
-        By row, one point per gain.
     """
     points: dict[str, list[RatePoint]] = {"link": [], "motor": []}
     for gain in GAINS:

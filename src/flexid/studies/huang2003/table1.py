@@ -60,21 +60,7 @@ def table1_loop(
     observer_gains: tuple[float, float] = (OBSERVER_GAIN, OBSERVER_GAIN),
     initial_state: Sequence[float] = (),
 ) -> ClosedLoop:
-    """Build the closed loop of the paper's simulation.
-
-    Parameters
-    ----------
-    exponents : (int, int, int)
-        Reading of the feedback gains.
-    k : float, optional
-        Attenuation factor in 1/s.
-    reference : Multisine, optional
-        A sin ωt of Table I if left out.
-    observer_gains : (float, float), optional
-        c1 and c2.
-    initial_state : sequence of float, optional
-        x(0) in rad and rad/s; 0 as in the paper if left out.
-    """
+    """Build the closed loop of the paper's simulation."""
     return ClosedLoop(
         flexible_joint(known={"beta1": TRUE["beta1"]}),
         {name: TRUE[name] for name in UNKNOWN},

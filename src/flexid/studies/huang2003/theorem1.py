@@ -26,28 +26,14 @@ _TOLERANCE = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class TheoremCase:
-    """One run that shows one case of the theorem.
-
-    Parameters
-    ----------
-    name, reference : str
-        What the case is, and the reference that makes it.
-    duration : float
-        Length of the run in s.
-    judged : tuple of str
-        Rows whose excitation the reference was chosen for.
-    monitor : LyapunovMonitor
-        V, and the limits of the errors over the last twentieth of the run.
-    excitation : dict of str to Excitation
-        (A4) by row, over the last half of the run.
-    """
+    """One run that shows one case of the theorem."""
 
     name: str
-    reference: str
-    duration: float
-    judged: tuple[str, ...]
-    monitor: LyapunovMonitor
-    excitation: dict[str, Excitation]
+    reference: str  # in words
+    duration: float  # length of the run in s
+    judged: tuple[str, ...]  # rows whose excitation the reference was chosen for
+    monitor: LyapunovMonitor  # V, and the limits of the errors over the last twentieth of the run
+    excitation: dict[str, Excitation]  # (A4) by row, over the last half of the run
 
     @property
     def limits(self) -> tuple[Limit, ...]:
