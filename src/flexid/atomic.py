@@ -6,15 +6,7 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file under a temporary name, and rename it when it is on the disk.
-
-    Parameters
-    ----------
-    path : Path
-        Where the file appears. One process at a time may write it.
-    write : callable
-        Writes the content to the path it is given.
-    """
+    """Write a file under a temporary name, and rename it when it is on the disk."""
     temporary = path.with_name(f".{path.name}.tmp")
     write(temporary)
     _synchronise(temporary)

@@ -33,17 +33,7 @@ def shown(path: Path) -> str:
 
 
 def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
-    """Size in bytes of an ordinary file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    wanted : str
-        What it should be, for the remedy: "a log".
-    refuse : callable
-        Makes the error that is raised where the path leads to no ordinary file.
-    """
+    """Size in bytes of an ordinary file."""
     remedy = f"give the path of {wanted}"
     try:
         status = os.stat(path)
@@ -63,21 +53,7 @@ def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
 
 
 def read_bytes(path: Path, limit: int, wanted: str, refuse: Refuse, *, shorten: str = "") -> bytes:
-    """Bytes of a file of at most `limit` bytes.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    limit : int
-        Most bytes that are read.
-    wanted : str
-        What the file should be, for the remedy: "a TOML file".
-    refuse : callable
-        Makes the error that is raised where the file cannot be read, or is larger.
-    shorten : str, optional
-        What to do with a file that is too large; without it, to give what is wanted.
-    """
+    """Bytes of a file of at most `limit` bytes."""
     size = check_file(path, wanted, refuse)
     if size <= limit:
         try:

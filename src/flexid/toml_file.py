@@ -31,17 +31,7 @@ Content = TypeVar("Content", bound="BaseModel")
 
 
 def read_bytes(path: Path, wanted: str, refuse: Refuse) -> bytes:
-    """Read a small file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    wanted : str
-        What the file should be, for the remedy: "a TOML file".
-    refuse : callable
-        Makes the error.
-    """
+    """Read a small file."""
     return files.read_bytes(path, MAX_BYTES, wanted, partial(refuse, ""))
 
 

@@ -29,14 +29,7 @@ class Rank(IntEnum):
 
 
 class Caution(str):
-    """A warning: one sentence with its rank; a plain string counts as a note.
-
-    Parameters
-    ----------
-    text : str
-        What is wrong, where, and what to do.
-    rank : Rank
-    """
+    """A warning: one sentence with its rank; a plain string counts as a note."""
 
     __slots__ = ("rank",)
 

@@ -28,48 +28,26 @@ GEARED = ("motor_position", "motor_velocity", "motor_torque")
 
 @dataclass(frozen=True)
 class Origin:
-    """How a channel was computed: ``factor * (sum of weight * column) + offset``, in SI units.
+    """How a channel was computed: ``factor * (sum of weight * column) + offset``, in SI units."""
 
-    Parameters
-    ----------
-    columns : mapping of str to float
-        Weights of the columns, by name in the file.
-    factor : float
-        With the conversion of the unit, the scale of a column map and the gear ratio.
-    offset : float
-        In `unit`.
-    unit : str
-        The SI unit.
-    gear_ratio : float or None
-        By which the channel was carried to the link's side of the gear, as `factor` says.
-    """
-
-    columns: Mapping[str, float]
-    factor: float
-    offset: float
-    unit: str
-    gear_ratio: float | None
+    columns: Mapping[str, float]  # weights of the columns, by name in the file
+    factor: float  # of the unit, the scale of a column map and the gear ratio together
+    offset: float  # in `unit`
+    unit: str  # SI
+    gear_ratio: float | None  # by which `factor` carries the channel to the link's side of the gear
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One canonical channel of a file, in SI units.
+    """One canonical channel of a file, in SI units."""
 
-    Parameters
-    ----------
-    values : FloatArray, shape (n,)
-    unit : str
-        The SI unit of the values.
-    column : str
-        The column it came from, as named in the file, or several joined by " + ".
-    unit_stated : bool
-        Whether the file or the map named a unit.
-    origin : Origin
-        How the values were computed.
-    """
-
-    values: FloatArray
+    values: FloatArray  # shape (n,)
     unit: str
-    column: str
-    unit_stated: bool
+    column: str  # as named in the file; several are joined by " + "
+    unit_stated: bool  # whether the file or the map named a unit
     origin: Origin
+
+    @property
+    def place(self) -> str:
+        """The column, for a message."""
+        return f"column {self.column!r}"

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from datetime import time
-from decimal import Decimal
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,47 +53,13 @@ def is_stamp(cell: str) -> bool:
     return len(cell) <= _LONGEST and _STAMP.fullmatch(cell) is not None
 
 
-def is_time_of_day(cell: object) -> bool:
-    """Whether a cell is a time of day without its date.
-
-    >>> is_time_of_day("10:00:00,5"), is_time_of_day("2024-05-01 10:00:00"), is_time_of_day(1.0)
-    (True, False, False)
-    """
-    if isinstance(cell, str):
-        found = _STAMP.fullmatch(cell[:_LONGEST])
-        return found is not None and not found[1]
-    return isinstance(cell, time)
-
-
-def digits_of(cell: object) -> int:
-    """Digits behind the point of a stamp; 0 of anything else.
-
-    >>> digits_of("01.05.2024 10:00:00,25 UTC"), digits_of("10:00:00"), digits_of("1.25")
-    (2, 0, 0)
-    """
-    if not (isinstance(cell, str) and is_stamp(cell)):
-        return 0
-    found = re.search(r":\d\d[.,](\d+)", cell)
-    return len(found[1]) if found else 0
-
-
 @dataclass(frozen=True)
 class _Form:
-    """How all stamps of a column are written.
+    """How all stamps of a column are written."""
 
-    Parameters
-    ----------
-    date : str
-        A pattern of `_DATES`; empty for a time of day.
-    between : str
-        What stands between date and time.
-    zoned : bool
-        Whether a time zone follows.
-    """
-
-    date: str
-    between: str
-    zoned: bool
+    date: str  # a pattern of `_DATES`; empty for a time of day
+    between: str  # date and time
+    zoned: bool  # whether a time zone follows
 
     @classmethod
     def of(cls, cell: str) -> _Form | None:
@@ -137,32 +101,18 @@ class Clock:
     """What the time of a log is counted from, the same in each of its parts.
 
     Time stamps, and numbers that count from long ago, are counted from the first one.
-
-    Parameters
-    ----------
-    since_1970 : bool, optional
-        Whether they are left as they are instead, time stamps from 1970 in UTC: of a stream, which
-        may be gone on with another day.
     """
 
     def __init__(self, *, since_1970: bool = False) -> None:
         self._since_1970 = since_1970
         self._origin: int | None = None  # tick from which time stamps are counted
-        self._origins: dict[
-            str, int | float | Decimal
-        ] = {}  # by column, the number from which others are
+        self._origins: dict[str, Any] = {}  # by column, the number from which others are counted
         self._form: _Form | None = None
         self._last: int | None = None  # tick of the last time of day
         self._days = 0  # midnights since the first one
 
     def stamped(self, table: Table, header: str) -> FloatArray | None:
-        """Seconds of a column of time stamps; None where it holds anything else.
-
-        Raises
-        ------
-        RecordingError
-            If one of them is none, or is written otherwise than the first.
-        """
+        """Seconds of a column of time stamps; None where it holds anything else."""
         import polars as pl
 
         column = table.frame[header]
@@ -185,38 +135,21 @@ class Clock:
         return self._seconds(found, _PER_SECOND[dtype.time_unit])
 
     def numbers(self, table: Table, header: str, scale: float) -> FloatArray:
-        """Numbers of a column, from the first one on where that is long ago.
-
-        Parameters
-        ----------
-        table : Table
-        header : str
-            The column.
-        scale : float
-            Seconds in one of its numbers.
-
-        Raises
-        ------
-        RecordingError
-            If a cell is empty, is not a number, or is not finite.
-        """
+        """Numbers of a column of so many s each, from the first one on where that is long ago."""
         import polars as pl
 
-        decimals = None if self._since_1970 else _long_decimals(table, header)
-        if decimals is not None:
-            origin = self._origins.get(header, decimals[0])
-            if isinstance(origin, Decimal) and abs(float(origin) * scale) > LONG_AGO:
-                self._origins[header] = origin
-                apart = (decimals - origin).cast(pl.Float64).to_numpy()
-                return np.require(apart, np.float64, "W")
-        found = _large_integers(table.frame[header])
-        if found is None:
-            found = table.numbers(header)
+        exact = None if self._since_1970 else _exact(table, header)
+        found: Any = table.numbers(header) if exact is None else exact
         if header not in self._origins:
-            first = found[0].item() if len(found) else 0
-            far = not self._since_1970 and abs(first * scale) > LONG_AGO
-            self._origins[header] = first if far else 0
-        return _since(found, self._origins[header])
+            first = found[0] if len(found) else 0
+            is_far = not self._since_1970 and abs(float(first) * scale) > LONG_AGO
+            self._origins[header] = first if is_far else 0
+        origin = self._origins[header]
+        if exact is None:
+            return found - float(origin)
+        if not origin:
+            return table.numbers(header)
+        return np.require((exact - origin).cast(pl.Float64).to_numpy(), np.float64, "W")
 
     def of_cells(self, cells: Sequence[bytes]) -> FloatArray:
         """Seconds of some time stamps as they came; NaN where one is none."""
@@ -235,9 +168,13 @@ class Clock:
         return seconds
 
     def _seconds(self, ticks: NDArray[np.int64], per_second: int) -> FloatArray:
+        """Ticks as s since the first of all, exact where they are not centuries apart."""
         if self._origin is None:
             self._origin = int(ticks[0]) if not self._since_1970 and len(ticks) else 0
-        return _since(ticks, self._origin) / per_second
+        apart = ticks.astype(np.float64) - self._origin
+        if np.abs(apart).max(initial=0.0) <= _LARGEST:
+            apart = (ticks - self._origin).astype(np.float64)
+        return apart / per_second
 
     def _over_midnight(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Times of day, each of the day in which it is nearest to the one before."""
@@ -271,15 +208,6 @@ class Clock:
         raise RecordingError(table.file, table.place(index, header), reason)
 
 
-def _since(found: NDArray[np.int64] | FloatArray, origin: int | float | Decimal) -> FloatArray:
-    """Differences from an origin, exact where they are; absurd ones are refused later."""
-    with np.errstate(over="ignore"):
-        apart = np.asarray(found, dtype=np.float64) - float(origin)
-        if found.dtype.kind == "f" or np.abs(apart).max(initial=0.0) > _LARGEST:
-            return apart
-    return (found - np.int64(origin)).astype(np.float64)
-
-
 def _first_form(column: polars.Series) -> _Form | None:
     """How the first cell that is not empty is written."""
     for cell in column.head(100):
@@ -288,37 +216,21 @@ def _first_form(column: polars.Series) -> _Form | None:
     return None
 
 
-def _long_decimals(table: Table, header: str) -> polars.Series | None:
-    """Numbers with a fraction of which floating-point numbers keep too few digits: 1714557600.1."""
+def _exact(table: Table, header: str) -> polars.Series | None:
+    """Decimals or integers of which floating-point numbers would keep too few digits."""
     import polars as pl
 
     column = table.frame[header]
+    first = column[0] if len(column) else None
     if column.dtype == pl.String:
         column = column.str.strip_chars()
-        first = (column[0] or "") if len(column) else ""
-        if not re.fullmatch(r"\d{9,}(?:[.,]\d*)?", first):
+        if not re.fullmatch(r"[+-]?\d{9,}(?:[.,]\d*)?", (first or "").strip()):
             return None
         if table.has_decimal_commas:
             column = column.str.replace(",", ".", literal=True)
-    elif not isinstance(column.dtype, pl.Decimal) or not len(column):
+    elif not isinstance(column.dtype, pl.Decimal) and not (
+        column.dtype.is_integer() and abs(first or 0) >= _EXACT
+    ):
         return None
     found = column.cast(pl.Decimal(38, _PLACES), strict=False)
-    return None if found.null_count() else found
-
-
-def _large_integers(column: polars.Series) -> NDArray[np.int64] | None:
-    """Integers of which floating-point numbers keep too few digits, as nanoseconds since 1970."""
-    import polars as pl
-
-    head = column.head(1)
-    if column.dtype == pl.String:
-        first = (head[0] or "").strip() if len(head) else ""
-        if not re.fullmatch(r"[+-]?\d{16,19}", first):
-            return None
-        column = column.str.strip_chars()
-    elif not column.dtype.is_integer():
-        return None
-    found = column.cast(pl.Int64, strict=False)
-    if found.null_count() or not len(found) or abs(int(found[0])) < _EXACT:
-        return None
-    return found.to_numpy()
+    return None if found.null_count() or first is None else found

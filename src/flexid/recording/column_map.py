@@ -46,47 +46,25 @@ Number = Annotated[float, BeforeValidator(_quotient), Field(allow_inf_nan=False)
 
 
 class Term(BaseModel):
-    """One raw column with its factor.
-
-    Parameters
-    ----------
-    column : str
-        A column of the file, with or without the unit in its header.
-    scale : float
-    """
+    """One raw column with its factor."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    column: str
+    column: str  # with or without the unit in its header
     scale: Number = 1.0
 
 
 class Entry(BaseModel):
-    """``scale * (sum of the terms) + offset``, in `unit`.
-
-    Parameters
-    ----------
-    column : str or None
-        The only raw column; or else
-    sum : tuple of Term
-        Several, each by name or with a factor of its own.
-    scale, offset : float
-        In `unit` per raw unit, and in `unit`. Each may be a quotient, such as ``"1/101"``.
-    unit : str or None
-        None takes the unit in the header of the raw column, or SI if there is none.
-    side : {"motor", "link"} or None
-        At which side of the gear the result is; None takes the motor's side where the map has a
-        gear ratio.
-    """
+    """``scale * (sum of the terms) + offset``, in `unit`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    column: str | None = None
-    sum: list[Term] = Field(default_factory=list)
-    scale: Number = 1.0
-    offset: Number = 0.0
-    unit: str | None = None
-    side: Literal["motor", "link"] | None = None
+    column: str | None = None  # the only raw column, or else `sum`
+    sum: list[Term] = Field(default_factory=list)  # each by name, or with a factor of its own
+    scale: Number = 1.0  # in `unit` per raw unit, perhaps a quotient such as "1/101"
+    offset: Number = 0.0  # in `unit`
+    unit: str | None = None  # None: as the header of the raw column says, or SI
+    side: Literal["motor", "link"] | None = None  # of the gear; None: the motor's in a geared map
 
     @model_validator(mode="before")
     @classmethod
@@ -106,10 +84,6 @@ class Entry(BaseModel):
     def _column_or_sum(self) -> Entry:
         if (self.column is None) == (not self.sum):
             raise ValueError("exactly one of 'column' and 'sum' is needed")
-        names = [term.column for term in self.sum]
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            raise ValueError(f"'sum' has {twice[0]!r} twice: give it once, with a scale")
         return self
 
     @property
@@ -125,25 +99,12 @@ def _plain(value: object) -> object:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """What a column map says.
+    """What a column map says."""
 
-    Parameters
-    ----------
-    file : str
-        Its path, for messages; `ARGUMENT` where it is no file.
-    entries : mapping of str to Entry
-        By channel.
-    gear_ratio : float or None
-        Turns of the motor in one turn of the link; negative where the two turn in opposite
-        directions.
-    unread : frozenset of str
-        Channels that are not read, whatever columns there are.
-    """
-
-    file: str
-    entries: Mapping[str, Entry]
-    gear_ratio: float | None
-    unread: frozenset[str] = frozenset()
+    file: str  # its path, for messages; `ARGUMENT` where it is no file
+    entries: Mapping[str, Entry]  # by channel
+    gear_ratio: float | None  # turns of the motor per turn of the link; negative: opposite ones
+    unread: frozenset[str] = frozenset()  # channels that are not read, whatever columns there are
 
     @property
     def described(self) -> str:
@@ -159,23 +120,7 @@ class ColumnMap:
 
 
 def read_map(source: MapSource) -> ColumnMap:
-    """Read a column map.
-
-    Parameters
-    ----------
-    source : Path or mapping
-        A TOML file, or what it would hold; its keys are channels, and ``gear_ratio``. A channel
-        that is ``false`` is not read.
-
-    Returns
-    -------
-    ColumnMap
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing, is no TOML, or holds an unknown key or a value that cannot be used.
-    """
+    """The column map in a TOML file, or in a mapping with its keys; a `false` channel is unread."""
     if isinstance(source, Mapping):
         return _map_of(ARGUMENT, dict(source))
     file = shown(source)
@@ -202,14 +147,14 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
             )
     unread = frozenset(key for key, value in content.items() if value is False)
     entries = {k: _entry(file, k, value) for k, value in content.items() if k not in unread}
-    for key, entry in entries.items():
-        if entry.side is not None and (key not in GEARED or gear_ratio is None):
-            what = "has no side" if key not in GEARED else "has a side, but the map no gear_ratio"
-            raise RecordingError(
-                file,
-                f"key '{key}.side'",
-                f"{key} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio",
-            )
+    sided = [key for key, entry in entries.items() if entry.side is not None]
+    for key in sided if gear_ratio is None else sorted({*sided} - {*GEARED}):
+        what = "has a side, but the map no gear_ratio" if key in GEARED else "has no side"
+        raise RecordingError(
+            file,
+            f"key '{key}.side'",
+            f"{key} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio",
+        )
     return ColumnMap(file, entries, gear_ratio, unread)
 
 

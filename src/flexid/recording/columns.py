@@ -65,27 +65,7 @@ class _Plan:
 def read_channels(
     table: Table, columns: MapSource | None, clock: Clock | None = None
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
-    """Return the canonical channels of a table, in SI units.
-
-    Parameters
-    ----------
-    table : Table
-    columns : Path, mapping or None
-        A column map: a TOML file, or what it would hold.
-    clock : Clock, optional
-        That of the log, where the table is a part of one.
-
-    Returns
-    -------
-    channels : dict of str to Channel
-        By canonical name.
-    warnings : tuple of str
-
-    Raises
-    ------
-    RecordingError
-        If the map cannot be used, a required column is missing, or a cell or a unit is bad.
-    """
+    """Channels of a table in SI units by canonical name, and warnings."""
     plan = _plan(table, columns)
     clock = clock or Clock()
     channels = {}
@@ -103,15 +83,6 @@ def read_channels(
 def is_by_name(channel: str, origin: Mapping[str, Any]) -> bool:
     """Whether a column's name alone says how a channel was computed.
 
-    Parameters
-    ----------
-    channel : str
-        Canonical name.
-    origin : mapping
-        The fields of its `Origin`.
-
-    Examples
-    --------
     >>> usual = {"columns": {"q_link [deg]": 1.0}, "factor": 0.017453292519943295, "offset": 0.0}
     >>> is_by_name("link_position", {**usual, "gear_ratio": None})
     True
@@ -183,7 +154,7 @@ def _plan(table: Table, columns: MapSource | None) -> _Plan:
 
 
 def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
-    """Return the columns that have canonical names, in whatever letters, by that name.
+    """The columns that have canonical names, in whatever letters, by that name.
 
     Channels of which a column map says where they come from, or that they are not read, are not
     looked for.

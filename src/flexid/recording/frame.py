@@ -10,6 +10,7 @@ import numpy as np
 
 from flexid.errors import RecordingError
 from flexid.recording.limits import MOST_ROWS
+from flexid.recording.names import split_header
 from flexid.recording.table import Table
 
 if TYPE_CHECKING:
@@ -28,18 +29,9 @@ def is_frame(data: object) -> bool:
 
 
 def table_of_frame(frame: Any) -> Table:
-    """Columns of a data frame, whatever library it is of.
+    """Columns of a data frame of pandas, Polars, PyArrow or another library that narwhals knows.
 
-    Parameters
-    ----------
-    frame : data frame
-        Of pandas, Polars, PyArrow or another library that narwhals knows. Columns are named, with
-        their unit, as in a file: ``"link_position [deg]"``. An index that has a name is one, too.
-
-    Raises
-    ------
-    RecordingError
-        If it holds no samples, names that are no text, or a name twice.
+    They are named as in a file, ``"link_position [deg]"``. An index that has a name is one, too.
     """
     import narwhals as nw
 
@@ -82,20 +74,9 @@ def _values(name: str, column: Any) -> Any:
 
 
 def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
-    """Columns from arrays by name.
-
-    Parameters
-    ----------
-    arrays : mapping of str to array, shape (n,)
-        By the names that columns of a file have, with their unit: ``"link_position [deg]"``.
-
-    Raises
-    ------
-    RecordingError
-        If they differ in length, are no arrays of one dimension, are masked, or hold no samples.
-    """
+    """Columns from arrays of one length by name, as ``"link_position [deg]"``."""
     columns: dict[str, Any] = {}
-    for name, values in arrays.items():
+    for name, values in _named(arrays).items():
         if not isinstance(name, str):
             raise RecordingError(ARRAYS, f"key {name!r}", "it is no text: name the channel")
         columns[name] = _array(name, values)
@@ -110,6 +91,19 @@ def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
             f"column one value for each sample",
         )
     return _table(ARRAYS, columns)
+
+
+def _named(arrays: Mapping[str, Any]) -> dict[Any, Any]:
+    """Arrays by name; of an `xarray.Dataset` with its coordinates, and the units that it states."""
+    coordinates = {
+        name: values for name, values in getattr(arrays, "coords", {}).items() if values.ndim == 1
+    }
+    found = {}
+    for name, values in {**coordinates, **arrays}.items():
+        unit = getattr(values, "attrs", {}).get("units")
+        has_none = unit and isinstance(name, str) and split_header(name)[1] is None
+        found[f"{name} [{unit}]" if has_none else name] = values
+    return found
 
 
 def _array(name: str, values: Any) -> Any:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexid.recording.caution import Caution, Rank
+from flexid.recording.names import MOST_TIMES, first_times
 from flexid.recording.velocities import position_noise
 
 if TYPE_CHECKING:
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
+
+FROZEN = 5.0
+"""Seconds without change after which a position of a stream counts as frozen."""
 
 _POSITIONS = ("link_position", "motor_position", "deflection")
 _FEWEST = 20  # samples without any change, to count
@@ -34,27 +38,12 @@ Stretch = tuple[int, int]
 def without_frozen(
     file: str, channels: dict[str, Channel], time: Channel
 ) -> tuple[dict[str, Channel], Channel, tuple[str, ...]]:
-    """Leave out where samples are repeated in mid-motion: whole ones, or those of one sensor.
+    """Channels and time without samples that are repeated in mid-motion, and warnings.
 
     A joint that meets a stop or a brake may rest from one sample to the next, as its encoders see
-    it. So nothing is left out but where a position is another one when it goes on, or where the log
-    ends in mid-motion; and where the input rests as well or the other side of the joint moves. What
-    is left of the log has a gap there.
-
-    Parameters
-    ----------
-    file : str
-        For messages.
-    channels : dict of str to Channel
-        By canonical name.
-    time : Channel
-        Increasing, in s.
-
-    Returns
-    -------
-    channels : dict of str to Channel
-    time : Channel
-    warnings : tuple of str
+    it. So a stretch is left out only where a position is another one when it goes on, or where the
+    log ends in mid-motion; and where the input rests as well or the other side of the joint moves.
+    What is left of the log has a gap there.
     """
     values = {name: channel.values for name, channel in channels.items()}
     kept = np.ones(len(time.values), dtype=np.bool_)
@@ -63,9 +52,8 @@ def without_frozen(
     def warn(what: str, stretches: Sequence[Stretch], remedy: str) -> None:
         if stretches:
             at = [f"{time.values[a]:.6g} s to {time.values[b - 1]:.6g} s" for a, b in stretches]
-            more = f" and {len(at) - 3} more times" if len(at) > 3 else ""
-            times = ", ".join(at[:3]) + more
-            warnings.append(Caution(f"{file}: {what.format(times)}: {remedy}", Rank.DATA))
+            sentence = f"{file}: {what.format(first_times(at))}: {remedy}"
+            warnings.append(Caution(sentence, Rank.DATA))
 
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
         sensors = {n: _Position.of(values[n]) for n in _POSITIONS if n in values}
@@ -73,8 +61,8 @@ def without_frozen(
         found |= {name: list(_of_one(name, sensors)) for name in sensors}
     for name, stretches in found.items():
         what = (
-            f"column {channels[name].column!r}: {name} does not change from {{}}, while the other "
-            f"side moves, as if the sensor was stuck"
+            f"{channels[name].place}: {name} does not change from {{}}, while the other side "
+            f"moves, as if the sensor was stuck"
             if name
             else "nothing changes from {}, though the joint was in mid-motion, as if the last "
             "sample had been repeated"
@@ -157,3 +145,59 @@ def _unbraked(position: _Position, place: int) -> bool:
         return False
     least, most = _TO_THE_END
     return bool(least <= (last - values[place - 1]) / (moved / _JUST_BEFORE) <= most)
+
+
+@dataclass
+class Still:
+    """Stretches in which one position of a stream does not change while the other moves."""
+
+    file: str
+    name: str
+    column: str
+    moves: float  # rad, by which the other one moves
+    _value: float = np.nan
+    _since: float = np.nan  # s
+    _until: float = np.nan
+    _lowest: float = np.inf  # of the other position since then
+    _highest: float = -np.inf
+    _times: list[str] = field(default_factory=list)
+    _count: int = 0
+
+    def look(self, values: FloatArray, other: FloatArray, time: FloatArray) -> None:
+        """Look at one more chunk."""
+        starts = np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1])))
+        since, until = time[starts], time[np.append(starts[1:], len(values)) - 1]
+        lowest = np.minimum.reduceat(other, starts)
+        highest = np.maximum.reduceat(other, starts)
+        if values[0] == self._value:  # it goes on from the last chunk
+            since[0] = self._since
+            lowest[0] = min(lowest[0], self._lowest)
+            highest[0] = max(highest[0], self._highest)
+        else:
+            self._count_last()
+        is_still = (until - since >= FROZEN) & (highest - lowest > self.moves)
+        for place in np.flatnonzero(is_still[:-1]):
+            self._add(since[place], until[place])
+        self._value, self._since, self._until = values[-1], since[-1], until[-1]
+        self._lowest, self._highest = lowest[-1], highest[-1]
+
+    def warnings(self) -> list[str]:
+        """One if there were such stretches; to be asked at the end of the stream."""
+        self._count_last()
+        if not self._count:
+            return []
+        warning = (
+            f"{self.file}: column {self.column!r}: {self.name} does not change from "
+            f"{first_times(self._times, self._count)}, while the other side moves: check the "
+            f"sensor, or cut that stretch out"
+        )
+        return [Caution(warning, Rank.DATA)]
+
+    def _count_last(self) -> None:
+        if self._until - self._since >= FROZEN and self._highest - self._lowest > self.moves:
+            self._add(self._since, self._until)
+
+    def _add(self, since: float, until: float) -> None:
+        self._count += 1
+        if len(self._times) < MOST_TIMES:
+            self._times.append(f"{since:.6g} s to {until:.6g} s")

@@ -26,34 +26,15 @@ _DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the parts of a text file stand.
+    """Where the parts of a text file stand."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the columns, with the unit in brackets where a row of units gives it.
-    separator : str
-        Between cells; `BLANK` where it is any number of blanks.
-    header_line : int
-        Line of the names, from 1.
-    first_line : int
-        Line of the first row of values.
-    start : int
-        Where that line begins, in bytes.
-    skipped : tuple of (int, int)
-        First and last line of a preamble that is no comment; empty without one.
-    stamped : tuple of int
-        Columns of dates with times, or of times of day; of a stream alone, which has no more than
-        its first lines to know them by.
-    """
-
-    names: tuple[str, ...]
-    separator: str
-    header_line: int
-    first_line: int
-    start: int
-    skipped: tuple[int, int] | tuple[()] = ()
-    stamped: tuple[int, ...] = ()
+    names: tuple[str, ...]  # of the columns, with the unit in brackets if a row of units gives it
+    separator: str  # between cells; `BLANK` where it is any number of blanks
+    header_line: int  # from 1
+    first_line: int  # of the values
+    start: int  # where that line begins, in bytes
+    skipped: tuple[int, int] | tuple[()] = ()  # lines of a preamble that is no comment
+    stamped: tuple[int, ...] = ()  # columns of time stamps; of a stream alone
 
 
 @dataclass(frozen=True)
@@ -68,37 +49,16 @@ class _Line:
         return self.text.lstrip(' "').startswith(COMMENTS)
 
 
-@dataclass(frozen=True)
-class _Parts:
-    header: _Line
-    units: _Line | None
-    separator: str
-    first_line: int
-    start: int
-
-
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, with a decimal point or a decimal comma, finite or not."""
     return _NUMBER.fullmatch(cell.strip()) is not None
 
 
 def layout_of(file: str, text: bytes) -> Layout:
-    """Find header, units and first row.
+    """Where header, units and first row stand in a text in UTF-8 with line feeds.
 
     The header is the line of names above the first two rows of numbers with as many cells, or
     above a row of units above them; lines before it are a preamble.
-
-    Parameters
-    ----------
-    file : str
-        For messages.
-    text : bytes
-        UTF-8 with line feeds.
-
-    Raises
-    ------
-    RecordingError
-        If there is no header, or something stands between it and the numbers.
     """
     lines = _head(file, text)
     plain = [line for line in lines if not line.is_comment]
@@ -108,24 +68,7 @@ def layout_of(file: str, text: bytes) -> Layout:
         )
     found = _first_row(plain)
     if found is None:  # no row of numbers: the first line is taken for the header, and rows follow
-        first = plain[0]
-        if first.text.lstrip().startswith(("{", "[{")):
-            raise RecordingError(
-                file,
-                f"line {first.number}",
-                "this is JSON: write a header with the column names, and a line of numbers for "
-                "each sample",
-            )
-        dated = next((line for line in plain if _DATE_AND_BLANKS.match(line.text)), None)
-        if dated is not None:
-            raise RecordingError(
-                file,
-                f"line {dated.number}",
-                "blanks stand between date and time as between columns: write a T there, as in "
-                f"{EXAMPLE}",
-            )
-        separator = header_separator(first.text)
-        return _layout(file, lines, _Parts(first, None, separator, first.number + 1, first.end))
+        return _without_rows(file, lines, plain)
     first, separator, width = found
     if not split(first.text, separator)[-1]:
         lines = [_ended(line, separator, width) for line in lines]
@@ -140,7 +83,29 @@ def layout_of(file: str, text: bytes) -> Layout:
             f"the line stands between the column names and the numbers, and is neither a row of "
             f"{width} values nor of units: mend or remove it",
         )
-    return _layout(file, lines, _Parts(header, units, separator, first.number, first.begin))
+    return _layout(file, lines, header, units, separator, (first.number, first.begin))
+
+
+def _without_rows(file: str, lines: list[_Line], plain: list[_Line]) -> Layout:
+    """The layout of a text without a row of numbers: its first line is taken for the header."""
+    first = plain[0]
+    if first.text.lstrip().startswith(("{", "[{")):
+        raise RecordingError(
+            file,
+            f"line {first.number}",
+            "this is JSON: write a header with the column names, and a line of numbers for each "
+            "sample",
+        )
+    dated = next((line for line in plain if _DATE_AND_BLANKS.match(line.text)), None)
+    if dated is not None:
+        raise RecordingError(
+            file,
+            f"line {dated.number}",
+            f"blanks stand between date and time as between columns: write a T there, as in "
+            f"{EXAMPLE}",
+        )
+    separator = header_separator(first.text)
+    return _layout(file, lines, first, None, separator, (first.number + 1, first.end))
 
 
 def _ended(line: _Line, separator: str, width: int) -> _Line:
@@ -273,9 +238,15 @@ def header_separator(header: str) -> str:
     return max(",;\t|", key=bare.count)
 
 
-def _layout(file: str, lines: list[_Line], parts: _Parts) -> Layout:
+def _layout(
+    file: str,
+    lines: list[_Line],
+    header: _Line,
+    units: _Line | None,
+    separator: str,
+    first_row: tuple[int, int],  # its line, and where that begins
+) -> Layout:
     """The layout with these parts, whose names are checked."""
-    header, separator = parts.header, parts.separator
     place = f"line {header.number}"
     if _bare(header).count('"') % 2:
         raise RecordingError(
@@ -287,21 +258,17 @@ def _layout(file: str, lines: list[_Line], parts: _Parts) -> Layout:
     names = [name or f"unnamed {number}" for number, name in enumerate(names, start=1)]
     if all(map(is_number, names)):
         raise _no_header(file, header.number)
-    if parts.units is not None:
-        row = _names(parts.units, separator)
-        names = [
-            _with_unit(file, parts.units.number, *pair) for pair in zip(names, row, strict=True)
-        ]
+    if units is not None:
+        below = zip(names, _names(units, separator), strict=True)
+        names = [_with_unit(file, units.number, name, unit) for name, unit in below]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise RecordingError(
             file, place, f"the column {twice[0]!r} stands there twice: rename or remove one"
         )
     before = [line.number for line in lines if line.number < header.number and not line.is_comment]
-    return Layout(
-        tuple(names), separator, header.number, parts.first_line, parts.start,
-        (before[0], before[-1]) if before else (),
-    )  # fmt: skip
+    skipped = (before[0], before[-1]) if before else ()
+    return Layout(tuple(names), separator, header.number, *first_row, skipped)
 
 
 def _with_unit(file: str, line: int, name: str, unit: str) -> str:

@@ -9,13 +9,7 @@ MOST_CELLS = 100_000_000  # a small file may hold any number of empty or equal o
 
 
 def check_cells(file: str, rows: int, columns: int) -> None:
-    """Refuse a table that would not fit into memory, before it is there.
-
-    Raises
-    ------
-    RecordingError
-        If it has too many columns, or too many of so many rows.
-    """
+    """Refuse a table that would not fit into memory, before it is there."""
     if columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
         raise RecordingError(
             file,

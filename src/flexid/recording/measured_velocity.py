@@ -36,19 +36,6 @@ def check_velocity(
     """Say why a measured velocity is not used; None if it is the derivative of its position.
 
     Both are averaged over windows in which the position moves far more than its noise.
-
-    Parameters
-    ----------
-    file, name : str
-        For messages.
-    channel : Channel
-        The velocity, for its column.
-    recordings : sequence of Recording
-
-    Raises
-    ------
-    RecordingError
-        If it is the derivative in another unit: then the position's unit may be the wrong one.
     """
     means = [found for one in recordings if (found := _means(one, name)) is not None]
     if not means:

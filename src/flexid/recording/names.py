@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
 _QUANTITIES = {
     "position": {"position", "pos", "angle", "ang", "q", "theta", "phi"},
@@ -32,6 +32,7 @@ _UNITS = {
     "Nm": "N m", "N_m": "N m", "mNm": "mN m", "A": "A", "mA": "mA", "V": "V", "mV": "mV",
 }  # fmt: skip
 LONGEST = 200  # characters of a name that is looked into
+MOST_TIMES = 3  # in a message
 _INPUTS = ("torque", "current", "voltage")
 
 
@@ -139,3 +140,9 @@ def first_of(items: list[str]) -> str:
     """As many items as one can read, in one line."""
     shown = items if len(items) <= 20 else [*items[:20], f"and {len(items) - 20} more"]
     return ", ".join(shown)
+
+
+def first_times(times: Sequence[str], count: int = 0) -> str:
+    """The first three times, and how many more there are of `count`, or of these."""
+    more = max(count, len(times)) - MOST_TIMES
+    return ", ".join(times[:MOST_TIMES]) + (f" and {more} more times" if more > 0 else "")

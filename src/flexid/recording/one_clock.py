@@ -17,37 +17,19 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
 
-AROUND = 200
-"""Values beside a part of a log, which its interpolation and the order of messages may need."""
-
 _SAME_RATE = 1.1  # rates that differ by less are one: each clock drops some samples
 _PASSED = 0.8  # of half the slower rate, up to which an input passes
 _LENGTH = 4.0  # samples of the slower clock to either side that the filter spans
 _WRAP = 0.5  # of a position's range, which no position moves within one sample
-_UNUSUAL = 5.0  # times the usual motion within a sample, beyond that of noise at rest
 
 
 class Signal(NamedTuple):
-    """A signal, its clock, whether it may step, as an input does, and its range.
-
-    The range is that of all values so far where these are a part of a log, else None.
-    """
+    """A signal and its clock."""
 
     header: str
     clock: str
     values: FloatArray
-    held: bool
-    range: float | None = None
-
-
-def values_around(clocks: Mapping[str, Sequence[float] | FloatArray]) -> dict[str, int]:
-    """How many values belong to a part of a log beside its own, for each clock by its rate."""
-    steps = {name: float(np.median(np.diff(t))) for name, t in clocks.items() if len(t) > 1}
-    slowest = max(steps.values(), default=0.0)
-    return {
-        name: int(AROUND * slowest / step) if (step := steps.get(name, 0.0)) > 0.0 else AROUND
-        for name in clocks
-    }
+    held: bool  # whether it may step, as an input does
 
 
 def on_one_clock(
@@ -60,7 +42,7 @@ def on_one_clock(
     without a delay: it moves the drive by its mean, which single samples of it do not show.
     Positions are not filtered: their noise is to stay white. Where another clock has a gap, the
     times are left out, so that the log has a gap there, too. Returned are times in s, columns by
-    header, and warnings; of a part of a log without a common span nothing.
+    header, and warnings.
     """
     for name, stamps in clocks.items():
         _check_stamps(file, name, stamps)
@@ -74,8 +56,6 @@ def on_one_clock(
     for stamps in apart.values():
         usable &= _between_samples(stamps, times)
     if usable.sum() < 2:
-        if any(signal.range is not None for signal in signals):  # others may be later
-            return times[:0], {signal.header: times[:0] for signal in signals}, ()
         raise RecordingError(
             file,
             "",
@@ -162,12 +142,7 @@ def _check_wraps(file: str, signal: Signal, chosen: str) -> None:
     jumps = np.abs(np.diff(signal.values))
     if signal.held or not jumps.max():
         return
-    if signal.range is not None:  # a part at rest has little but noise
-        usual = float(np.median(jumps[jumps > 0.0]))
-        is_wrap = jumps.max() > max(_WRAP * signal.range, _UNUSUAL * usual)
-    else:
-        is_wrap = jumps.max() > _WRAP * np.ptp(signal.values)
-    if is_wrap:
+    if jumps.max() > _WRAP * np.ptp(signal.values):
         raise RecordingError(
             file,
             f"{signal.header!r}",

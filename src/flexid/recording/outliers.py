@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.recording.caution import Caution, Rank
+from flexid.recording.names import MOST_TIMES, first_times
+from flexid.recording.sampling import GAP
 from flexid.recording.velocities import position_noise
 
 if TYPE_CHECKING:
@@ -31,32 +33,16 @@ _AROUND = 8  # samples on either side
 _MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
 _WHOLE = 0.25  # of a step, by which a long one may differ from whole steps
 _FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
-_SHOWN = 3  # times in a message
 
 
 def mended(
     file: str, channels: dict[str, Channel], time: FloatArray
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
-    """Replace spikes of encoders, and warn of lost samples that the time does not show.
-
-    Parameters
-    ----------
-    file : str
-        For messages.
-    channels : dict of str to Channel
-        By canonical name.
-    time : FloatArray, shape (n,)
-        Increasing, in s.
-
-    Returns
-    -------
-    channels : dict of str to Channel
-    warnings : tuple of str
-    """
+    """Replace spikes of encoders, and warn of lost samples that the time does not show."""
     if len(time) < 4 * _AROUND:
         return channels, ()
     clock = np.diff(time)
-    even = clock <= 1.5 * np.median(clock)
+    even = clock <= GAP * np.median(clock)
     sensors = {name: channels[name] for name in _SENSORS if name in channels}
     warnings = []
     with np.errstate(all="ignore"):  # of numbers that no check has refused yet
@@ -70,7 +56,7 @@ def mended(
             channels = {**channels, name: replace(channel, values=values)}
             single = "sample is" if len(found) == 1 else "samples are"
             warnings.append(
-                f"{file}: column {channel.column!r}: {len(found)} {single} off the samples around "
+                f"{file}: {channel.place}: {len(found)} {single} off the samples around "
                 f"by up to {np.abs(sizes).max():.2g} rad (at {_times(time, places)}), so a cubic "
                 f"through these was taken instead: check the sensor and its cable"
             )
@@ -131,6 +117,4 @@ def _lost(positions: list[FloatArray], even: NDArray[np.bool_]) -> NDArray[np.in
 
 
 def _times(time: FloatArray, places: NDArray[np.intp]) -> str:
-    shown = ", ".join(f"{time[place]:.6g} s" for place in places[:_SHOWN])
-    more = len(places) - _SHOWN
-    return shown + (f" and {more} more times" if more > 0 else "")
+    return first_times([f"{time[place]:.6g} s" for place in places[:MOST_TIMES]], len(places))

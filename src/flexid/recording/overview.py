@@ -26,69 +26,28 @@ _LONGEST_CELL = 24  # characters
 
 @dataclass(frozen=True)
 class ColumnOverview:
-    """A column of a file.
+    """A column of a file."""
 
-    Parameters
-    ----------
-    header : str
-        As it stands in the file.
-    unit : str
-        The unit that its name states; empty if it states none.
-    kind : str
-        Type and length of a signal in a file that is no table; else empty.
-    cells : tuple of str
-        Its first values, as they stand in the file.
-    """
-
-    header: str
-    unit: str
-    kind: str
-    cells: tuple[str, ...]
+    header: str  # as it stands in the file
+    unit: str  # that its name states, if any
+    kind: str  # type and length of a signal in a file that is no table
+    cells: tuple[str, ...]  # its first values
 
 
 @dataclass(frozen=True)
 class FileOverview:
-    """Columns of a file, and what their names say.
-
-    Parameters
-    ----------
-    file, sha256 : str
-        The file, as its path was given, and the digest of its bytes.
-    rows : int
-        How many samples it has; of signals, the longest has.
-    columns : tuple of ColumnOverview
-        In the file's order.
-    channels : mapping of str to str
-        The header that each channel would be read from, by the channel's name.
-    unclear : str
-        Why the names do not say what is what; empty if they do.
-    """
+    """Columns of a file, and what their names say."""
 
     file: str
     sha256: str
-    rows: int
-    columns: tuple[ColumnOverview, ...]
-    channels: dict[str, str]
-    unclear: str
+    rows: int  # samples of the longest signal
+    columns: tuple[ColumnOverview, ...]  # in the file's order
+    channels: dict[str, str]  # by channel, the header that it would be read from
+    unclear: str  # why the names do not say what is what, if they do not
 
 
 def overview(path: Path) -> FileOverview:
-    """Say what a file holds.
-
-    Parameters
-    ----------
-    path : Path
-        In any format that `flexid.recording.read.read_log` takes.
-
-    Returns
-    -------
-    FileOverview
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read.
-    """
+    """What a file of any format holds."""
     if format_of(path) is None:
         table = read_table(path)
         return _overview(table, table.frame.height, _cells(table.frame))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flexid.recording import checks
+from flexid.recording import checks, wraps
 from flexid.recording.caution import Rank, cautions
 from flexid.recording.channel import INPUTS, VELOCITIES, Channel
 from flexid.recording.columns import read_channels
@@ -29,25 +29,7 @@ ENCODERS = ("link_position", "motor_position")
 
 
 def read_log(path: Path, columns: MapSource | None = None) -> Log:
-    """Read a log and check it.
-
-    Parameters
-    ----------
-    path : Path
-        A text file, or one of `flexid.readers.formats`, by the end of its name.
-    columns : Path, mapping or None
-        A column map: a TOML file, or what it would hold.
-
-    Returns
-    -------
-    Log
-        Its recordings lie on one even time grid; its warnings say what was mended or looks odd.
-
-    Raises
-    ------
-    RecordingError
-        If the log cannot be used; the message names the place and the remedy.
-    """
+    """The log that a file holds, on an even time grid, with what was mended or looks odd."""
     return log_of_table(table_of_file(path, columns), columns)
 
 
@@ -67,7 +49,9 @@ def log_of_table(table: Table, columns: MapSource | None = None, clock: Clock | 
     warnings += grid.warnings
     warnings += _check_each(table.file, channels)
     warnings += _unwrap(table.file, channels, time.values)
-    _add_link_position(table.file, channels)
+    add_link_position(channels)
+    if "deflection" in channels:
+        checks.check_varies(table.file, "link_position", channels["link_position"])
     warnings += cautions(Rank.SCALE, _check_together(table.file, channels, time.values))
     recordings = [
         recording_of(
@@ -77,10 +61,9 @@ def log_of_table(table: Table, columns: MapSource | None = None, clock: Clock | 
     ]
     unused, found = _check_velocities(table.file, channels, recordings)
     recordings = [replace(recording, **unused) for recording in recordings]
-    warnings += found
     names = [channels[name].column for name in ENCODERS if name in channels]
     place = f"{table.file}: columns {' and '.join(map(repr, names))}"
-    warnings += tuple(motion_warnings(max(recordings, key=len), place))
+    warnings += (*found, *motion_warnings(max(recordings, key=len), place))
     return Log(tuple(recordings), warnings, table.file, table.sha256, origins)
 
 
@@ -109,96 +92,75 @@ def _check_velocities(
 
 def _unwrap(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
     """Replace the positions of absolute encoders by continuous ones, a turn apart at most."""
-    warnings = []
-    unwrapped = []
+    warnings: tuple[str, ...] = ()
+    wrapped = ""
     for name in ENCODERS:
         if name in channels:
-            values, warning = checks.unwrap(file, name, channels[name], time)
+            channels[name], warning = wraps.unwrap(file, name, channels[name], time)
             if warning:
-                channels[name] = replace(channels[name], values=values)
-                warnings.append(warning)
-                unwrapped.append(name)
-            warnings += cautions(Rank.DATA, checks.check_jumps(file, name, channels[name], time))
-    if unwrapped and all(name in channels for name in ENCODERS):
-        name = unwrapped[-1]
-        (other,) = (channels[one].values for one in ENCODERS if one != name)
-        values = channels[name].values
-        turns = checks.turns_apart(values, other)
-        channels[name] = replace(channels[name], values=values + turns)
-    return tuple(warnings)
+                wrapped = name
+                warnings += (warning,)
+            warnings += cautions(Rank.DATA, wraps.check_jumps(file, name, channels[name], time))
+    if wrapped and all(name in channels for name in ENCODERS):
+        (other,) = (channels[one].values for one in ENCODERS if one != wrapped)
+        values = channels[wrapped].values
+        turns = wraps.turns_apart(values, other)
+        channels[wrapped] = replace(channels[wrapped], values=values + turns)
+    return warnings
 
 
-def _add_link_position(file: str, channels: dict[str, Channel]) -> None:
+def add_link_position(channels: dict[str, Channel]) -> None:
     """Compute the link position from the deflection where only that was measured."""
     if "deflection" in channels:
         motor, deflection = channels["motor_position"], channels["deflection"]
-        link = replace(deflection, values=motor.values + deflection.values)
-        checks.check_varies(file, "link_position", link)
-        channels["link_position"] = link
+        channels["link_position"] = replace(deflection, values=motor.values + deflection.values)
 
 
 def _check_together(file: str, channels: dict[str, Channel], time: FloatArray) -> tuple[str, ...]:
-    """Check the speed of each side of the joint, and the two against each other."""
-    motor = channels["motor_position"]
-    for name in ENCODERS:
-        if name in channels:
-            checks.check_moves(file, name, channels[name])
+    """Check the two sides of the joint and the input against each other."""
+    encoders = {name: channels[name] for name in ENCODERS if name in channels}
+    for name, channel in encoders.items():
+        checks.check_moves(file, name, channel)
     for name in INPUTS:
         if name in channels:
             checks.check_copy(file, name, channels, time)
-    if "link_position" not in channels:
-        return checks.check_speed(file, "motor_position", motor, time)
-    link = channels["link_position"]
-    checks.check_two_encoders(file, link, motor)
-    warnings = checks.check_follow(file, link, motor)
-    for name in ENCODERS:
-        warnings += checks.check_speed(file, name, channels[name], time)
+    warnings: tuple[str, ...] = ()
+    if len(encoders) == 2:
+        warnings = checks.check_two_encoders(file, *encoders.values())
+    for name, channel in encoders.items():
+        warnings += checks.check_speed(file, name, channel, time)
     return warnings
 
 
 def recording_of(
     file: str,
     channels: dict[str, Channel],
-    time: FloatArray,
+    time: FloatArray,  # of all samples, in s
     sample_time: float,
     part: slice,
     *,
     resample: bool = False,
 ) -> Recording:
-    """Build one recording of a log.
+    """One recording of a log, interpolated to even times if asked to."""
+    drive = next((name for name in INPUTS if name in channels), "")
 
-    Parameters
-    ----------
-    file : str
-        Its name.
-    channels : dict of str to Channel
-        By canonical name.
-    time : FloatArray, shape (n,)
-        In s.
-    sample_time : float
-        In s.
-    part : slice
-        Samples of the recording.
-    resample : bool, optional
-        Whether to interpolate to even times.
-    """
-    drive_name = next((name for name in INPUTS if name in channels), None)
-
-    def sampled(name: str) -> FloatArray:
+    def sampled(name: str) -> FloatArray | None:
+        if name not in channels:
+            return None
         values = channels[name].values[part]
-        if not resample:
-            return values
-        return to_grid(time[part], values, sample_time, held=name == drive_name)
+        return to_grid(time[part], values, sample_time, held=name == drive) if resample else values
 
+    motor_position = sampled("motor_position")
+    assert motor_position is not None
     return Recording(
         sample_time=sample_time,
         start_time=float(time[part.start]),
-        link_position=sampled("link_position") if "link_position" in channels else None,
-        motor_position=sampled("motor_position"),
-        input=None if drive_name is None else sampled(drive_name),
-        input_unit="" if drive_name is None else channels[drive_name].unit,
-        link_velocity=sampled("link_velocity") if "link_velocity" in channels else None,
-        motor_velocity=sampled("motor_velocity") if "motor_velocity" in channels else None,
+        link_position=sampled("link_position"),
+        motor_position=motor_position,
+        input=sampled(drive),
+        input_unit=channels[drive].unit if drive else "",
+        link_velocity=sampled("link_velocity"),
+        motor_velocity=sampled("motor_velocity"),
         source=file,
         link_from_deflection="deflection" in channels,
     )

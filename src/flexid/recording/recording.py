@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -90,13 +90,7 @@ class Recording:
 
     @property
     def needed_link_position(self) -> FloatArray:
-        """Link position, shape (n,), in rad.
-
-        Raises
-        ------
-        RecordingError
-            If it was not logged.
-        """
+        """Link position, shape (n,), in rad."""
         if self.link_position is None:
             raise RecordingError(
                 self.source or "recording",
@@ -108,13 +102,7 @@ class Recording:
 
     @property
     def needed_input(self) -> FloatArray:
-        """What drives the motor, shape (n,), in `input_unit`.
-
-        Raises
-        ------
-        RecordingError
-            If it was not logged.
-        """
+        """What drives the motor, shape (n,), in `input_unit`."""
         if self.input is None:
             raise RecordingError(
                 self.source or "recording",
@@ -126,33 +114,11 @@ class Recording:
 
     @property
     def deflection(self) -> FloatArray:
-        """Link position minus motor position, shape (n,), in rad.
-
-        Raises
-        ------
-        RecordingError
-            If the link position was not logged.
-        """
+        """Link position minus motor position, shape (n,), in rad."""
         return self.needed_link_position - self.motor_position
 
     def window(self, start_index: int, stop_index: int) -> Recording:
-        """Return the samples from `start_index` up to, not including, `stop_index`.
-
-        Parameters
-        ----------
-        start_index, stop_index : int
-            With 0 <= start_index < stop_index <= n.
-
-        Returns
-        -------
-        Recording
-            Its channels are views, not copies.
-
-        Raises
-        ------
-        RecordingError
-            If the window is empty or reaches beyond the recording.
-        """
+        """Return the samples from `start_index` up to, not including, `stop_index`."""
         if not 0 <= start_index < stop_index <= len(self):
             raise RecordingError(
                 self.source or "recording",
@@ -160,19 +126,14 @@ class Recording:
                 f"the window from sample {start_index} to {stop_index} does not lie within the "
                 f"{len(self)} samples: choose 0 <= start < stop <= {len(self)}",
             )
-        part = slice(start_index, stop_index)
-        return Recording(
-            sample_time=self.sample_time,
-            start_time=self.start_time + start_index * self.sample_time,
-            link_position=None if self.link_position is None else self.link_position[part],
-            motor_position=self.motor_position[part],
-            input=None if self.input is None else self.input[part],
-            input_unit=self.input_unit,
-            link_velocity=None if self.link_velocity is None else self.link_velocity[part],
-            motor_velocity=None if self.motor_velocity is None else self.motor_velocity[part],
-            source=self.source,
-            link_from_deflection=self.link_from_deflection,
-        )
+        channels = {
+            name: None
+            if (values := getattr(self, name)) is None
+            else values[start_index:stop_index]
+            for name in CHANNELS
+        }
+        start = self.start_time + start_index * self.sample_time
+        return replace(self, start_time=start, **channels)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.errors import RecordingError, SettingError
-from flexid.recording.clock import digits_of, is_time_of_day
+from flexid.recording.clock import is_stamp
+from flexid.recording.names import first_times
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from flexid.arrays import FloatArray
     from flexid.recording.table import Table
 
@@ -23,38 +26,25 @@ GAP = 1.5  # sample times between two samples; a single lost sample makes 2
 MOST_GAPS = 0.05  # share of the steps
 EVEN = 1e-3  # of a sample time: what a printed time is off by
 MOST_JITTER = 0.1  # of a sample time
+_OF_STAMPS = (
+    "; where a clock was set back, as to winter time, log UTC; times of day are taken to be less "
+    "than 12 h apart, so write the date too; and write all zeros behind the point"
+)
 _ROUNDED = 1.05  # digits: rounded times lie within one, and a fitted line is a little off
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where the recordings of a log lie, and on which even times.
+    """Where the recordings of a log lie, and on which even times."""
 
-    Parameters
-    ----------
-    sample_time : float
-        Common to all recordings, in s.
-    recordings : tuple of slice
-        The samples of each recording.
-    resample : bool
-        Whether the time stamps are off the even grid by more than rounding.
-    warnings : tuple of str
-    """
-
-    sample_time: float
-    recordings: tuple[slice, ...]
-    resample: bool
+    sample_time: float  # common to all recordings, in s
+    recordings: tuple[slice, ...]  # the samples of each
+    resample: bool  # whether the time stamps are off the even grid by more than rounding
     warnings: tuple[str, ...]
 
 
 def check_increasing(table: Table, column: str, time: FloatArray) -> None:
-    """Raise unless time increases from row to row.
-
-    Raises
-    ------
-    RecordingError
-        Naming the first row that does not come after the one before.
-    """
+    """Raise with the first row whose time does not come after the one before."""
     steps = np.diff(time)
     if np.all(steps > 0.0):
         return
@@ -66,87 +56,52 @@ def check_increasing(table: Table, column: str, time: FloatArray) -> None:
         else f"time runs backwards (from {before} s to {now} s): sort the rows, or cut the file "
         f"there into two logs"
     )
-    if abs(time[index] - time[index - 1] + 3600.0) < 1.0:
-        reason += "; if the clock was set to winter time, log the time in UTC"
-    elif time[index] < time[index - 1] and column in table.names:
-        by = float(time[index - 1] - time[index])
-        cells = table.frame[column]
-        reason += _stamp_hint(cells[index - 1], cells[index], by)
+    if time[index] < time[index - 1] and column in table.names:
+        cell = table.frame[column][index]
+        if not isinstance(cell, int | float) and is_stamp(str(cell)):
+            reason += _OF_STAMPS
     raise RecordingError(table.file, table.place(index, column), reason)
 
 
-def _stamp_hint(before: object, now: object, by: float) -> str:
-    """What may be wrong with two cells, if they are stamps that run backwards by so many s."""
-    if by > 3600.0 and is_time_of_day(now):
-        return (
-            "; times of day are taken to be less than 12 h apart: after a longer gap, or of a "
-            "clock that counts to 12, write the date before the time"
-        )
-    digits = digits_of(before), digits_of(now)
-    if digits[0] == digits[1] or not all(digits):
-        return ""
-    return f"; {str(now).strip()!r} may lack zeros behind the point"
-
-
 def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
-    """Find the sample time and the gaps of increasing time stamps.
-
-    Parameters
-    ----------
-    table : Table
-        For the places in messages.
-    column : str
-        Where the time stands.
-    time : FloatArray, shape (n,)
-        Increasing, in s.
-
-    Returns
-    -------
-    Grid
-
-    Raises
-    ------
-    RecordingError
-        If the samples are too few, or the sample time implausible or too uneven.
-    """
-    place = f"column {column!r}"
-    _check_count(table.file, len(time))
+    """Sample time and gaps of increasing time stamps in s; raise where they are too uneven."""
+    file, place = table.file, f"column {column!r}"
+    _check_count(file, len(time))
     steps = np.diff(time)
     typical = float(np.median(steps))
-    _check_sample_time(table.file, place, typical)
-    rounded = _of_rounded(table.file, place, time, steps)
+    if not SHORTEST_SAMPLE_TIME <= typical <= LONGEST_SAMPLE_TIME:
+        raise RecordingError(
+            file,
+            place,
+            f"the sample time would be {typical:.4g} s, which no drive log has: name the unit of "
+            f"the time, as in [ms]",
+        )
+    rounded = _of_rounded(file, place, time, steps)
     if rounded is not None:
         return rounded
     is_gap = steps > GAP * typical
     if is_gap.mean() > MOST_GAPS:
-        raise _uneven(table.file, place, steps)
+        raise _uneven(file, place, steps)
     cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
-    all_recordings = [slice(a, b) for a, b in pairwise(cuts)]
-    recordings = [
-        recording
-        for recording in all_recordings
-        if recording.stop - recording.start >= FEWEST_SAMPLES
-    ]
+    parts = [slice(a, b) for a, b in pairwise(cuts)]
+    recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
     if not recordings:
-        raise RecordingError(
-            table.file,
-            place,
-            f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps",
-        )
-    warnings = _gap_warnings(table.file, time, all_recordings, recordings)
+        reason = f"gaps leave no {FEWEST_SAMPLES} samples in a row: record without gaps"
+        raise RecordingError(file, place, reason)
+    warnings = _gap_warnings(file, time, parts, recordings)
     sample_time = _fitted_sample_time(time, recordings)
     off_grid = max(_off_grid(time[recording], sample_time) for recording in recordings)
+    if off_grid <= EVEN:
+        return Grid(sample_time, tuple(recordings), False, warnings)
     within = np.concatenate([np.diff(time[recording]) for recording in recordings])
     # A time stamp that is late lengthens one step and shortens the next.
     jitter = float(np.abs(within / sample_time - 1.0).max()) / 2.0
-    if off_grid <= EVEN:
-        return Grid(sample_time, tuple(recordings), False, warnings)
     if jitter > MOST_JITTER:
-        raise _uneven(table.file, place, within)
+        raise _uneven(file, place, within)
     warnings += (
-        f"{table.file}: {place}: the time steps vary by {200.0 * jitter:.2g} % of the sample time "
-        f"of {sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record "
-        f"at a fixed rate, or write the time with more digits",
+        f"{file}: {place}: the time steps vary by {200.0 * jitter:.2g} % of the sample time of "
+        f"{sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record at a "
+        f"fixed rate, or write the time with more digits",
     )
     return Grid(sample_time, tuple(recordings), True, warnings)
 
@@ -183,39 +138,14 @@ def _last_digit(time: FloatArray) -> float:
 def to_grid(
     time: FloatArray, values: FloatArray, sample_time: float, held: bool = False
 ) -> FloatArray:
-    """Interpolate a channel to even times from its first time stamp on.
-
-    Parameters
-    ----------
-    time, values : FloatArray, shape (n,)
-    sample_time : float
-    held : bool
-        Whether the channel may step, as an input does: interpolated without overshoot.
-
-    Returns
-    -------
-    FloatArray, shape (m,)
-        At ``time[0] + sample_time * k``, as far as the time stamps reach.
-    """
+    """A channel at even times from its first time stamp on, as far as the time stamps reach."""
     count = int((time[-1] - time[0]) / sample_time + EVEN) + 1
     even = np.minimum(time[0] + sample_time * np.arange(count), time[-1])
     return interpolated(time, values, even, held=held)
 
 
 def interpolated(time: FloatArray, values: FloatArray, at: FloatArray, *, held: bool) -> FloatArray:
-    """A channel at other times; one that may step is interpolated without overshoot.
-
-    Parameters
-    ----------
-    time, values : FloatArray, shape (n,)
-    at : FloatArray, shape (m,)
-    held : bool
-        Whether it may step.
-
-    Returns
-    -------
-    FloatArray, shape (m,)
-    """
+    """A channel at other times; one that may step, as an input does, without overshoot."""
     from scipy.interpolate import CubicSpline, PchipInterpolator
 
     interpolator = PchipInterpolator if held else CubicSpline
@@ -239,18 +169,8 @@ def check_sample_time(sample_time: float) -> None:
     if not SHORTEST_SAMPLE_TIME <= sample_time <= LONGEST_SAMPLE_TIME:
         raise SettingError(
             "sample time",
-            f"{sample_time:g} s is no drive's: give {SHORTEST_SAMPLE_TIME:g} to "
-            f"{LONGEST_SAMPLE_TIME:g} s",
-        )
-
-
-def _check_sample_time(file: str, place: str, sample_time: float) -> None:
-    if not SHORTEST_SAMPLE_TIME <= sample_time <= LONGEST_SAMPLE_TIME:
-        raise RecordingError(
-            file,
-            place,
-            f"the sample time would be {sample_time:.4g} s, which no drive log has: name the unit "
-            f"of the time, as in [ms]",
+            f"{sample_time:g} s is outside {SHORTEST_SAMPLE_TIME:g} to {LONGEST_SAMPLE_TIME:g} s: "
+            f"check the unit",
         )
 
 
@@ -264,39 +184,32 @@ def _uneven(file: str, place: str, steps: FloatArray) -> RecordingError:
 
 
 def _gap_warnings(
-    file: str, time: FloatArray, all_recordings: list[slice], recordings: list[slice]
+    file: str, time: FloatArray, parts: list[slice], recordings: list[slice]
 ) -> tuple[str, ...]:
-    warnings = []
-    if len(all_recordings) > 1:
-        gaps = [
-            f"{time[a.stop - 1]:.6g} s to {time[b.start]:.6g} s"
-            for a, b in pairwise(all_recordings)
-        ]
-        warnings.append(
-            f"{file}: samples are missing from {_listed(gaps)}, so the log was cut there into "
-            f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}: record without gaps"
+    """What to say of gaps, and of parts between two gaps that are too short to be recordings."""
+
+    def spans(ends: Iterable[tuple[int, int]]) -> str:
+        return first_times([f"{time[first]:.6g} s to {time[last]:.6g} s" for first, last in ends])
+
+    warnings: tuple[str, ...] = ()
+    if len(parts) > 1:
+        gaps = spans((a.stop - 1, b.start) for a, b in pairwise(parts))
+        count = f"{len(recordings)} recording{'' if len(recordings) == 1 else 's'}"
+        warnings = (
+            f"{file}: samples are missing from {gaps}, so the log was cut there into {count}: "
+            f"record without gaps",
         )
-    short = [
-        f"{time[recording.start]:.6g} s to {time[recording.stop - 1]:.6g} s"
-        for recording in all_recordings
-        if recording not in recordings
-    ]
+    short = spans((part.start, part.stop - 1) for part in parts if part not in recordings)
     if short:
-        warnings.append(
-            f"{file}: the samples from {_listed(short)} were dropped, since fewer than "
-            f"{FEWEST_SAMPLES} lie between two gaps: record without gaps"
+        warnings += (
+            f"{file}: the samples from {short} were dropped, since fewer than {FEWEST_SAMPLES} lie "
+            f"between two gaps: record without gaps",
         )
-    return tuple(warnings)
-
-
-def _listed(items: list[str]) -> str:
-    if len(items) > 4:
-        return ", ".join(items[:3]) + f" and {len(items) - 3} more times"
-    return ", ".join(items)
+    return warnings
 
 
 def _fitted_sample_time(time: FloatArray, recordings: list[slice]) -> float:
-    """Return the least-squares slope of time over the sample's number, common to all recordings."""
+    """Least-squares slope of time over the sample's number, common to all recordings, in s."""
     products, squares = 0.0, 0.0
     for recording in recordings:
         stamps = time[recording] - time[recording].mean()
@@ -307,6 +220,6 @@ def _fitted_sample_time(time: FloatArray, recordings: list[slice]) -> float:
 
 
 def _off_grid(stamps: FloatArray, sample_time: float) -> float:
-    """Return how far time stamps are off an even grid at most, in sample times."""
+    """How far time stamps are off an even grid at most, in sample times."""
     residual = stamps - sample_time * np.arange(len(stamps))
     return float(np.abs(residual - np.median(residual)).max()) / sample_time

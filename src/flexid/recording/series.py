@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from contextlib import closing
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.errors import RecordingError
-from flexid.readers.contents import Series
+from flexid.readers.contents import STAMPS, Series
 from flexid.readers.formats import PARQUET, format_of
 from flexid.readers.guard import Reading
 from flexid.recording.channel import INPUTS
 from flexid.recording.columns import sources
 from flexid.recording.limits import MOST_ROWS, check_cells
-from flexid.recording.names import cut, first_of, folded, split_header, usual_channel
+from flexid.recording.names import cut, first_of, folded, quoted, split_header, usual_channel
 from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.recording.table import Table
 from flexid.recording.text import read_table
-from flexid.recording.turns import turns
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
     import polars
 
     from flexid.recording.column_map import MapSource
-    from flexid.recording.turns import Turn
 
 TIME = "time [s]"
 _MOST_PARTS = 8  # of a path that are looked at for its shortest end
@@ -36,14 +33,12 @@ _MOST_PARTS = 8  # of a path that are looked at for its shortest end
 
 def table_of_file(path: Path, columns: MapSource | None) -> Table:
     """Columns of a log that a column map or their names choose, whatever its format."""
-    if format_of(path) is None:
-        return read_table(path)
-    with Reading(path) as reading:
-        return next(tables_of(reading, columns, None))
+    with closing(tables_of_file(path, columns, None)) as tables:
+        return next(tables)
 
 
-def tables_of_file(path: Path, columns: MapSource | None, size: int) -> Generator[Table]:
-    """The same, of about so many rows at a time; damage is raised after the tables before."""
+def tables_of_file(path: Path, columns: MapSource | None, size: int | None) -> Generator[Table]:
+    """The same, of about so many rows at a time; damage is raised after the tables before it."""
     if format_of(path) is None:
         yield read_table(path)
         return
@@ -84,36 +79,32 @@ def names_of(reading: Reading) -> Table:
 
 def tables_of(reading: Reading, columns: MapSource | None, size: int | None) -> Iterator[Table]:
     """Tables of about so many rows of the signals that a log needs; without a size, one of all."""
-    wanted = _wanted(reading, columns)
-    longest = max((one.length for one in wanted.chosen.values()), default=0)
-    if not longest:
-        raise RecordingError(reading.file, "", "the signals hold no samples: export the log again")
-    check_cells(reading.file, min(size or longest, longest), len(wanted.chosen))
+    file, wanted = reading.file, _wanted(reading, columns)
+    lengths = {one.path: one.length for one in wanted.chosen.values()}
+    empty = [path for path, length in lengths.items() if not length]
+    if empty or not lengths:
+        raise RecordingError(
+            file, "", f"the signals {quoted(empty)} hold no samples: export the log again"
+        )
+    longest = max(lengths.values())
+    is_clocked = _is_clocked(reading)
+    held = longest if size is None or is_clocked else min(size, longest)
+    check_cells(file, held, len(wanted.chosen))
     if size is None and longest > MOST_ROWS:
         remedy = "identify it with --stream, or " if reading.format is PARQUET else ""
         raise RecordingError(
-            reading.file,
+            file,
             "",
             f"it has {longest} rows, more than the {MOST_ROWS} that are read at once: "
             f"{remedy}cut the log into shorter files",
         )
-    if _is_clocked(reading):
-        parts = _clocked(reading, wanted, size)
-    else:
-        parts = _together(reading, wanted, size)
+    short = {header: wanted.names.short[header] for header in wanted.chosen if wanted.names.short}
     row = 1
-    for frame, warnings in parts:
-        if frame.height:
-            names, used = wanted.names, wanted.chosen
-            short = {header: end for header, end in names.short.items() if header in used}
-            warnings = (*wanted.warnings, *warnings)
-            file, digest = reading.file, reading.sha256
-            yield Table(file, "", row, "row", frame, digest, warnings, short, names.kinds)
-            row += frame.height
-    if row == 1:
-        raise RecordingError(
-            reading.file, "", "its channels have no times in common: log them by one clock"
-        )
+    kinds = wanted.names.kinds
+    for frame, found in (_clocked if is_clocked else _together)(reading, wanted, size):
+        warnings = (*wanted.warnings, *found)
+        yield Table(file, "", row, "row", frame, reading.sha256, warnings, short, kinds)
+        row += frame.height
 
 
 class _Wanted(NamedTuple):
@@ -231,58 +222,60 @@ def _split(path: str) -> tuple[str, str]:
 
 
 def _clocked(reading: Reading, wanted: _Wanted, size: int | None) -> Iterator[Part]:
-    """Signals with clocks of their own, brought to one."""
+    """Signals with clocks of their own, brought to one; with a size, damage comes last."""
     first = [wanted.chosen[header] for header in wanted.headers.get("motor_position", ())]
     clocks = list(dict.fromkeys(one.clock for one in (*first, *wanted.chosen.values())))
     notes = tuple(f"{reading.file}: {reading.notes[one]}" for one in clocks if one in reading.notes)
+    held: dict[str, list[polars.DataFrame]] = {clock: [] for clock in clocks}
     paths = [one.path for one in wanted.chosen.values()]
-    ranges: dict[str, tuple[float, float]] = {}
-    any_found = False
-    last: Turn | None = None
-    frames = reading.frames(paths, size or MOST_ROWS)
-    for turn in turns(reading.file, frames, clocks, size):
-        last = turn
-        if size is None or turn.is_together:
-            any_found = True
-            yield _of_turn(reading, wanted, turn, notes, None if size is None else ranges)
-    if not any_found and last is not None and all(map(len, last.stamps.values())):
-        yield _of_turn(reading, wanted, last, notes, None)
+    damage = None
+    try:
+        for clock, frame in reading.frames(paths, size or MOST_ROWS):
+            held[clock].append(frame)
+    except RecordingError as error:
+        damage = error
+        if size is None or not all(held.values()):
+            raise
+    whole, warnings = _of_one_clock(reading.file, wanted, _stamped(held))
+    for part in whole.iter_slices(size or MOST_ROWS):
+        yield part, (*notes, *warnings)
+    if damage is not None:
+        raise damage
 
 
-def _of_turn(
-    reading: Reading,
-    wanted: _Wanted,
-    turn: Turn,
-    notes: tuple[str, ...],
-    ranges: dict[str, tuple[float, float]] | None,
-) -> Part:
-    """The chosen signals at common times; with ranges, of a part, whose values widen them."""
+def _stamped(held: dict[str, list[polars.DataFrame]]) -> dict[str, tuple[Any, polars.DataFrame]]:
+    """By clock, seconds and values; whole nanoseconds are sorted, and count from the first."""
     import polars as pl
 
-    file, clocks = reading.file, turn.stamps
-    warnings = notes + tuple(f"{file}: {sentence}" for sentence in turn.late.values())
-    if len(clocks) == 1:
-        (times,) = clocks.values()
-        (frame,) = turn.frames.values()
+    frames = {clock: pl.concat(parts) for clock, parts in held.items()}
+    stamps = {clock: frame[STAMPS].to_numpy() for clock, frame in frames.items()}
+    origin = min((times.min() for times in stamps.values() if times.dtype.kind == "i"), default=0)
+    found: dict[str, tuple[Any, polars.DataFrame]] = {}
+    for clock, frame in frames.items():
+        if stamps[clock].dtype.kind == "i":
+            frame = frame.sort(STAMPS, maintain_order=True)
+            found[clock] = 1e-9 * (frame[STAMPS].to_numpy() - origin), frame
+        else:
+            found[clock] = stamps[clock], frame
+    return found
+
+
+def _of_one_clock(
+    file: str, wanted: _Wanted, stamped: dict[str, tuple[Any, polars.DataFrame]]
+) -> Part:
+    """The chosen signals at common times."""
+    import polars as pl
+
+    if len(stamped) == 1:
+        ((times, frame),) = stamped.values()
         names = {one.path: header for header, one in wanted.chosen.items()}
-        frame = frame.select([*names]).rename(names)
-        frame.insert_column(0, pl.Series(TIME, times))
-    else:
-        inputs = {header for name in INPUTS for header in wanted.headers.get(name, ())}
-        signals = []
-        for header, one in wanted.chosen.items():
-            column = turn.frames[one.clock].select(pl.col(one.path).alias(header))
-            values, span = Table(file, "", 1, "row", column, "").numbers(header), None
-            if ranges is not None:
-                low, high = ranges.get(header, (np.inf, -np.inf))
-                ranges[header] = low, high = min(low, values.min()), max(high, values.max())
-                span = high - low
-            signals.append(Signal(header, one.clock, values, header in inputs, span))
-        times, columns, found = on_one_clock(file, clocks, signals)
-        frame = pl.DataFrame({TIME: times, **columns})
-        if len(times):
-            warnings += found
-    if ranges is not None:
-        time = pl.col(TIME)
-        frame = frame.filter((time > turn.begin) & (time <= turn.end))
-    return frame, warnings
+        return frame.select([*names]).rename(names).insert_column(0, pl.Series(TIME, times)), ()
+    inputs = {header for name in INPUTS for header in wanted.headers.get(name, ())}
+    signals = []
+    for header, one in wanted.chosen.items():
+        column = stamped[one.clock][1].select(pl.col(one.path).alias(header))
+        values = Table(file, "", 1, "row", column, "").numbers(header)
+        signals.append(Signal(header, one.clock, values, header in inputs))
+    clocks = {clock: times for clock, (times, _) in stamped.items()}
+    times, columns, warnings = on_one_clock(file, clocks, signals)
+    return pl.DataFrame({TIME: times, **columns}), warnings

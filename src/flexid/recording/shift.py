@@ -21,17 +21,10 @@ SETTLING = 32
 
 
 def all_pass(fraction: float) -> FloatArray:
-    """Denominator of Thiran's all-pass filter of order `ORDER`; its numerator is the reverse.
+    """Denominator of Thiran's all-pass filter, shape (ORDER + 1,); its numerator is the reverse.
 
-    Parameters
-    ----------
-    fraction : float
-        Part of a sample, from -0.5 to 0.5, by which the delay exceeds `ORDER` samples.
-
-    Returns
-    -------
-    array, shape (ORDER + 1,)
-        Thiran (1971), eq. (16): a_k = (-1)^k C(N, k) prod_n (D - N + n) / (D - N + k + n).
+    The delay exceeds `ORDER` samples by a fraction from -0.5 to 0.5. Thiran (1971), eq. (16):
+    a_k = (-1)^k C(N, k) prod_n (D - N + n) / (D - N + k + n).
     """
     delay = ORDER + fraction
     n = np.arange(ORDER + 1)
@@ -46,21 +39,9 @@ def all_pass(fraction: float) -> FloatArray:
 
 
 def later(values: FloatArray, samples: float) -> FloatArray:
-    """Return the channel as it was so many samples before each sample: moved to later times.
+    """A channel, moved to later times by so many samples of either sign, shape (n,).
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        A channel that moves little from sample to sample, such as a position.
-    samples : float
-        Shift in samples, of either sign.
-
-    Returns
-    -------
-    array, shape (n,)
-        Entry i is the channel at the time i - samples. Where that lies before the first or after
-        the last sample, and over `SETTLING` samples at the beginning if the shift is no whole
-        number, entries are not to be used; `spoilt` counts them.
+    Entry i is the channel at the time i - samples; `spoilt` counts entries that cannot be known.
     """
     whole = round(samples)
     fraction = samples - whole
@@ -77,18 +58,7 @@ def later(values: FloatArray, samples: float) -> FloatArray:
 
 
 def spoilt(samples: float) -> tuple[int, int]:
-    """Count the entries at both ends that `later` cannot know.
-
-    Parameters
-    ----------
-    samples : float
-        Shift in samples, as for `later`.
-
-    Returns
-    -------
-    tuple of int
-        At the beginning and at the end.
-    """
+    """How many entries at the beginning and at the end `later` cannot know."""
     whole = round(samples)
     if samples == whole:
         return max(whole, 0), max(-whole, 0)

@@ -21,27 +21,7 @@ if TYPE_CHECKING:
 def direct(
     table: Table, name: str, header: str, unit: str | None, gear: float | None, clock: Clock
 ) -> Channel:
-    """Read a column under its canonical name.
-
-    Parameters
-    ----------
-    table : Table
-    name : str
-        The channel.
-    header : str
-        The column.
-    unit : str or None
-        That its name states.
-    gear : float or None
-        The gear ratio that may act on it.
-    clock : Clock
-        Of the log.
-
-    Raises
-    ------
-    RecordingError
-        If a cell or the unit is bad.
-    """
+    """A column under the name of a channel, with the unit that its name states."""
     if name == "time":
         stamps = clock.stamped(table, header)
         if stamps is not None:
@@ -59,15 +39,13 @@ def direct(
 
 
 def mapped(table: Table, name: str, column_map: ColumnMap, clock: Clock) -> Channel:
-    """Compute a channel by its entry in the column map.
-
-    Raises
-    ------
-    RecordingError
-        If a column is missing, or a cell or a unit is bad.
-    """
+    """Compute a channel by its entry in the column map."""
     entry, map_file = column_map.entries[name], column_map.file
     headers = [find_header(table, term.column, name, map_file) for term in entry.terms]
+    for header in headers:
+        if headers.count(header) > 1:
+            reason = f"'sum' has the column {header!r} twice: give it once, with a scale"
+            raise RecordingError(map_file, f"key '{name}'", reason)
     if name == "time":
         for header in headers:
             stamps = clock.stamped(table, header)
@@ -86,14 +64,13 @@ def mapped(table: Table, name: str, column_map: ColumnMap, clock: Clock) -> Chan
     factor, si_unit = _scale(map_file, f"key '{name}'", unit, name)
     gear, geared = _geared(name, si_unit, column_map.gear(name))
     factor *= geared
-    weights: dict[str, float] = {}
     total = np.zeros(table.frame.height)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd values are refused later
         for term, header in zip(entry.terms, headers, strict=True):
             scale = factor * entry.scale * term.scale
             total += term.scale * _numbers(table, name, header, scale, clock)
-            weights[header] = weights.get(header, 0.0) + term.scale
         values = factor * (entry.scale * total + entry.offset)
+    weights = {header: term.scale for term, header in zip(entry.terms, headers, strict=True)}
     origin = Origin(weights, factor * entry.scale, factor * entry.offset, si_unit, gear)
     return Channel(values, si_unit, " + ".join(headers), unit is not None, origin)
 

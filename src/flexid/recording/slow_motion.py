@@ -43,14 +43,7 @@ joint, or one that is moved from outside, whose deflection the motion does not e
 
 
 def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
-    """Warn of scales and units of angles that the motion contradicts.
-
-    Parameters
-    ----------
-    recording : Recording
-    place : str
-        File and columns of the positions.
-    """
+    """Warn of scales and units of angles that the motion contradicts."""
     motor, link = recording.motor_position, recording.link_position
     sensed = motor if link is None else link
     width = float(max(best_half_window(motor), best_half_window(sensed)))
@@ -91,15 +84,7 @@ def motion_warnings(recording: Recording, place: str) -> Iterator[str]:
 
 
 class _Smoothing:
-    """A Gaussian kernel with its derivatives, at every so many samples as it makes much alike.
-
-    Parameters
-    ----------
-    width : float
-        Its standard deviation in samples.
-    sample_time : float
-        In s.
-    """
+    """A Gaussian kernel with its derivatives, at every so many samples as it makes much alike."""
 
     def __init__(self, width: float, sample_time: float) -> None:
         reach = int(_REACH * width) + 1

@@ -7,7 +7,7 @@ head; what a single sample can do wrong is looked at in every chunk.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,14 +16,15 @@ from flexid.errors import RecordingError
 from flexid.files import sha256, shown
 from flexid.readers.formats import PARQUET
 from flexid.readers.guard import Reading
-from flexid.recording import checks
+from flexid.recording import checks, wraps
 from flexid.recording.channel import VELOCITIES
 from flexid.recording.clock import Clock
 from flexid.recording.columns import read_channels
-from flexid.recording.read import ENCODERS, log_of_table, recording_of
+from flexid.recording.frozen import Still
+from flexid.recording.names import MOST_TIMES, first_times
+from flexid.recording.read import ENCODERS, add_link_position, log_of_table, recording_of
 from flexid.recording.sampling import EVEN, GAP, MOST_GAPS
 from flexid.recording.series import names_of, tables_of, tables_of_file
-from flexid.recording.stream_checks import SHOWN, Still, Wraps, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,40 +46,15 @@ _DRIFT = 1e-6  # relative change of the sample time from the head to the whole t
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Consecutive samples of a stream.
+    """Consecutive samples of a stream."""
 
-    Parameters
-    ----------
-    recording : Recording
-        One sample or more, in SI units.
-    begins : bool
-        Whether a recording begins here: at the beginning, or after a gap.
-    row : int
-        Rows of the file before it.
-    """
-
-    recording: Recording
-    begins: bool
-    row: int
+    recording: Recording  # one sample or more, in SI units
+    begins: bool  # whether a recording begins here: at the beginning, or after a gap
+    row: int  # rows of the file before it
 
 
 class LogStream:
-    """A log that is read chunk by chunk, once.
-
-    Parameters
-    ----------
-    path : Path
-        A Parquet file with the columns that `flexid.recording.read.read_log` expects.
-    columns : Path, mapping or None
-        A column map: a TOML file, or what it would hold.
-    head_rows : int
-        Rows at the beginning that are read and checked at once.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be streamed, or its head cannot be used.
-    """
+    """A log that is read chunk by chunk, once."""
 
     def __init__(self, path: Path, columns: MapSource | None, head_rows: int) -> None:
         self.file, self.rows, table = _head(path, columns, head_rows)
@@ -95,18 +71,7 @@ class LogStream:
         """Digest of the file's bytes, once the stream is over."""
 
     def chunks(self, size: int = CHUNK) -> Iterator[Chunk]:
-        """Read, check and convert.
-
-        Parameters
-        ----------
-        size : int, optional
-            Rows that are read at once.
-
-        Raises
-        ------
-        RecordingError
-            With the first row that cannot be used.
-        """
+        """Read, check and convert."""
         state = _State(self.file, self.sample_time, self.head)
         with ThreadPoolExecutor(1) as digests:
             digest = digests.submit(sha256, self._path)
@@ -143,7 +108,7 @@ class _State:
     elapsed: float = 0.0
     gaps: list[str] = field(default_factory=list)
     n_gaps: int = 0
-    wraps: dict[str, Wraps] = field(default_factory=dict)
+    wraps: dict[str, wraps.Wraps] = field(default_factory=dict)
     still: dict[str, Still] = field(default_factory=dict)
 
     def chunks(self, table: Table, channels: dict[str, Channel]) -> Iterator[Chunk]:
@@ -159,10 +124,7 @@ class _State:
                 if name not in self.wraps:
                     self.wraps[name] = self._wraps(name, channels[name])
                 channels[name] = self.wraps[name].undone(channels[name], clock.values)
-        if "deflection" in channels:
-            motor, deflection = channels["motor_position"], channels["deflection"]
-            values = motor.values + deflection.values
-            channels["link_position"] = replace(deflection, values=values)
+        add_link_position(channels)
         self._watch(channels, clock.values)
         for name in VELOCITIES:  # what the head of the log shows to be wrong is not used
             if getattr(self.head.recordings[0], name) is None:
@@ -173,11 +135,11 @@ class _State:
             recording = recording_of(self.file, channels, clock.values, self.sample_time, part)
             yield Chunk(recording, bool(begins[first]), row + first)
 
-    def _wraps(self, name: str, channel: Channel) -> Wraps:
+    def _wraps(self, name: str, channel: Channel) -> wraps.Wraps:
         """Wraps of an encoder, in the turn in which the head of the log begins."""
         first = getattr(self.head.recordings[0], name)
-        turns = np.rint((first[0] - channel.values[0]) / checks.TURN)
-        return Wraps(self.file, name, channel.column, offset=checks.TURN * float(turns))
+        turns = np.rint((first[0] - channel.values[0]) / wraps.TURN)
+        return wraps.Wraps(self.file, name, channel.column, offset=wraps.TURN * float(turns))
 
     def finished(self, rows: int) -> list[str]:
         """Warnings about the whole."""
@@ -187,10 +149,10 @@ class _State:
                 "",
                 f"samples are missing in {self.n_gaps} places: record at a fixed rate",
             )
-        warnings = [warning for wraps in self.wraps.values() for warning in wraps.warnings()]
-        warnings += [warning for still in self.still.values() for warning in still.warnings()]
+        warnings = [warning for one in self.wraps.values() for warning in one.warnings()]
+        warnings += [warning for one in self.still.values() for warning in one.warnings()]
         if self.n_gaps:
-            times = listed(self.gaps, self.n_gaps)
+            times = first_times(self.gaps, self.n_gaps)
             warnings.append(
                 f"{self.file}: samples are missing from {times}, so the log was cut there into "
                 f"recordings: record without gaps"
@@ -209,39 +171,37 @@ class _State:
         steps = np.diff(time, prepend=self.last_time)
         if np.isnan(self.last_time):
             steps[0] = np.inf
-        if not steps.min() > 0.0:
-            index = int(np.argmax(~(steps > 0.0)))
-            before, now = f"{time[index] - steps[index]:.9g}", f"{time[index]:.9g}"
-            raise RecordingError(
-                self.file,
-                table.place(index, column),
-                f"time runs backwards or repeats (from {before} s to {now} s): sort the rows, or "
-                f"cut the file there into two logs",
-            )
         begins = steps > GAP * self.sample_time
         uneven = (np.abs(steps - self.sample_time) > 2.0 * EVEN * self.sample_time) & ~begins
-        if uneven.any():
-            index = int(np.argmax(uneven))
-            raise RecordingError(
-                self.file,
-                table.place(index, column),
-                f"the time step is {1e3 * steps[index]:.6g} ms where the sample time is "
-                f"{1e3 * self.sample_time:.6g} ms, and a stream is not interpolated: resample the "
-                f"log to even times, or identify a shorter part of it without --stream",
-            )
-        cuts = np.flatnonzero(begins)
-        lost = steps[cuts][np.isfinite(steps[cuts])]
-        since = time[0] if np.isnan(self.last_time) else self.last_time
-        self.elapsed += float(time[-1] - since - np.sum(lost))
-        self.steps += len(time) - len(cuts)
-        for index in cuts.tolist():
-            if np.isfinite(steps[index]):
-                self.n_gaps += 1
-                if len(self.gaps) < SHOWN:
-                    start = time[index] - steps[index]
-                    self.gaps.append(f"{start:.6g} s to {time[index]:.6g} s")
+        for is_bad in (~(steps > 0.0), uneven):
+            if is_bad.any():
+                index = int(np.argmax(is_bad))
+                reason = self._bad_step(float(time[index]), float(steps[index]))
+                raise RecordingError(self.file, table.place(index, column), reason)
+        cuts = np.flatnonzero(begins & np.isfinite(steps))
+        first = time[0] if np.isnan(self.last_time) else self.last_time
+        self.elapsed += float(time[-1] - first - np.sum(steps[cuts]))
+        self.steps += len(time) - int(np.count_nonzero(begins))
+        self.n_gaps += len(cuts)
+        self.gaps += [
+            f"{time[index] - steps[index]:.6g} s to {time[index]:.6g} s"
+            for index in cuts[:MOST_TIMES]
+        ]
         self.last_time = float(time[-1])
         return begins
+
+    def _bad_step(self, now: float, step: float) -> str:
+        """What is wrong with a time, which comes so many s after the one before."""
+        if not step > 0.0:
+            return (
+                f"time runs backwards or repeats (from {now - step:.9g} s to {now:.9g} s): sort "
+                f"the rows, or cut the file there into two logs"
+            )
+        return (
+            f"the time step is {1e3 * step:.6g} ms where the sample time is "
+            f"{1e3 * self.sample_time:.6g} ms, and a stream is not interpolated: resample the log "
+            f"to even times, or identify a shorter part of it without --stream"
+        )
 
     def _watch(self, channels: dict[str, Channel], time: FloatArray) -> None:
         """Look for encoders that stand still while the other side moves."""

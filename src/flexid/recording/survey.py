@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexid.recording.recording import CHANNELS
 from flexid.recording.sampling import FEWEST_TO_IDENTIFY
 from flexid.recording.velocities import position_noise, velocity
 
@@ -22,77 +23,34 @@ _SMALL_DEFLECTION = 3.0  # times the encoders' noise
 
 @dataclass(frozen=True)
 class ChannelSurvey:
-    """One channel of a log.
-
-    Parameters
-    ----------
-    name, unit : str
-        The channel, and its SI unit.
-    lowest, highest : float
-        In the unit.
-    noise : float
-        Standard deviation of the encoder's noise in rad; NaN of what is no position.
-    """
+    """One channel of a log."""
 
     name: str
-    unit: str
+    unit: str  # SI
     lowest: float
     highest: float
-    noise: float
+    noise: float  # standard deviation of an encoder's noise in rad; else NaN
 
 
 @dataclass(frozen=True)
 class LogSurvey:
-    """What a log shows at a glance.
+    """What a log shows at a glance."""
 
-    Parameters
-    ----------
-    model : {"flexible", "link", "rigid"}
-        What can be identified of it.
-    sample_time, duration : float
-        In s, the duration without gaps.
-    samples, recordings : int
-        How many there are; a gap ends a recording.
-    channels : tuple of ChannelSurvey
-        In the order of reading.
-    reversals : int
-        How often the motor turns back.
-    resting : float
-        Share of the time in which it rests.
-    deflection_over_noise : float
-        Root mean square of the deflection about its mean, over the noise of its encoders; NaN where
-        there is one encoder.
-    input_bandwidth : float
-        Frequency in Hz below which 95 % of the input's power lies; NaN without an input.
-    remarks : tuple of str
-        What stands against a good answer, a sentence each.
-    """
-
-    model: str
-    sample_time: float
-    duration: float
+    model: str  # "flexible", "link" or "rigid": what can be identified of it
+    sample_time: float  # s
+    duration: float  # s, without gaps
     samples: int
-    recordings: int
-    channels: tuple[ChannelSurvey, ...]
-    reversals: int
-    resting: float
-    deflection_over_noise: float
-    input_bandwidth: float
-    remarks: tuple[str, ...]
+    recordings: int  # between gaps
+    channels: tuple[ChannelSurvey, ...]  # in the order of reading
+    reversals: int  # how often the motor turns back
+    resting: float  # share of the time in which it rests
+    deflection_over_noise: float  # RMS about the mean, over the encoders' noise; NaN with one
+    input_bandwidth: float  # Hz, below which 95 % of the input's power lies; NaN without an input
+    remarks: tuple[str, ...]  # what stands against a good answer
 
 
 def survey(log: Log) -> LogSurvey:
-    """Say what a log shows at a glance.
-
-    Parameters
-    ----------
-    log : Log
-        With a recording of 20 samples or more, as `flexid.recording.read.read_log` returns it.
-
-    Returns
-    -------
-    LogSurvey
-    """
+    """What a log shows at a glance."""
     longest = max(log.recordings, key=len)
     reversals, resting = _motion(log.recordings)
     deflection = _deflection_over_noise(longest)
@@ -136,7 +94,7 @@ def _model(recording: Recording) -> str:
 def _channels(recordings: tuple[Recording, ...]) -> list[ChannelSurvey]:
     found = []
     units = {"input": recordings[0].input_unit}
-    for name in ("link_position", "motor_position", "input", "link_velocity", "motor_velocity"):
+    for name in CHANNELS:
         parts = [getattr(recording, name) for recording in recordings]
         if parts[0] is None:
             continue

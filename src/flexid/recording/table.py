@@ -36,39 +36,17 @@ _TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of a file, not yet numbers.
+    """Columns of a file, not yet numbers."""
 
-    Parameters
-    ----------
-    file : str
-        The file, as its path was given.
-    header : str
-        Where the names of the columns stand, such as ``"line 1"``.
-    first_row : int
-        Number of the first row of values, as `row_word` counts.
-    row_word : str
-        ``"line"`` for a text file, ``"row"`` for Parquet.
-    frame : polars.DataFrame
-        Text columns of a CSV file, typed columns of a Parquet file.
-    sha256 : str
-        Digest of the file's bytes.
-    warnings : tuple of str
-        What was not read of it.
-    short : mapping of str to str
-        By name of a column, the end of its path by which a channel is recognised.
-    kinds : mapping of str to str
-        By name of a column, its type and length, for a list of what the file holds.
-    """
-
-    file: str
-    header: str
-    first_row: int
-    row_word: str
-    frame: polars.DataFrame
-    sha256: str
-    warnings: tuple[str, ...] = ()
-    short: Mapping[str, str] = field(default_factory=dict)
-    kinds: Mapping[str, str] = field(default_factory=dict)
+    file: str  # as its path was given
+    header: str  # where the names of the columns stand, such as "line 1"
+    first_row: int  # number of the first row of values, as `row_word` counts
+    row_word: str  # "line" for a text file, else "row"
+    frame: polars.DataFrame  # text columns of a text file, else typed ones
+    sha256: str  # digest of the file's bytes
+    warnings: tuple[str, ...] = ()  # what was not read of it
+    short: Mapping[str, str] = field(default_factory=dict)  # ends of paths that name a channel
+    kinds: Mapping[str, str] = field(default_factory=dict)  # type and length of what it holds
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -87,46 +65,26 @@ class Table:
         return self.short.get(name, name)
 
     def place(self, index: int, name: str) -> str:
-        """Return where the value of column `name` in row `index` (from 0) stands in the file."""
+        """Where the value of column `name` in row `index` (from 0) stands in the file."""
         return f"{self.row_word} {self.first_row + index}, column {name!r}"
 
     def numbers(self, name: str) -> FloatArray:
-        """Return a column as numbers.
-
-        Parameters
-        ----------
-        name : str
-            One of `names`.
-
-        Returns
-        -------
-        FloatArray, shape (n,)
-
-        Raises
-        ------
-        RecordingError
-            If a cell is empty, is not a number, or is not finite.
-        """
+        """A column as finite numbers, shape (n,); raise with the first cell that is none."""
         import polars as pl
 
         column = self.frame[name]
         if column.dtype.is_temporal():
             raise self._not_numeric(name, "dates or times of day")
+        is_text = column.dtype == pl.String
         if self.row_word == "row" and not column.dtype.is_numeric():
             raise self._not_numeric(name, f"values of type {column.dtype}")
-        if column.dtype == pl.String:
-            column = column.str.strip_chars()
+        column = column.str.strip_chars() if is_text else column
         numbers = column.cast(pl.Float64, strict=False)
-        if column.dtype == pl.String and numbers.null_count() > column.null_count():
+        if is_text and numbers.null_count() > column.null_count():
             column = column.str.replace(_FORTRAN, "${1}e$2")
+            if self.has_decimal_commas:
+                column = column.str.replace(",", ".", literal=True)
             numbers = column.cast(pl.Float64, strict=False)
-        if (
-            column.dtype == pl.String
-            and numbers.null_count() > column.null_count()
-            and self.has_decimal_commas
-        ):
-            pointed = column.str.replace(",", ".", literal=True)
-            numbers = pointed.cast(pl.Float64, strict=False)
         values = numbers.to_numpy()
         with np.errstate(all="ignore"):  # of numbers too large to be added
             total = values.sum()

@@ -111,13 +111,7 @@ def _without_blank_end(body: bytes) -> bytes:
 
 
 def check_text(file: str, raw: bytes) -> None:
-    """Raise where bytes are those of no text, nor of one that is in UTF-16.
-
-    Raises
-    ------
-    RecordingError
-        Saying what they are packed by, if they are.
-    """
+    """Raise where bytes are those of no text, nor of one that is in UTF-16."""
     packed = next((how for begin, how in _PACKED.items() if raw.startswith(begin)), None)
     if packed is not None:
         reason = f"the file is packed by {packed}: unpack it, or save the sheet as CSV"
@@ -131,13 +125,7 @@ def check_text(file: str, raw: bytes) -> None:
 
 
 def as_utf_8(file: str, raw: bytes) -> bytes:
-    """The text as UTF-8 without byte-order mark, with line feeds, and a hyphen for a minus.
-
-    Raises
-    ------
-    RecordingError
-        If it is no text.
-    """
+    """The text as UTF-8 without byte-order mark, with line feeds, and a hyphen for a minus."""
     if raw.startswith(UTF_16):
         try:
             raw = raw.decode("utf-16").encode("utf-8")

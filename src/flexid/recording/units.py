@@ -34,7 +34,7 @@ class UnitError(Exception):
 
 
 def examples(si_unit: str) -> str:
-    """Return units that may be written where `si_unit` is expected, as text."""
+    """Units that may be written where `si_unit` is expected, as text."""
     return ", ".join(f"[{unit}]" for unit in EXAMPLES[si_unit])
 
 
@@ -44,25 +44,7 @@ def is_usual(text: str) -> bool:
 
 
 def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
-    """Return the factor that converts a unit to SI, and the SI unit it belongs to.
-
-    Parameters
-    ----------
-    text : str
-        The unit as written in a file, such as ``"deg/s"``.
-    si_units : tuple of str
-        The SI units that are accepted, keys of `EXAMPLES`.
-
-    Returns
-    -------
-    factor : float
-    si_unit : str
-
-    Raises
-    ------
-    UnitError
-        If the unit is unknown or measures another quantity.
-    """
+    """The factor from a unit as written in a file to SI, and which of the SI units that is."""
     if text in si_units:  # as nearly always; Pint takes a third of a second to be ready
         return 1.0, text
     factor, root = _root_unit(text, si_units)
@@ -80,7 +62,7 @@ def _accepted(si_units: tuple[str, ...]) -> str:
 
 
 def _root_unit(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
-    """Return a unit's factor and its root units as text.
+    """A unit's factor and its root units as text.
 
     Root units are compared rather than dimensions, because a radian has none: a count, a percentage
     or a hertz would pass for an angle or an angular velocity.

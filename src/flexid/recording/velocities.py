@@ -22,24 +22,12 @@ CHANCE = 6.0  # standard deviations by which noise scatters more than it should
 
 
 def position_noise(position: FloatArray) -> float:
-    """Return the standard deviation of the measurement noise of a position.
+    """Standard deviation of the measurement noise of a position, in its unit.
 
     The noise is what is left of the signal in differences of order eight, taken block by block; the
     median over the blocks does not heed a jump or a few outliers. An encoder's steps count as the
     uniform noise they resemble while the joint moves, LSB / sqrt(12), also where it stands still.
 
-    Parameters
-    ----------
-    position : FloatArray, shape (n,)
-        In any unit; sampled much faster than the motion.
-
-    Returns
-    -------
-    float
-        In the unit of `position`; zero for fewer samples than the differences need.
-
-    Notes
-    -----
     White noise is assumed. Noise that a filter in the drive has smoothed is underestimated.
     """
     if len(position) <= ORDER:
@@ -51,13 +39,7 @@ def position_noise(position: FloatArray) -> float:
 
 
 def is_noise(values: FloatArray) -> bool:
-    """Whether a signal is white noise about a constant: its means over blocks scatter as that does.
-
-    Parameters
-    ----------
-    values : FloatArray, shape (n,)
-        No constant.
-    """
+    """Whether a signal is white noise about a constant: so its means over blocks scatter."""
     for length in (4, 16, 64):
         count = len(values) // length
         if count < FEWEST_BLOCKS:
@@ -70,17 +52,7 @@ def is_noise(values: FloatArray) -> bool:
 
 
 def encoder_step(position: FloatArray) -> float:
-    """Return the step of the encoder, or zero if the position is not quantised.
-
-    Parameters
-    ----------
-    position : FloatArray, shape (n,)
-
-    Returns
-    -------
-    float
-        The smallest change from sample to sample, if every change is a multiple of it.
-    """
+    """The step of the encoder, or zero if the position is not quantised."""
     changes = np.abs(np.diff(position))
     changes = changes[changes > 1e-9 * float(np.ptp(position))]
     if len(changes) == 0:
@@ -94,41 +66,22 @@ def encoder_step(position: FloatArray) -> float:
 
 
 def with_velocities(recording: Recording, half_windows: tuple[int, int] | None = None) -> Recording:
-    """Return the recording with velocities: measured ones kept, missing ones derived.
-
-    Parameters
-    ----------
-    recording : Recording
-    half_windows : tuple of int, optional
-        Half the width of the window for link and motor, if not `best_half_window`.
-
-    Returns
-    -------
-    Recording
-        With `link_velocity` (where there is a link position) and `motor_velocity` in rad/s.
-    """
+    """The recording with velocities in rad/s: measured ones kept, missing ones derived."""
     dt = recording.sample_time
-    position, link, motor = (
-        recording.link_position,
-        recording.link_velocity,
-        recording.motor_velocity,
-    )
+    link, motor = recording.link_velocity, recording.motor_velocity
+    position = recording.link_position
     link_half, motor_half = half_windows or (None, None)
     if link is None and position is not None:
         link = velocity(position, dt, link_half)
     if motor is None:
         motor = velocity(recording.motor_position, dt, motor_half)
-    return replace(
-        recording,
-        link_velocity=link,
-        motor_velocity=motor,
-    )
+    return replace(recording, link_velocity=link, motor_velocity=motor)
 
 
 def velocity(
     position: FloatArray, sample_time: float, half_window: int | None = None
 ) -> FloatArray:
-    """Return the derivative of a noisy position, without phase shift.
+    """The derivative of a noisy position per s, shape (n,), without phase shift.
 
     Polynomials are fitted to a window centred on each sample (Savitzky and Golay, Analytical
     Chemistry 36, 1964). Of a geometric series of windows the one with the least expected error is
@@ -136,20 +89,6 @@ def velocity(
     of half the width gives otherwise, less the part that noise explains. The next narrower one is
     used, because the error grows slowly towards narrow windows and fast towards wide ones, above
     all at the two ends, where no window is centred.
-
-    Parameters
-    ----------
-    position : FloatArray, shape (n,)
-        At least three samples.
-    sample_time : float
-        In s.
-    half_window : int, optional
-        Half the width of the window in samples, if not `best_half_window`.
-
-    Returns
-    -------
-    FloatArray, shape (n,)
-        In the unit of `position` per second.
     """
     half = best_half_window(position) if half_window is None else half_window
     degree = min(DEGREE, 2 * half)
@@ -184,7 +123,7 @@ def _differentiator(half: int, degree: int) -> FloatArray:
 
 
 def best_half_window(position: FloatArray) -> int:
-    """Return half the width of the window in samples, as `velocity` explains."""
+    """Half the width of the window in samples, as `velocity` explains."""
     variance = position_noise(position) ** 2
     narrowest, widest = DEGREE // 2 + 1, max(1, (len(position) - 1) // 4)
     if narrowest >= widest:

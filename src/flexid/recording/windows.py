@@ -18,48 +18,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A part of a recording, with what lies before and after it.
+    """A part of a recording, with what lies before and after it."""
 
-    Parameters
-    ----------
-    recording : Recording
-        The part with its margins.
-    offset : int
-        Samples of the recording before these.
-    start, stop : int
-        The part itself, as samples of the recording.
-    last : bool
-        Whether the recording ends here.
-    row : int
-        Rows of the file before the first sample of the recording.
-    """
-
-    recording: Recording
-    offset: int
-    start: int
+    recording: Recording  # the part with its margins
+    offset: int  # samples of the recording before these
+    start: int  # of the part itself, as samples of the recording
     stop: int
-    last: bool
-    row: int
+    last: bool  # whether the recording ends here
+    row: int  # rows of the file before the first sample of the recording
 
 
 def windows(
     chunks: Iterable[Chunk], length: int, margin: int, rest: int, fewest: int
 ) -> Iterator[Window]:
-    """Cut the recordings of a stream into windows, wherever the chunks begin and end.
+    """Parts of so many samples with margins on both sides, wherever the chunks begin and end.
 
-    Parameters
-    ----------
-    chunks : iterable of Chunk
-        The stream.
-    length : int
-        Samples of a part. A recording's last one is longer by less than 2 `margin` + `rest`, or
-        shorter.
-    margin : int
-        Samples before and after it, as far as there are any.
-    rest : int
-        Samples that a last part has at least, beyond the margin.
-    fewest : int
-        Samples of the shortest recording that counts.
+    A recording's last part is longer by less than 2 `margin` + `rest`, or shorter; it has at least
+    `rest` samples beyond the margin. Recordings of less than `fewest` samples are left out.
     """
     parts: list[Recording] = []
     row, offset, start, total = 0, 0, 0, 0

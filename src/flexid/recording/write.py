@@ -7,19 +7,7 @@ import polars as pl
 
 
 def write_parquet(table: pl.DataFrame, path: Path) -> None:
-    """Write a table.
-
-    Parameters
-    ----------
-    table : DataFrame
-    path : Path
-        Is replaced if it is there.
-
-    Raises
-    ------
-    OSError
-        If the disk is full or the place cannot be written; Polars has other errors for the former.
-    """
+    """Write a table; a full disk, for which Polars has its own error, raises an `OSError`."""
     try:
         table.write_parquet(path)
     except pl.exceptions.ComputeError as error:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from flexid.errors import RecordingError
 from flexid.identification.preparation.joint import Kind
 from flexid.recording.channel import INPUTS, Channel
-from flexid.recording.checks import TURN
+from flexid.recording.wraps import TURN
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from flexid.models.parametric_system import ParametricSystem
 from flexid.models.rigid_joint import rigid_joint, rigid_terms
 from flexid.models.row_alone import row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
-from flexid.recording.checks import TURN
 from flexid.recording.sampling import check_sample_time
+from flexid.recording.wraps import TURN
 
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 """Terms of the model where none are named."""

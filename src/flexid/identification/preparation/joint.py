@@ -38,8 +38,8 @@ from flexid.models.physical import (
 from flexid.models.rigid_joint import RIGID_TERMS, RIGID_UNITS, rigid_joint
 from flexid.models.row_alone import row_alone
 from flexid.models.terms import SMOOTHING, with_dry_friction
-from flexid.recording.checks import TURN
 from flexid.recording.recording import Recording
+from flexid.recording.wraps import TURN
 
 Kind = Literal["flexible", "link", "rigid"]
 
