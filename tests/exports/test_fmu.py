@@ -170,10 +170,10 @@ DRIVER = """
 
 int main(void)
 {
-    const fmi3ValueReference out[] = {0, 1, FLEXID_OUTPUTS}, in[] = {FLEXID_OUTPUTS + 1};
+    const reference out[] = {0, 1, FLEXID_OUTPUTS}, in[] = {FLEXID_OUTPUTS + 1};
     const double values[] = {0.0, 1e300, -1e300, 1e9, 3.0};
     double got[3];
-    fmi3FMUState state = NULL;
+    void *state = NULL;
     bool flag;
     double reached;
     instance *unit = fmi3InstantiateCoSimulation("one", FLEXID_TOKEN, NULL, false, false, false,
@@ -186,7 +186,7 @@ int main(void)
     (void)fmi3ExitInitializationMode(unit);
     for (int n = 0; n < 2000; n++) {
         (void)fmi3SetFloat64(unit, in, 1, &values[n % 5], 1);
-        steps += fmi3DoStep(unit, n * 1e-3, 1e-3, true, &flag, &flag, &flag, &reached) == fmi3OK;
+        steps += fmi3DoStep(unit, n * 1e-3, 1e-3, true, &flag, &flag, &flag, &reached) == OK;
         if (n == 10) {
             (void)fmi3GetFMUState(unit, &state);
         }

@@ -208,18 +208,3 @@ def test_a_link_without_a_motor_is_refused():
     """Assert that what was identified without an input makes no scene."""
     with pytest.raises(SettingError, match="of the link alone"):
         mjcf_scene(Described("link", {"theta2": 100.0}, "zero"))
-
-
-@pytest.mark.parametrize(
-    ("more", "which"),
-    [
-        ({"beta1": -2.0}, "motor_inertia"),
-        ({"beta1": 0.0}, "motor_inertia"),
-        ({"theta2": -1.0}, "link_inertia"),
-        ({"alpha1": 0.0}, "link_inertia"),
-    ],
-)
-def test_inertias_that_cannot_be_are_refused(more, which):
-    """Assert that an inertia which no body has is an error with its name and not a scene."""
-    with pytest.raises(SettingError, match=which):
-        _scene(more)

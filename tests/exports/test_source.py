@@ -20,10 +20,10 @@ def result():
     ).result
 
 
-def doubted(result, **changes):
+def doubted(result, name="alpha2", **changes):
     """The same, but for one coefficient."""
-    coefficient = dataclasses.replace(result.coefficients["alpha2"], **changes)
-    return dataclasses.replace(result, coefficients=result.coefficients | {"alpha2": coefficient})
+    coefficient = dataclasses.replace(result.coefficients[name], **changes)
+    return dataclasses.replace(result, coefficients=result.coefficients | {name: coefficient})
 
 
 def test_what_has_no_value_gets_none(result):
@@ -55,3 +55,23 @@ def test_a_plant_without_a_value_is_refused(result, tmp_path):
     request = ExportRequest(source_of_identification(doubted(result, value=nan)))
     with pytest.raises(SettingError, match="the plant needs values of alpha2"):
         write_fmu(request, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["theta2", "alpha1", "beta1"])
+@pytest.mark.parametrize("value", [0.0, -100.0])
+def test_no_drive_has_it(result, name, value):
+    """Assert that a spring or an inertia that is not positive is refused by name."""
+    with pytest.raises(SettingError, match=f"^{name}: is {value:g} .* makes it positive"):
+        source_of_identification(doubted(result, name, value=value))
+
+
+def test_parameters_are_those_of_the_coefficients(result):
+    """Assert that an estimate one of whose two vocabularies was edited is refused."""
+    with pytest.raises(SettingError, match=r"is 5 .* 30 by its coefficients"):
+        source_of_identification(doubted(result, "alpha1", value=2000.0))
+    parameter = dataclasses.replace(result.parameters["joint_stiffness"], value=-100.0)
+    edited = dataclasses.replace(
+        result, parameters={**result.parameters, "joint_stiffness": parameter}
+    )
+    with pytest.raises(SettingError, match="joint_stiffness: is -100 in this estimate"):
+        source_of_identification(edited)

@@ -25,39 +25,16 @@ MACROS = ("SIN", "COS", "TAN", "TANH", "EXP", "SQRT", "FABS", "POW")
 
 @dataclass(frozen=True)
 class DriveFunctions:
-    """A model in C99.
-
-    Parameters
-    ----------
-    source : str
-        Definitions of the functions that were asked for.
-    calls : frozenset of str
-        Those of `MACROS` that they use.
-    names : mapping of str to str
-        Identifier in C of every state, input and coefficient.
-    held : tuple of bool
-        Of each signal (regressors row by row, then a known part for each row), whether an input
-        occurs in it.
-    """
+    """A model in C99."""
 
     source: str
-    calls: frozenset[str]
-    names: dict[str, str]
-    held: tuple[bool, ...]
+    calls: frozenset[str]  # of MACROS
+    names: dict[str, str]  # identifiers in C of states, inputs and coefficients
+    held: tuple[bool, ...]  # by signal (regressors, then known parts): an input occurs in it
 
 
 def drive_functions(system: ParametricSystem, positions_only: bool) -> DriveFunctions:
-    """Print what an estimator needs from a model.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model; its constants are printed with the values that they have in it.
-    positions_only : bool
-        Whether velocities come from positions: then ``sampled_parts`` leaves out what is linear in
-        a velocity, and ``add_velocity_parts`` adds it from the velocities. Else ``sampled_parts``
-        is all of every signal.
-    """
+    """Print what an estimator needs from a model."""
     symbolic = symbolic_system(system)
     labels = [*system.coefficients, *(f"known part of {row.name}" for row in system.rows)]
     texts = [text for row in system.rows for text in row.regressors.values()]

@@ -11,22 +11,7 @@ from flexid.models.parametric_system import ParametricSystem
 
 
 def law_module(controller: Controller, system: ParametricSystem) -> str:
-    """Source of ``law(states, reference, values)``, which returns the system's inputs in order.
-
-    Parameters
-    ----------
-    controller : Controller
-        The law.
-    system : ParametricSystem
-        What it controls.
-
-    Returns
-    -------
-    str
-        A module; ``REFERENCE`` holds the names of the reference's derivatives that the law uses,
-        and ``VALUES`` those of its parameters and of the system's constants, both as the function
-        takes them.
-    """
+    """Source of ``law(states, reference, values)``, which returns the system's inputs in order."""
     values = (*controller.parameters, *controller.derived, *system.constants)
     names = {*system.states, *values, *REFERENCE_NAMES}
     lines, used = [], set()
@@ -62,21 +47,7 @@ def _inputs(controller: Controller, system: ParametricSystem) -> dict[str, str]:
 
 
 def observer_module(system: ParametricSystem) -> str:
-    """Source of the observer of Huang (2003), eqs. (2) and (3).
-
-    Returns
-    -------
-    str
-        A module with ``estimates`` and ``rates``, which take states, inputs (if any), observer
-        states, gains and constants (if any); ``OWN_STATES`` holds the names of the observer's.
-
-    Raises
-    ------
-    AccelerationError
-        If the observer needs an acceleration.
-    ModelError
-        If it needs the rate of an input.
-    """
+    """Source of the observer of Huang (2003), eqs. (2) and (3)."""
     observer = derive_observer(system)
     if observer.input_rates:
         raise ModelError(

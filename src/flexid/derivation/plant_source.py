@@ -8,13 +8,7 @@ from flexid.models.parametric_system import ParametricSystem
 
 
 class _PlantPrinter(ScalarPrinter):
-    """Scalar C on doubles; every symbol of the model is a place in an array.
-
-    Parameters
-    ----------
-    places : dict of Symbol to str
-        Where each symbol stands.
-    """
+    """Scalar C on doubles; every symbol of the model is a place in an array."""
 
     def __init__(self, places: dict[sp.Symbol, str]) -> None:
         super().__init__({"fully_qualified_modules": False})
@@ -39,18 +33,7 @@ class _PlantPrinter(ScalarPrinter):
 
 
 def plant_rates(system: ParametricSystem) -> str:
-    """Source of ``rates(x, u, p, dx)``.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-
-    Returns
-    -------
-    str
-        A function in C99, which needs ``math.h``; p holds coefficients, then constants.
-    """
+    """Source of ``rates(x, u, p, dx)``."""
     symbolic = symbolic_system(system)
     groups = {
         "x": symbolic.states,

@@ -45,13 +45,7 @@ static double log_cosh_(double z)
 
 
 class _CPrinter(C99CodePrinter):
-    """Products for small powers, and no macro that C99 does not have; notes a use of ln cosh.
-
-    Parameters
-    ----------
-    renamed : dict of Symbol to Symbol
-        Names in C for what is none there.
-    """
+    """Products for small powers, and no macro that C99 does not have; notes a use of ln cosh."""
 
     def __init__(self, renamed: dict[sp.Symbol, sp.Symbol]) -> None:
         super().__init__()
@@ -79,20 +73,7 @@ class _CPrinter(C99CodePrinter):
 
 
 def c_observer(observer: SymbolicObserver) -> str:
-    """Print an observer as two C99 functions that allocate nothing.
-
-    Parameters
-    ----------
-    observer : SymbolicObserver
-        The observer.
-
-    Returns
-    -------
-    str
-        ``observer_estimates`` fills the estimates of eq. (2), ``observer_rates`` the rates of
-        eq. (3). Arguments, all arrays of double: state, input, input_rate, observer_state, gain
-        and constant; an array with no entries may be NULL.
-    """
+    """Print an observer as two C99 functions that allocate nothing."""
     names = fresh_names(observer)
     integrals, rows = without_integrals(printable_rows(observer, names))
     hats = [p for row in observer.rows for p in row.estimates]

@@ -18,18 +18,7 @@ class _LatexPrinter(LatexPrinter):
 
 
 def latex_observer(observer: SymbolicObserver) -> str:
-    """Print an observer as one ``align*`` block, Huang (2003), eqs. (2)-(3).
-
-    Parameters
-    ----------
-    observer : SymbolicObserver
-        The observer.
-
-    Returns
-    -------
-    str
-        LaTeX to be put into a document that uses amsmath.
-    """
+    """Print an observer as one ``align*`` block, Huang (2003), eqs. (2)-(3)."""
     rows = printable_rows(observer, fresh_names(observer))
     printer = _LatexPrinter({"symbol_names": _symbol_names(observer)})
     lines = [line for row in rows for line in _row_lines(row, printer)]
@@ -65,19 +54,7 @@ def _symbol_names(observer: SymbolicObserver) -> dict[sp.Symbol, str]:
 
 
 def latex_name(name: str, accent: str = "") -> str:
-    r"""A declared name in LaTeX: ``theta1`` as θ₁, ``link_offset`` upright with a subscript.
-
-    Parameters
-    ----------
-    name : str
-        The name.
-    accent : str, optional
-        A command that is put over the letter, such as ``\hat``.
-
-    Returns
-    -------
-    str
-    """
+    r"""A declared name in LaTeX: ``theta1`` as θ₁, ``link_offset`` upright with a subscript."""
     match = re.fullmatch(r"([A-Za-z]+)(\d*)(?:_(\w+?))?(_*)", name, re.ASCII)
     if match is None:
         escaped = name.replace("_", r"\_")

@@ -69,19 +69,7 @@ class _PythonPrinter(PythonCodePrinter):
 
 
 def python_observer(observer: SymbolicObserver) -> str:
-    """Print an observer as a Python module of two functions, ``estimates`` and ``rates``.
-
-    Parameters
-    ----------
-    observer : SymbolicObserver
-        The observer.
-
-    Returns
-    -------
-    str
-        Source. Both functions take sequences of states, inputs (their rates, if the observer
-        needs them), the observer's own states, gains and constants (if there are any).
-    """
+    """Print an observer as a Python module of two functions, ``estimates`` and ``rates``."""
     printer = _PythonPrinter()
     functions = _functions(observer, lambda expression: str(printer.doprint(expression)))
     helpers = _LOG_COSH + "\n\n" if printer.log_cosh else ""

@@ -39,61 +39,28 @@ _RULE_FREQUENCY, _RULE_AMPLITUDE = 2.65, 0.2
 
 @dataclass(frozen=True)
 class Addition:
-    """A change of the input after which every coefficient would be determined.
+    """A change of the input after which every coefficient would be determined."""
 
-    Parameters
-    ----------
-    amplitude : float
-        Of the added sine in the input's unit, or the factor on the whole input.
-    angular_frequency : float
-        Of the added sine in rad/s; 0 where the whole input is multiplied.
-    weakest : str
-        The coefficient that would then be known worst.
-    width : float
-        Half its predicted 95 % interval over its value.
-    peak_input : float
-        Largest magnitude of the new input.
-    peak_position, peak_deflection : float
-        Largest magnitude of the first row's position (the link's, where there are two encoders)
-        and of the deflection in rad, simulated.
-    """
-
-    amplitude: float
-    angular_frequency: float
-    weakest: str
-    width: float
-    peak_input: float
-    peak_position: float
-    peak_deflection: float
+    amplitude: float  # of the added sine in the input's unit, or the factor on the input
+    angular_frequency: float  # of the added sine in rad/s; 0 for a factor on the input
+    weakest: str  # the coefficient that would be known worst
+    width: float  # half its predicted 95 % interval over its value
+    peak_input: float  # magnitude
+    peak_position: float  # rad, of the first row: the link's, where there are two encoders
+    peak_deflection: float  # rad
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What to add; None where nothing of the kind suffices.
+    """What to add; None where nothing of the kind suffices."""
 
-    Parameters
-    ----------
-    sine : Addition or None
-        The smallest sine that suffices.
-    multiple : Addition or None
-        The smallest multiple of the input that suffices.
-    longer : float or None
-        Seconds of the same motion that suffice.
-    largest : float
-        Largest amplitude of a sine that was tried, in the input's unit; 0 if none was.
-    rule : tuple of float or None
-        Amplitude and angular frequency (rad/s) of a sine by rule of thumb, where the log yields no
-        model to try others on.
-    caution : str
-        What no other input would mend, in a sentence; empty if there is nothing of the kind.
-    """
-
-    sine: Addition | None
-    multiple: Addition | None
-    longer: float | None
-    largest: float
+    sine: Addition | None  # smallest that suffices
+    multiple: Addition | None  # smallest that suffices
+    longer: float | None  # s of the same motion that suffice
+    largest: float  # amplitude of a sine that was tried, in the input's unit; 0 for none
+    # amplitude and rad/s of a sine by rule of thumb, where no model can be run
     rule: tuple[float, float] | None = None
-    caution: str = ""
+    caution: str = ""  # a sentence on what no other input mends; or empty
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,22 +98,7 @@ class _Trial:
 def advise(
     result: Identification, recordings: Sequence[Samples], rehearse: Callable[[], Rehearsal]
 ) -> Advice | None:
-    """Say what to add to the input of a log.
-
-    Parameters
-    ----------
-    result : Identification
-        Of the log.
-    recordings : sequence of Samples
-        The log.
-    rehearse : callable
-        Makes the model ready; called only where there is one that can be run.
-
-    Returns
-    -------
-    Advice or None
-        None where every coefficient is determined.
-    """
+    """Say what to add to the input of a log."""
     lacking = [c for c in result.coefficients.values() if c.verdict != "determined"]
     if not lacking:
         return None

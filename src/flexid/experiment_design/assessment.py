@@ -27,64 +27,29 @@ _RANK: tuple[Verdict, ...] = ("determined", "weak", "undetermined")  # from good
 
 @dataclass(frozen=True)
 class CoefficientAssessment:
-    """How well one coefficient is determined.
-
-    Parameters
-    ----------
-    name, unit : str
-        The coefficient and its SI unit.
-    value, std : float
-        Its estimate and standard deviation, in the unit.
-    interval : tuple of float
-        Lower and upper end of the 95 % interval.
-    verdict : {"determined", "weak", "undetermined"}
-        The verdict.
-    reason : str
-        Why it is not determined; ``"given"`` if the user gave it; else empty.
-    width : float
-        Half the interval over the value.
-    width_alone : float
-        The same if all other unknowns were known; NaN for one that follows from others.
-    inflation : float
-        Ratio of the two: what the others cost.
-    partner : str
-        The unknown whose estimate correlates the most with this one's, be it a delay; empty if it
-        is alone.
-    correlation : float
-        That correlation, between -1 and 1.
-    """
+    """How well one coefficient is determined."""
 
     name: str
-    unit: str
+    unit: str  # SI
     value: float
     std: float
-    interval: tuple[float, float]
+    interval: tuple[float, float]  # 95 %
     verdict: Verdict
-    reason: str
-    width: float
-    width_alone: float
-    inflation: float
-    partner: str
-    correlation: float
+    reason: str  # why it is not determined; "given" if the user gave it; else empty
+    width: float  # half the interval over the value
+    width_alone: float  # the same if all other unknowns were known; NaN if it follows from others
+    inflation: float  # ratio of the two
+    partner: str  # the unknown whose estimate correlates the most with this one's; or empty
+    correlation: float  # with the partner, -1 to 1
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """How well all coefficients are determined.
+    """How well all coefficients are determined."""
 
-    Parameters
-    ----------
-    coefficients : mapping of str to CoefficientAssessment
-        By name, in the model's order.
-    excitation : mapping of str to Excitation
-        Assumption (A4) of Huang (2003), measured, by row name.
-    correlations : mapping of str to mapping of str to float
-        Of each two unknowns that the log does not leave free.
-    """
-
-    coefficients: Mapping[str, CoefficientAssessment]
-    excitation: Mapping[str, Excitation]
-    correlations: Mapping[str, Mapping[str, float]]
+    coefficients: Mapping[str, CoefficientAssessment]  # in the model's order
+    excitation: Mapping[str, Excitation]  # by row name
+    correlations: Mapping[str, Mapping[str, float]]  # of the unknowns that the log shows
 
     @property
     def verdict(self) -> Verdict:

@@ -34,26 +34,7 @@ REFERENCES: Mapping[str, tuple[tuple[float, float], ...]] = {
 
 
 def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Design:
-    """Design an experiment.
-
-    Parameters
-    ----------
-    file : DriveFile
-        What is believed and wanted.
-    seed : int
-        Of the search and of the wrong drives.
-    finished : callable
-        Takes the name of each step that is done.
-
-    Returns
-    -------
-    Design
-
-    Raises
-    ------
-    SettingError
-        If the limits leave no motion.
-    """
+    """Design an experiment."""
     search = Search(file.drive, seed)
     everyone = (search.nominal, *search.cases)
     _check_rest(file.drive, everyone)
@@ -161,24 +142,7 @@ def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
 def _scale(
     drive: Drive, coarse: Command, step: float, fine: Command, cases: Sequence[Case]
 ) -> float:
-    """Largest factor at which every drive keeps to the limits.
-
-    Parameters
-    ----------
-    drive : Drive
-        Its limits, and the sample time of `fine`.
-    coarse, fine : Command
-        The same command at samples `step` apart, to search with, and at all samples, to check.
-    step : float
-        In s.
-    cases : sequence of Case
-        The drives.
-
-    Raises
-    ------
-    SettingError
-        If it is next to nothing.
-    """
+    """Largest factor at which every drive keeps to the limits."""
 
     def worst(command: Command, sample_time: float) -> float:
         try:

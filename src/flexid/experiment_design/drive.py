@@ -54,46 +54,20 @@ class Limits:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive as it is believed to be, and the experiment wanted on it.
+    """A drive as it is believed to be, and the experiment wanted on it."""
 
-    Parameters
-    ----------
-    parameters : mapping of str to float
-        Physical parameters in SI units; those given make up the model.
-    known : tuple of str
-        Parameters that are known exactly. Only ``motor_inertia`` can be.
-    limits : Limits
-        What the design must keep to.
-    position_noise : float
-        Standard deviation of each encoder's noise in rad.
-    duration, sample_time : float
-        Length of the experiment and time between samples in s.
-    kind : {"multisine", "trajectory"}
-        A torque to play, or a motor position for the drive's position loop to follow.
-    criterion : {"E", "D"}
-        Make the worst direction's or all directions' information large.
-    harmonics : int
-        Number of tones.
-    highest_frequency : float or None
-        Of the tones in rad/s; 1.5 times the joint's resonance if None.
-    ramp : float
-        Time in s over which the motion swells at the start and fades at the end.
-    bandwidth : float or None
-        Of the position loop that follows a trajectory, in rad/s; the resonance if None.
-    """
-
-    parameters: Mapping[str, float]
-    known: tuple[str, ...]
+    parameters: Mapping[str, float]  # physical, SI units; those given make up the model
+    known: tuple[str, ...]  # known exactly; only motor_inertia can be
     limits: Limits
-    position_noise: float
-    duration: float
-    sample_time: float
-    kind: Kind
-    criterion: Criterion
-    harmonics: int
-    highest_frequency: float | None
-    ramp: float
-    bandwidth: float | None
+    position_noise: float  # rad, standard deviation of each encoder
+    duration: float  # s
+    sample_time: float  # s
+    kind: Kind  # a torque to play, or a motor position to follow
+    criterion: Criterion  # the worst direction's information, or all directions'
+    harmonics: int  # number of tones
+    highest_frequency: float | None  # rad/s, of the tones; None: 1.5 times the resonance
+    ramp: float  # s, over which the motion grows at the start and fades at the end
+    bandwidth: float | None  # rad/s, of the position loop; None: the resonance
 
     def __post_init__(self) -> None:
         for name in self.known:
@@ -154,21 +128,11 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A model with values, and where it rests.
+    """A model with values, and where it rests."""
 
-    Parameters
-    ----------
-    name : str
-        What is different about it.
-    system : ParametricSystem
-        The model.
-    coefficients : mapping of str to float
-        Values of its unknown coefficients.
-    """
-
-    name: str
+    name: str  # what is different about it
     system: ParametricSystem
-    coefficients: Mapping[str, float]
+    coefficients: Mapping[str, float]  # the unknown ones
 
     @property
     def values(self) -> FloatArray:

@@ -26,20 +26,10 @@ _MOST_SAMPLES = 1_000_000
 
 @dataclass(frozen=True)
 class DriveFile:
-    """A drive and where it was read.
-
-    Parameters
-    ----------
-    drive : Drive
-        What the file says.
-    inputs : tuple of (str, str)
-        Files read, with the hashes of their contents.
-    warnings : tuple of str
-        What of an estimate the design does not heed, or rests on at its peril.
-    """
+    """A drive and where it was read."""
 
     drive: Drive
-    inputs: tuple[tuple[str, str], ...]
+    inputs: tuple[tuple[str, str], ...]  # file names with the SHA-256 of their contents
     warnings: tuple[str, ...] = ()
 
 
@@ -48,23 +38,7 @@ def read_drive(
     estimate: Path | Mapping[str, Any] | None = None,
     choices: Mapping[str, Any] | None = None,
 ) -> DriveFile:
-    """Read a drive file.
-
-    Parameters
-    ----------
-    path : Path
-        A TOML file with the tables ``parameters``, ``limits``, ``sensors`` and ``experiment``.
-    estimate : Path or mapping, optional
-        An ``estimate.json`` of an earlier identification, or its content, whose values take the
-        place of the parameters that the drive file gives.
-    choices : mapping, optional
-        Keys of ``experiment`` whose values take the place of the file's.
-
-    Raises
-    ------
-    SettingError
-        If a file cannot be read or used; the text names file, key and remedy.
-    """
+    """Read a drive file."""
     raw = read_bytes(path, "a TOML file", _refusing(path))
     inputs = [(path.name, hashlib.sha256(raw).hexdigest())]
     content = parse_toml(raw, _refusing(path))

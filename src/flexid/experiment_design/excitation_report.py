@@ -27,78 +27,27 @@ from flexid.stored_estimates.rebuilt import described, given_coefficients, rebui
 
 @dataclass(frozen=True)
 class ExcitationReport:
-    """What logs determine of a joint.
-
-    Parameters
-    ----------
-    identification : Identification
-        What they do determine.
-    assessment : Assessment
-        Per coefficient and row.
-    advice : Advice or None
-        What to add; None where every coefficient is determined.
-    noise : mapping of str to float
-        Root mean square in rad of the residuals of each position.
-    spectrum : array, shape (2, m)
-        Angular frequency in rad/s and amplitude of the input's tones, longest recording.
-    input_unit : str
-        Unit of the input.
-    """
+    """What logs determine of a joint."""
 
     identification: Identification
     assessment: Assessment
-    advice: Advice | None
-    noise: Mapping[str, float]
-    spectrum: FloatArray
+    advice: Advice | None  # None where every coefficient is determined
+    noise: Mapping[str, float]  # rad, root mean square of each position's residuals
+    spectrum: FloatArray  # (2, m): rad/s and amplitudes of the input's tones, longest recording
     input_unit: str
 
 
 def examine(
     logs: Sequence[Log], settings: Settings, progress: Progress = silent
 ) -> ExcitationReport:
-    """Say how well logs determine each coefficient, and what to add where they do not.
-
-    Parameters
-    ----------
-    logs : sequence of Log
-        Of the same drive, with the same kind of input.
-    settings : Settings
-        As of an identification.
-    progress : callable, optional
-        Called with each step in words.
-
-    Returns
-    -------
-    ExcitationReport
-
-    Raises
-    ------
-    RecordingError
-        If the logs do not go together or are too short.
-    SettingError
-        If a setting does not suit the logs.
-    ConvergenceError
-        If the model cannot be fitted from any start.
-    """
+    """Say how well logs determine each coefficient, and what to add where they do not."""
     return look_into(identify(logs, settings, progress), logs, settings, progress)
 
 
 def look_into(
     result: Identification, logs: Sequence[Log], settings: Settings, progress: Progress = silent
 ) -> ExcitationReport:
-    """Say the same of logs that are identified already.
-
-    Parameters
-    ----------
-    result : Identification
-        What `identify` found in the logs.
-    logs, settings, progress
-        As of `examine`.
-
-    Returns
-    -------
-    ExcitationReport
-    """
+    """Say the same of logs that are identified already."""
     recordings, _ = prepare(logs, settings.validation_share, settings.model)
     joint = joint_of(result.model)
     data = data_of(joint, recordings.whole, recordings.groups)

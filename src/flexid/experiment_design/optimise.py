@@ -41,18 +41,10 @@ _LOST = 100.0  # cost of a motion that diverges
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The search for the weights of the tones.
-
-    Parameters
-    ----------
-    drive : Drive
-        What is believed, and what is wanted.
-    seed : int
-        Of the random starts and of the wrong drives.
-    """
+    """The search for the weights of the tones."""
 
     drive: Drive
-    seed: int
+    seed: int  # of the random starts and of the wrong drives
 
     @property
     def highest_frequency(self) -> float:

@@ -30,17 +30,9 @@ _SLACK = 1.05  # on a standard deviation that must not grow
 
 @dataclass(frozen=True)
 class Outlook:
-    """What a motion would tell.
+    """What a motion would tell."""
 
-    Parameters
-    ----------
-    widths : mapping of str to float
-        Half the predicted 95 % interval of each coefficient that is sought, over its value.
-    verdicts : mapping of str to str
-        The verdicts on them.
-    """
-
-    widths: Mapping[str, float]
+    widths: Mapping[str, float]  # half the predicted 95 % intervals over the values
     verdicts: Mapping[str, Verdict]
 
     @property
@@ -56,30 +48,14 @@ class Outlook:
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """A model as identified, and the log that other inputs are tried on.
-
-    Parameters
-    ----------
-    model : Rebuilt
-        The model.
-    result : Identification
-        What was found with it.
-    record : Samples
-        The beginning of the longest recording.
-    group : int
-        The log that it comes from.
-    noise : array, shape (n_rows,)
-        Standard deviation of each position's residual.
-    data : Data
-        All that was measured.
-    """
+    """A model as identified, and the log that other inputs are tried on."""
 
     model: Rebuilt
     result: Identification
-    record: Samples
-    group: int
-    noise: FloatArray
-    data: Data
+    record: Samples  # the beginning of the longest recording
+    group: int  # of the logs, which the record comes from
+    noise: FloatArray  # (n_rows,): standard deviation of each position's residual
+    data: Data  # all that was measured
 
     @property
     def fastest(self) -> float:
@@ -99,23 +75,11 @@ class Rehearsal:
         return self.data.duration / (len(self.record) * self.record.sample_time)
 
     def change(self, inputs: FloatArray) -> FloatArray:
-        """What other inputs change about the positions, shape (n, n_rows), by the model.
-
-        Raises
-        ------
-        SimulationError
-            If the motion diverges.
-        """
+        """What other inputs change about the positions, shape (n, n_rows), by the model."""
         return self._run(inputs) - self._recorded
 
     def outlook(self, change: FloatArray, inputs: FloatArray) -> Outlook:
-        """What a changed motion would tell if as much of it were recorded as there was in all.
-
-        Raises
-        ------
-        SimulationError
-            If the model's motion diverges within a segment.
-        """
+        """What a changed motion would tell if as much of it were recorded as there was in all."""
         factors = self._factors
         moved = first_states(divide([replace(self.record, positions=change)], self._duration))
         states = self._states.copy()

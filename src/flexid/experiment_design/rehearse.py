@@ -19,21 +19,11 @@ CHANNELS = ("torque", "velocity", "position", "deflection")
 
 @dataclass(frozen=True, eq=False)
 class Rehearsed:
-    """What a case did under a command.
+    """What a case did under a command."""
 
-    Parameters
-    ----------
-    states : array, shape (n, 4)
-        Link position and velocity, motor position and velocity.
-    torque : array, shape (n,)
-        Torque, held from each sample to the next, in N m.
-    sample_time : float
-        In s.
-    """
-
-    states: FloatArray
-    torque: FloatArray
-    sample_time: float
+    states: FloatArray  # (n, 4): link position and velocity, motor position and velocity
+    torque: FloatArray  # (n,): N m, held from each sample to the next
+    sample_time: float  # s
 
     def _channels(self) -> dict[str, FloatArray]:
         x = self.states
@@ -70,12 +60,6 @@ class Rehearsed:
 
 
 def rehearse(case: Case, command: Command, sample_time: float) -> Rehearsed:
-    """Play a command from rest.
-
-    Raises
-    ------
-    SimulationError
-        If the motion grows beyond all bounds.
-    """
+    """Play a command from rest."""
     states, torque = play(case.system, case.coefficients, case.rest(), command, sample_time)
     return Rehearsed(states, torque, sample_time)

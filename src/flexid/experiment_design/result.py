@@ -14,31 +14,16 @@ from flexid.simulation.played_run import Command
 
 @dataclass(frozen=True)
 class Prediction:
-    """What an input would determine of the drive as it is believed to be.
+    """What an input would determine of the drive as it is believed to be."""
 
-    Parameters
-    ----------
-    name : str
-        Which input.
-    deviations : mapping of str to float
-        Predicted standard deviation of each coefficient over its value.
-    e_deviation, d_deviation : float
-        The criteria E and D as relative standard deviations.
-    peaks : mapping of str to float
-        Largest torque in N m, velocity in rad/s, position and deflection in rad.
-    torque_rms : float
-        Root mean square of the torque in N m.
-    within_limits : bool
-        Whether the drive, as believed, keeps to the limits.
-    """
-
-    name: str
+    name: str  # of the input
+    # predicted standard deviation of each coefficient over its value
     deviations: Mapping[str, float]
-    e_deviation: float
-    d_deviation: float
-    peaks: Mapping[str, float]
-    torque_rms: float
-    within_limits: bool
+    e_deviation: float  # criterion E as a relative standard deviation
+    d_deviation: float  # criterion D likewise
+    peaks: Mapping[str, float]  # torque in N m, velocity in rad/s, position and deflection in rad
+    torque_rms: float  # N m
+    within_limits: bool  # of the drive as believed
 
     @property
     def worst(self) -> float:
@@ -56,54 +41,23 @@ class Extreme:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An experiment, its predictions and its checks.
-
-    Parameters
-    ----------
-    drive : Drive
-        What was believed and wanted.
-    angular_frequencies : array, shape (m,)
-        Tones in rad/s.
-    weights : array, shape (2 m,)
-        Weights of their cosines and sines: N m for a torque, rad for a trajectory.
-    time : array, shape (n,)
-        Samples in s.
-    command : Command
-        What the drive is given.
-    run : Rehearsed
-        What the drive, as believed, does then.
-    prediction : Prediction
-        What that determines.
-    references : tuple of Prediction
-        What other inputs of the same peak torque would determine.
-    kept_references : tuple of Prediction
-        What they would determine if they were as large as all drives can bear within the limits.
-    largest_use : mapping of str to Extreme
-        Largest use of each limit over all drives that are wrong by 30 %.
-    largest_deviations : mapping of str to Extreme
-        Largest deviation of each coefficient over them.
-    scale : float
-        Factor on what the search found, so that all of them keep to the limits.
-    seed : int
-        Of the search and of the wrong drives.
-    provenance : mapping
-        Version, inputs with their hashes, settings.
-    """
+    """An experiment, its predictions and its checks."""
 
     drive: Drive
-    angular_frequencies: FloatArray
-    weights: FloatArray
-    time: FloatArray
+    angular_frequencies: FloatArray  # (m,): rad/s
+    weights: FloatArray  # (2 m,): of cosines and sines; N m for a torque, rad for a trajectory
+    time: FloatArray  # (n,): s
     command: Command
-    run: Rehearsed
+    run: Rehearsed  # of the drive as believed
     prediction: Prediction
-    references: tuple[Prediction, ...]
+    references: tuple[Prediction, ...]  # other inputs of the same peak torque
+    # the same, as large as all drives bear within the limits
     kept_references: tuple[Prediction, ...]
-    largest_use: Mapping[str, Extreme]
-    largest_deviations: Mapping[str, Extreme]
-    scale: float
-    seed: int
-    provenance: Mapping[str, object]
+    largest_use: Mapping[str, Extreme]  # of each limit, over all wrong drives
+    largest_deviations: Mapping[str, Extreme]  # of each coefficient, over all wrong drives
+    scale: float  # factor on what the search found, so that all drives keep to the limits
+    seed: int  # of the search and of the wrong drives
+    provenance: Mapping[str, object]  # version, inputs with their hashes, settings
 
     @property
     def amplitudes(self) -> FloatArray:

@@ -15,22 +15,12 @@ from flexid.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Waveform:
-    """Windowed tones at the samples of an experiment.
+    """Windowed tones at the samples of an experiment."""
 
-    Parameters
-    ----------
-    angular_frequencies : array, shape (m,)
-        Of the tones in rad/s.
-    time : array, shape (n,)
-        Samples in s.
-    columns, rate_columns : array, shape (n, 2 m)
-        Windowed cosines, then windowed sines; and their derivatives.
-    """
-
-    angular_frequencies: FloatArray
-    time: FloatArray
-    columns: FloatArray
-    rate_columns: FloatArray
+    angular_frequencies: FloatArray  # (m,): rad/s
+    time: FloatArray  # (n,): s
+    columns: FloatArray  # (n, 2 m): windowed cosines, then windowed sines
+    rate_columns: FloatArray  # (n, 2 m): their derivatives
 
     def signal(self, weights: FloatArray) -> FloatArray:
         """The signal, shape (n,), for weights a_1 … a_m, b_1 … b_m."""
@@ -44,17 +34,7 @@ class Waveform:
 def waveform(
     duration: float, sample_time: float, ramp: float, highest_frequency: float, harmonics: int
 ) -> Waveform:
-    """Windowed tones for an experiment.
-
-    Parameters
-    ----------
-    duration, sample_time, ramp : float
-        In s.
-    highest_frequency : float
-        In rad/s.
-    harmonics : int
-        Number of tones; neighbours that fall together count once.
-    """
+    """Windowed tones for an experiment."""
     base = 2.0 * np.pi / duration
     most = max(harmonics, int(highest_frequency / base))
     numbers = np.unique(np.rint(np.geomspace(1.0, most, harmonics)).astype(int))

@@ -1,39 +1,20 @@
 """The target ``c99``: an estimator for a drive as C99, with an example and a test vector."""
 
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING
 
 from flexid.derivation.drive_source import comment
 from flexid.estimators.parametric_observer import ParametricObserver
-from flexid.exports.c99_source import DriveSource, template_text
+from flexid.exports.c99_source import DriveSource
 from flexid.exports.c99_vector import log_samples, made_samples, vector_text
+from flexid.exports.template import filled, template_text
 
 if TYPE_CHECKING:
     from flexid.exports.targets import ExportRequest
 
 
 def write_c99(request: "ExportRequest", directory: Path) -> tuple[str, ...]:
-    """Write the files of an estimator.
-
-    Parameters
-    ----------
-    request : ExportRequest
-        With settings. Without samples the test vector's motion is a made one.
-    directory : path
-        An empty one, for ``flexid_drive.h``, ``flexid_drive.c``, ``example_main.c``,
-        ``test_vector.h`` and ``README.md``.
-
-    Returns
-    -------
-    tuple of str
-        Empty: nothing is left out.
-
-    Raises
-    ------
-    SettingError
-        If a setting is out of its range, or the samples are not of this model.
-    """
+    """Write the files of an estimator."""
     assert request.settings is not None  # export_to has seen to it
     drive = DriveSource(request.source, request.settings)
     samples = request.samples
@@ -54,7 +35,8 @@ def _example(drive: DriveSource) -> str:
     coefficients = drive.system.coefficients
     names = [drive.names[name] for name in coefficients]
     last = len(names) - 1
-    return Template(template_text("example_main.c")).substitute(
+    return filled(
+        "c99/example_main.c",
         found="\n".join(
             f"        (double)values.{name}{',' if i < last else ''}"
             for i, name in enumerate(names)
@@ -68,12 +50,15 @@ def _example(drive: DriveSource) -> str:
 def _readme(drive: DriveSource) -> str:
     system, settings = drive.system, drive.settings
     constant = isinstance(drive.twin, ParametricObserver)
-    return Template(template_text("README.md")).substitute(
+    return filled(
+        "c99/README.md",
         model=comment(system.name),
         summary=settings.summary,
         sample_time=f"{settings.sample_time:g}",
         hold={"zero": "are held until the next", "linear": "run on straight lines"}[settings.hold],
         sample=", ".join(f"`{drive.names[name]}`" for name in drive.sample_names),
         coefficients=", ".join(f"`{drive.names[name]}`" for name in system.coefficients),
-        converged=template_text("converged_constant.md" if constant else "converged.md").strip(),
+        converged=template_text(
+            "c99/converged_constant.md" if constant else "c99/converged.md"
+        ).strip(),
     )

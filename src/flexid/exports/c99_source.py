@@ -2,10 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from functools import cache
-from importlib import resources
 from math import exp
-from string import Template
 
 from flexid.derivation.drive_source import MACROS, comment, drive_functions
 from flexid.errors import SettingError
@@ -13,6 +10,7 @@ from flexid.estimators.parametric_observer import ParametricObserver
 from flexid.estimators.recursive_least_squares import RecursiveLeastSquares
 from flexid.exports.estimator import EstimatorSettings
 from flexid.exports.source import ExportSource
+from flexid.exports.template import filled, template_text
 from flexid.models.parametric_system import ParametricSystem
 
 LARGEST_SAMPLE = 1e9
@@ -33,20 +31,7 @@ _SETTING = dict[str, tuple[float, float]]  # name: value in double, in float
 
 
 class DriveSource:
-    """Header and source of one estimator.
-
-    Parameters
-    ----------
-    source : ExportSource
-        The model.
-    settings : EstimatorSettings
-        Of the estimator.
-
-    Raises
-    ------
-    SettingError
-        If a row has too many coefficients.
-    """
+    """Header and source of one estimator."""
 
     def __init__(self, source: ExportSource, settings: EstimatorSettings) -> None:
         self.system = source.system
@@ -78,8 +63,8 @@ class DriveSource:
         """Text of ``flexid_drive.h``."""
         digest = hashlib.sha256((self.source() + self._state() + self._sizes()).encode()).digest()
         double = int.from_bytes(digest[:4])
-        return _filled(
-            "drive.h",
+        return filled(
+            "c99/drive.h",
             model=comment(self.system.name),
             method=self.settings.summary,
             rows="\n".join(_equations(self.system)),
@@ -101,8 +86,8 @@ class DriveSource:
 
     def source(self) -> str:
         """Text of ``flexid_drive.c``."""
-        names = ["common.c", *self._kind]
-        return "".join(_filled(name, **self._placeholders()) for name in names)
+        names = ["common.c", *self._kind, "step.c"]
+        return "".join(filled(f"c99/{name}", **self._placeholders()) for name in names)
 
     @property
     def _kind(self) -> tuple[str, ...]:
@@ -113,9 +98,11 @@ class DriveSource:
 
     def _state(self) -> str:
         if isinstance(self.twin, ParametricObserver):
-            return template_text("state_constant.h")
+            return template_text("c99/state_constant.h")
         kind = "velocities" if self.settings.velocities else "positions"
-        return template_text("state_row.h") + "\n" + template_text(f"state_{kind}.h").rstrip()
+        return (
+            template_text("c99/state_row.h") + "\n" + template_text(f"c99/state_{kind}.h").rstrip()
+        )
 
     def _sizes(self) -> str:
         system, twin = self.system, self.twin
@@ -152,9 +139,9 @@ class DriveSource:
             ),
             "row_starts": ", ".join(f"{place}U" for place in places),
             "turns": template_text(
-                "turns_all.c"
+                "c99/turns_all.c"
                 if self.settings.velocities or len(system.rows) == 1
-                else "turns_float.c"
+                else "c99/turns_float.c"
             ),
             "model_functions": self._model_functions(),
             "latest": "\n".join(
@@ -172,10 +159,10 @@ class DriveSource:
             half = self.twin.law.half_window
             values["held"] = ", ".join("true" if h else "false" for h in self.functions.held)
             values["middle_state"] = template_text(
-                "middle_slopes.c" if half else "middle_positions.c"
+                "c99/middle_slopes.c" if half else "c99/middle_positions.c"
             )
             values["signals_end"] = template_text(
-                "end_held.c" if self.settings.hold == "zero" else "end_linear.c"
+                "c99/end_held.c" if self.settings.hold == "zero" else "c99/end_linear.c"
             ).rstrip()
         return values
 
@@ -200,7 +187,7 @@ class DriveSource:
 
     def _model_functions(self) -> str:
         sign = "sign_of(" in self.functions.source
-        return "\n".join([*([template_text("sign.c")] * sign), self.functions.source])
+        return "\n".join([*([template_text("c99/sign.c")] * sign), self.functions.source])
 
     def _estimates_text(self) -> str:
         lines = []
@@ -329,13 +316,3 @@ def _equations(system: ParametricSystem) -> list[str]:
         )
     constants = ", ".join(f"{name} = {value!r}" for name, value in system.constants.items())
     return [*lines, *([f" *   with {constants}"] * bool(constants))]
-
-
-@cache
-def template_text(name: str) -> str:
-    """Text of a template."""
-    return resources.files("flexid.exports").joinpath("templates_c99", name).read_text("utf-8")
-
-
-def _filled(name: str, **values: str) -> str:
-    return Template(template_text(name)).substitute(values)

@@ -76,13 +76,7 @@ def _motion(
 
 
 def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
-    """Samples of a log as the estimator takes them.
-
-    Raises
-    ------
-    SettingError
-        If the log is too short, or has not what the model measures.
-    """
+    """Samples of a log as the estimator takes them."""
     system = drive.system
     if len(samples) < _SHORTEST_LOG:
         raise SettingError(
@@ -99,13 +93,7 @@ def log_samples(drive: DriveSource, samples: Samples) -> FloatArray:
 
 
 class _Checks:
-    """Estimates that are compared, at samples in which they are determined.
-
-    Parameters
-    ----------
-    drive : DriveSource
-    samples : FloatArray, shape (n_samples, n_channels)
-    """
+    """Estimates that are compared, at samples in which they are determined."""
 
     def __init__(self, drive: DriveSource, samples: FloatArray) -> None:
         self._drive, self._samples = drive, samples

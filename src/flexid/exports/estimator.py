@@ -21,40 +21,16 @@ MEMORY_TIME = 60.0
 
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """Settings of an estimator beside a drive.
+    """Settings of an estimator beside a drive."""
 
-    Parameters
-    ----------
-    sample_time : float
-        Time between samples in s.
-    hold : {"zero", "linear"}, optional
-        The input between samples.
-    velocities : bool, optional
-        Whether samples hold measured velocities, or encoders alone.
-    gains : mapping of str to float, optional
-        Constant gains by coefficient or row: the paper's observer, which needs velocities. Empty:
-        least-squares gain.
-    filter_rate : float, optional
-        Rate in 1/s of the filter that positions pass.
-    memory_time : float, optional
-        Time in s after which a sample weighs 1/e as much. A constant gain has none.
-    start : mapping of str to float, optional
-        First values of the coefficients; 0 where none is given.
-
-    Raises
-    ------
-    SettingError
-        If no drive is sampled so, the filter does not suit that, or a constant gain has no
-        velocities.
-    """
-
-    sample_time: float
-    hold: "Hold" = "zero"
-    velocities: bool = False
+    sample_time: float  # s
+    hold: "Hold" = "zero"  # the input between samples
+    velocities: bool = False  # samples hold measured velocities
+    # by coefficient or row: the paper's observer
     gains: Mapping[str, float] = field(default_factory=dict)
-    filter_rate: float = 20.0
-    memory_time: float = MEMORY_TIME
-    start: Mapping[str, float] = field(default_factory=dict)
+    filter_rate: float = 20.0  # 1/s, of the filter that positions pass
+    memory_time: float = MEMORY_TIME  # s, after which a sample weighs 1/e as much
+    start: Mapping[str, float] = field(default_factory=dict)  # 0 where no value is given
 
     def __post_init__(self) -> None:
         if self.gains and not self.velocities:
@@ -66,13 +42,7 @@ class EstimatorSettings:
             check_filter_rate(self.filter_rate, self.sample_time)
 
     def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
-        """The same estimator in Python.
-
-        Raises
-        ------
-        SettingError
-            If a setting is out of its range.
-        """
+        """The same estimator in Python."""
         from flexid.estimators.parametric_observer import parametric_observer
         from flexid.estimators.recursive_least_squares import (
             least_squares_observer,

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
 from flexid.exports.fmu_description import build_description, model_description, sources
-from flexid.exports.fmu_model import FmuModel, estimator_model, plant_model, template_text
+from flexid.exports.fmu_model import FmuModel, estimator_model, plant_model
+from flexid.exports.template import template_text
 from flexid.models.terms import SMOOTHING
 from flexid.recording.names import cut
 
@@ -34,25 +35,7 @@ _YEAR = (1980, 1, 1, 0, 0, 0)  # the same content is the same file
 
 
 def write_fmu(request: "ExportRequest", directory: Path) -> list[str]:
-    """Write the FMUs of a plant, of an estimator, or of both.
-
-    Parameters
-    ----------
-    request : ExportRequest
-        With values of the model for a plant, with settings for an estimator.
-    directory : path
-        An empty one, for ``plant_fmi2.fmu``, ``estimator_fmi3.fmu`` and so on.
-
-    Returns
-    -------
-    list of str
-        What they have not, or otherwise than the estimate.
-
-    Raises
-    ------
-    SettingError
-        If there is nothing to write, or the compiler that is there fails.
-    """
+    """Write the FMUs of a plant, of an estimator, or of both."""
     models: list[FmuModel] = []
     source = request.source
     whole = bool(source.values) and source.values.keys() >= {*source.system.coefficients}
@@ -100,17 +83,10 @@ def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
 
 
 def packed(model: FmuModel, version: str) -> bytes:
-    """An FMU as bytes.
-
-    Parameters
-    ----------
-    model : FmuModel
-        What it holds.
-    version : {"2.0", "3.0"}
-        Of FMI.
-    """
-    interface = f"fmi{version[0]}.c"
-    texts = {**model.sources, "model.h": model.header(), interface: template_text(interface)}
+    """An FMU as bytes."""
+    interface = (f"fmi{version[0]}.c", "fmi.h")
+    texts = {**model.sources, "model.h": model.header()}
+    texts |= {name: template_text(f"fmu/{name}") for name in interface}
     files = {f"sources/{name}": text.encode() for name, text in texts.items()}
     files["modelDescription.xml"] = model_description(model, version)
     if version == "3.0":

@@ -10,15 +10,7 @@ Version = str
 
 
 def model_description(model: FmuModel, version: Version) -> bytes:
-    """The description of an FMU for co-simulation.
-
-    Parameters
-    ----------
-    model : FmuModel
-        What it holds.
-    version : {"2.0", "3.0"}
-        Of FMI.
-    """
+    """The description of an FMU for co-simulation."""
     is_2 = version == "2.0"
     root = ET.Element(
         "fmiModelDescription",

@@ -4,8 +4,6 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import resources
-from string import Template
 from typing import Literal
 
 import numpy as np
@@ -15,6 +13,7 @@ from flexid.errors import SettingError
 from flexid.exports.c99_source import DriveSource
 from flexid.exports.estimator import EstimatorSettings
 from flexid.exports.source import ExportSource
+from flexid.exports.template import filled
 from flexid.kernels.templates.bound import BOUND
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.terms import COULOMB_VELOCITY, SMOOTHING
@@ -32,27 +31,11 @@ HEALTH = ("converging", "converged", "not excited", "inconsistent", "sensor faul
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of an FMU.
-
-    Parameters
-    ----------
-    name : str
-        Its name in the model.
-    causality : {"output", "input", "parameter"}
-        Parameters can be changed between communication steps.
-    start : float or None
-        Its start; None for what only a step gives.
-    unit : str
-        Its unit; empty where none is known.
-    description : str
-        What it is.
-    integer : bool
-        Whether it is an integer.
-    """
+    """A variable of an FMU."""
 
     name: str
-    causality: Causality
-    start: float | None
+    causality: Causality  # parameters can be changed between communication steps
+    start: float | None  # None: only a step gives it
     unit: str = ""
     description: str = ""
     integer: bool = False
@@ -60,36 +43,16 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class FmuModel:
-    """A model for co-simulation.
+    """A model for co-simulation."""
 
-    Parameters
-    ----------
-    identifier : str
-        ``"plant"`` or ``"estimator"``: also the name of the compiled library.
-    description : str
-        What it is.
-    variables : tuple of Variable
-        Outputs, inputs, parameters; then integer outputs.
-    sources : mapping of str to str
-        C files by name, but ``model.h``.
-    includes : tuple of str
-        What ``model.h`` includes.
-    own : str
-        Members that the model's struct has beside the variables.
-    step : float
-        Communication step in s: the only one if it is fixed, else a usual one.
-    fixed_step : bool
-        Whether any other communication step is refused.
-    """
-
-    identifier: str
+    identifier: str  # "plant" or "estimator": also the name of the compiled library
     description: str
-    variables: tuple[Variable, ...]
-    sources: dict[str, str] = field(repr=False)
-    includes: tuple[str, ...]
-    own: str
-    step: float
-    fixed_step: bool
+    variables: tuple[Variable, ...]  # outputs, inputs, parameters; then integer outputs
+    sources: dict[str, str] = field(repr=False)  # C files by name, without model.h
+    includes: tuple[str, ...]  # of model.h
+    own: str  # further members of the model's struct
+    step: float  # s, of communication: the only one if it is fixed, else a usual one
+    fixed_step: bool  # any other step is refused
 
     def __post_init__(self) -> None:
         names = ["time", *(v.name for v in self.variables)]
@@ -124,7 +87,7 @@ class FmuModel:
         """Text of ``model.h``."""
         count = {c: sum(v.causality == c for v in self.reals) for c in _CAUSALITIES}
         return filled(
-            "model.h",
+            "fmu/model.h",
             title=comment(self.description),
             includes="".join(f'#include "{name}"\n' for name in self.includes),
             token=self.token,
@@ -142,20 +105,7 @@ _CAUSALITIES: tuple[Causality, ...] = ("output", "input", "parameter")
 
 
 def plant_model(source: ExportSource) -> FmuModel:
-    """The model with its values, as a plant.
-
-    Parameters
-    ----------
-    source : ExportSource
-        With a value for each coefficient.
-
-    Raises
-    ------
-    SettingError
-        If a coefficient has no value.
-    SimulationError
-        If the model jumps with a velocity's sign.
-    """
+    """The model with its values, as a plant."""
     from flexid.derivation.plant_source import plant_rates
 
     system = without_jumps(source.system)
@@ -192,7 +142,7 @@ def plant_model(source: ExportSource) -> FmuModel:
         ),
     )
     text = filled(
-        "plant.c",
+        "fmu/plant.c",
         title=comment(system.name),
         steps_per_second=repr(STEPS_PER_TIME_CONSTANT * _fastest(system, values)),
         bound=repr(BOUND),
@@ -204,15 +154,7 @@ def plant_model(source: ExportSource) -> FmuModel:
 
 
 def estimator_model(source: ExportSource, settings: EstimatorSettings) -> FmuModel:
-    """The online estimator of ``--to c99``, one sample for each communication step.
-
-    Parameters
-    ----------
-    source : ExportSource
-        The model.
-    settings : EstimatorSettings
-        Of the estimator.
-    """
+    """The online estimator of ``--to c99``, one sample for each communication step."""
     drive = DriveSource(source, settings)
     names = drive.names
     states = drive.system.states
@@ -231,7 +173,7 @@ def estimator_model(source: ExportSource, settings: EstimatorSettings) -> FmuMod
     )
     count = len(drive.system.coefficients)
     text = filled(
-        "estimator.c",
+        "fmu/estimator.c",
         sample_time=repr(settings.sample_time),
         show=_lines(
             f"model->real[{i}] = values.{names[name]};"
@@ -287,13 +229,3 @@ def _health() -> str:
 
 def _lines(lines: Iterable[str]) -> str:
     return "\n".join(f"    {line}" for line in lines)
-
-
-def filled(name: str, **values: str) -> str:
-    """A template of C with its placeholders filled."""
-    return Template(template_text(name)).substitute(values)
-
-
-def template_text(name: str) -> str:
-    """Text of a template of C."""
-    return resources.files("flexid.exports").joinpath("templates_fmu", name).read_text("utf-8")

@@ -73,33 +73,15 @@ _REPRESENTED = (
 
 @dataclass(frozen=True)
 class Scene:
-    """A joint as a MuJoCo scene.
+    """A joint as a MuJoCo scene."""
 
-    Parameters
-    ----------
-    xml : str
-        The scene in MJCF, MuJoCo's XML.
-    notes : tuple of str
-        One sentence for each thing that moves otherwise than the identified joint.
-    """
-
-    xml: str
+    xml: str  # MJCF
+    # a sentence for each thing that moves otherwise than the identified joint
     notes: tuple[str, ...]
 
 
 def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
-    """Write ``joint.xml``, the scene of an estimate.
-
-    Returns
-    -------
-    tuple of str
-        What the scene has not, or otherwise.
-
-    Raises
-    ------
-    SettingError
-        If a model without values is given, or the estimate makes no scene.
-    """
+    """Write ``joint.xml``, the scene of an estimate."""
     result = request.source.identification
     if result is None:
         raise SettingError("mjcf", "needs values: give an estimate.json of flexid identify")
@@ -119,28 +101,7 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
 
 
 def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:
-    """Write a joint as a MuJoCo scene.
-
-    Parameters
-    ----------
-    joint : Described
-        A flexible or a rigid joint with the values of its coefficients.
-    input_unit : str, optional
-        Unit of the input. Where it is no torque, the motor gets the inertia 1 kg m², which no log
-        of such an input shows; the scene then moves as the joint does, under other torques.
-
-    Returns
-    -------
-    Scene
-        With hinges ``link`` and ``motor``, the tendon ``spring``, the actuator ``motor``, which
-        takes the input, and a sensor for each position and velocity. A rigid joint has ``motor``
-        alone.
-
-    Raises
-    ------
-    SettingError
-        If it is a link alone, or an inertia is not positive.
-    """
+    """Write a joint as a MuJoCo scene."""
     if joint.model == "link":
         raise SettingError(
             "mjcf",
@@ -150,12 +111,12 @@ def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:
     values = joint.coefficients
     torque = input_unit == TORQUE
     notes = [] if torque else [_scaled(input_unit)]
-    inertia = _positive("motor_inertia", 1.0, values["beta1"] if torque else 1.0)
+    inertia = 1.0 / values["beta1"] if torque else 1.0
     if joint.model == "rigid":
         link, motor, spring = None, _side(values, _RIGID, inertia), None
     else:
         stiffness = values["alpha1"] * inertia
-        link = _side(values, _LINK, _positive("link_inertia", stiffness, values["theta2"]))
+        link = _side(values, _LINK, stiffness / values["theta2"])
         motor = _side(values, _MOTOR, inertia)
         spring = _spring(values, stiffness, inertia, link.inertia, notes)
     notes += _shapes(joint, values)
@@ -183,14 +144,6 @@ def _scaled(unit: str) -> str:
         f"the input is in {unit}, so that no torque is known: the motor's inertia is set to "
         f"1 kg m^2, and all torques follow from that"
     )
-
-
-def _positive(name: str, numerator: float, denominator: float) -> float:
-    """An inertia, if there can be one."""
-    inertia = numerator / denominator if denominator else 0.0
-    if not 0.0 < inertia < inf:
-        raise SettingError(name, f"is {inertia:g} kg m^2 by this estimate: no body has that")
-    return inertia
 
 
 def _side(values: Mapping[str, float], names: Mapping[str, str], inertia: float) -> Side:

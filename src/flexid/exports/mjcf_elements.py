@@ -44,20 +44,7 @@ def scene(
     delay: float,
     step: float,
 ) -> ET.Element:
-    """The root of a scene.
-
-    Parameters
-    ----------
-    link, spring : Side and Spring, or None
-        None where the joint is rigid.
-    motor : Side
-    gain : float
-        Torque over input, in N m per the input's unit.
-    delay : float
-        By which the input acts late, in s; not negative.
-    step : float
-        The engine's, in s.
-    """
+    """The root of a scene."""
     root = ET.Element("mujoco", model="flexible joint" if link else "rigid joint")
     ET.SubElement(root, "compiler", angle="radian")
     gravity = f"0 0 {-_GRAVITY!r}"

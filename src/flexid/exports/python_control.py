@@ -28,13 +28,7 @@ if TYPE_CHECKING:
 
 
 def python_control() -> Any:
-    """The package python-control.
-
-    Raises
-    ------
-    SettingError
-        If it is not installed.
-    """
+    """The package python-control."""
     try:
         import control
     except ImportError:
@@ -47,23 +41,7 @@ def python_control() -> Any:
 def plant(
     system: ParametricSystem, coefficients: Mapping[str, float], name: str = "plant"
 ) -> "NonlinearIOSystem":
-    """A model as a continuous system whose output is its state.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-    coefficients : mapping of str to float
-        A value for each of its coefficients. They and the model's constants are the system's
-        ``params``.
-    name : str, optional
-        Of the system.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed, or a coefficient has no value or is unknown.
-    """
+    """A model as a continuous system whose output is its state."""
     control = python_control()
     params = _complete("coefficients", coefficients, system.coefficients)
     kernel, count = free_run_kernel(system), len(system.states)
@@ -89,29 +67,7 @@ def plant(
 def law(
     controller: Controller, system: ParametricSystem, name: str = "controller"
 ) -> "NonlinearIOSystem":
-    """A controller as a static system from states and reference to the plant's inputs.
-
-    Parameters
-    ----------
-    controller : Controller
-        The law; its parameters are the system's ``params``.
-    system : ParametricSystem
-        The model that it controls.
-    name : str, optional
-        Of the system.
-
-    Returns
-    -------
-    NonlinearIOSystem
-        Its inputs are the states, then those of ``qd``, ``qd_1``, ... that the law uses.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed.
-    ModelError, ExpressionError
-        If controller and system do not go together.
-    """
+    """A controller as a static system from states and reference to the plant's inputs."""
     control = python_control()
 
     def build() -> str:
@@ -149,22 +105,7 @@ def law(
 def signal(
     reference: Reference, names: Iterable[str] = ("qd",), name: str = "reference"
 ) -> "NonlinearIOSystem":
-    """A reference with its derivatives as a source: a system without inputs.
-
-    Parameters
-    ----------
-    reference : Reference
-        What is to be followed.
-    names : iterable of str, optional
-        Which of ``qd``, ``qd_1``, ... are its outputs.
-    name : str, optional
-        Of the system.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed, or a name is none of these.
-    """
+    """A reference with its derivatives as a source: a system without inputs."""
     control = python_control()
     wanted = tuple(names)
     for one in wanted:
@@ -181,32 +122,7 @@ def signal(
 def observer(
     system: ParametricSystem, gains: Mapping[str, float], name: str = "observer"
 ) -> "NonlinearIOSystem":
-    """The parametric observer of Huang (2003), eqs. (2) and (3), in continuous time.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model whose coefficients it estimates; its constants are the system's ``params``.
-    gains : mapping of str to float
-        The gain c of each row, by the row's name.
-    name : str, optional
-        Of the system.
-
-    Returns
-    -------
-    NonlinearIOSystem
-        From states and inputs of the plant to ``theta1_hat`` and so on, an estimate of each
-        coefficient; `observer_start` gives its state for estimates to start from.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed, or a row has no gain.
-    AccelerationError
-        If the observer needs an acceleration.
-    ModelError
-        If it needs the rate of an input.
-    """
+    """The parametric observer of Huang (2003), eqs. (2) and (3), in continuous time."""
     control = python_control()
     module = _observer_module(system)
     rows = tuple(row.name for row in system.rows)
@@ -236,23 +152,7 @@ def observer_start(
     estimates: Mapping[str, float],
     state: Iterable[float],
 ) -> FloatArray:
-    """State of an observer that begins with some estimates: y = p̂ - c b(x), from eq. (2).
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-    gains : mapping of str to float
-        The gain c of each row.
-    estimates : mapping of str to float
-        p̂ at the start; 0 for those left out.
-    state : iterable of float
-        The plant's state at the start.
-
-    Returns
-    -------
-    array, shape (n_coefficients,)
-    """
+    """State of an observer that begins with some estimates: y = p̂ - c b(x), from eq. (2)."""
     module = _observer_module(system)
     rows = tuple(row.name for row in system.rows)
     ordered = list(_complete("gains", gains, rows).values())
@@ -264,26 +164,7 @@ def observer_start(
 
 
 def estimator(online: CompiledEstimator, name: str = "estimator") -> "NonlinearIOSystem":
-    """An online estimator as a system in discrete time.
-
-    Parameters
-    ----------
-    online : CompiledEstimator
-        The estimator.
-    name : str, optional
-        Of the system.
-
-    Returns
-    -------
-    NonlinearIOSystem
-        From one sample to ``theta1_hat`` and so on, the estimates before that sample; it starts
-        from ``online.init()``.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed.
-    """
+    """An online estimator as a system in discrete time."""
     control = python_control()
     system = online.system
     measured = system.states if online.needs_velocities else system.states[::2]
@@ -315,25 +196,7 @@ class LoopSystem:
 
 
 def closed_loop(loop: ClosedLoop) -> LoopSystem:
-    """A closed loop of plant, controller, reference and observer.
-
-    Parameters
-    ----------
-    loop : ClosedLoop
-        With all its values.
-
-    Returns
-    -------
-    LoopSystem
-        Its outputs are the plant's states and inputs, the estimates, and the reference.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed.
-    AccelerationError
-        If the observer needs an acceleration.
-    """
+    """A closed loop of plant, controller, reference and observer."""
     control = python_control()
     model = loop.system
     plays = law(loop.controller, model)

@@ -1,8 +1,8 @@
 """What is exported: a model with the values that are known of it, from a file or an estimate."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from math import isfinite
+from math import isclose, isfinite
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
@@ -13,53 +13,33 @@ from flexid.models.terms import SMOOTHING
 if TYPE_CHECKING:
     from flexid.identification.preparation.joint import Joint
     from flexid.identification.result.identification import Identification
+    from flexid.models.parameter_kinds import PhysicalParameter
+
+_SAME = 1e-6  # difference of a parameter to what follows from the coefficients that is rounding
 
 
 @dataclass(frozen=True, eq=False)
 class ExportSource:
-    """A model and what is known of it.
+    """A model and what is known of it."""
 
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model with the terms that it has; what is given is a constant of it. Coulomb friction
-        is smoothed.
-    values : mapping of str to float, optional
-        Values of its coefficients, where there are any.
-    units : mapping of str to str, optional
-        Units of its coefficients, constants and inputs, where they are known.
-    identification : Identification, optional
-        Where all that comes from, if it was estimated.
-    """
-
-    system: ParametricSystem
-    values: Mapping[str, float] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    system: ParametricSystem  # given coefficients are its constants, Coulomb friction is smoothed
+    values: Mapping[str, float] = field(default_factory=dict)  # of its coefficients, where known
+    units: Mapping[str, str] = field(default_factory=dict)  # of coefficients, constants and inputs
     identification: "Identification | None" = None
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What is to be said of the values, in sentences."""
+        """Warnings about the values, in sentences."""
         found = {} if self.identification is None else self.identification.coefficients
         guessed = [name for name, c in found.items() if c.verdict == "undetermined"]
         return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
 
 
 def source_of_identification(result: "Identification") -> ExportSource:
-    """The model of an identification, with the terms that were kept, and its values.
+    """The model of an identification with the terms that were kept, and its values.
 
-    Offsets that differ from log to log have the value of the first one. What the log says nothing
-    of has no value.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found.
-
-    Raises
-    ------
-    SettingError
-        If the joint remembers its path.
+    Offsets that differ from log to log have the value of the first one. A coefficient that the log
+    does not show has no value.
     """
     from flexid.identification.preparation.joint import joint_of
     from flexid.stored_estimates.rebuilt import described, given_coefficients, input_unit_of
@@ -68,6 +48,8 @@ def source_of_identification(result: "Identification") -> ExportSource:
     values = {name: v for name, v in found.items() if "[" not in name}
     given = (given_coefficients(result) | SQUARES) & {*values}
     joint = joint_of(result.model)
+    _check_possible(result)
+    _check_consistent(result, joint.parameters(values, input_unit_of(result) == "N m"), values)
     for name in joint.grips.keys() & values.keys():
         term = joint.of_coefficient(name) or name
         raise SettingError(
@@ -95,6 +77,38 @@ def source_of_identification(result: "Identification") -> ExportSource:
         units,
         result,
     )
+
+
+def _check_possible(result: "Identification") -> None:
+    from flexid.identification.vocabulary.intervals import POSITIVE
+
+    for name, found in result.coefficients.items():
+        if name in POSITIVE and found.value <= 0.0:
+            raise SettingError(
+                name,
+                f"is {found.value:g} {found.unit} in this estimate, and every spring and inertia "
+                "makes it positive: identify a log that determines it",
+            )
+
+
+def _check_consistent(
+    result: "Identification",
+    parameters: "Iterable[PhysicalParameter]",
+    values: Mapping[str, float],
+) -> None:
+    """Refuse parameters that do not follow from the coefficients, as in an edited file."""
+    for parameter in parameters:
+        name = parameter.name if parameter.name in result.parameters else f"{parameter.name}[1]"
+        follows = parameter.value(values)
+        if name not in result.parameters or not isfinite(follows):
+            continue
+        stored = result.parameters[name].value
+        if isfinite(stored) and not isclose(stored, follows, rel_tol=_SAME, abs_tol=_SAME):
+            raise SettingError(
+                name,
+                f"is {stored:g} in this estimate, and {follows:g} by its coefficients: give an "
+                "estimate.json as flexid identify wrote it",
+            )
 
 
 def _with_terms(

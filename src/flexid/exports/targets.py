@@ -15,21 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ExportRequest:
-    """What is to be exported.
-
-    Parameters
-    ----------
-    source : ExportSource
-        The model and what is known of it.
-    settings : EstimatorSettings, optional
-        Of the online estimator, for targets that have one.
-    samples : Samples, optional
-        Motion to test it with.
-    """
+    """What is to be exported."""
 
     source: "ExportSource"
-    settings: "EstimatorSettings | None" = None
-    samples: "Samples | None" = None
+    settings: "EstimatorSettings | None" = None  # of the online estimator
+    samples: "Samples | None" = None  # motion to test it with
 
 
 Write = Callable[[ExportRequest, Path], Sequence[str]]
@@ -37,20 +27,11 @@ Write = Callable[[ExportRequest, Path], Sequence[str]]
 
 
 class Target(NamedTuple):
-    """A kind of files.
+    """A kind of files."""
 
-    Parameters
-    ----------
-    summary : str
-        What they are, for the help.
-    load : callable
-        Returns the function that writes them, which is imported only then.
-    estimator : {"needed", "possible", "none"}
-        Whether the settings of an online estimator belong to it.
-    """
-
-    summary: str
-    load: Callable[[], Write]
+    summary: str  # for the help
+    load: Callable[[], Write]  # imports the function that writes the files
+    # whether the settings of an online estimator belong to it
     estimator: Literal["needed", "possible", "none"]
 
 
@@ -81,27 +62,7 @@ TARGETS = {
 
 
 def export_to(target: str, request: ExportRequest, directory: Path) -> tuple[str, ...]:
-    """Write the files of a target.
-
-    Parameters
-    ----------
-    target : str
-        One of `TARGETS`.
-    request : ExportRequest
-        What.
-    directory : path
-        An empty one.
-
-    Returns
-    -------
-    tuple of str
-        What the files have not, or otherwise than the estimate; a sentence each.
-
-    Raises
-    ------
-    SettingError
-        If the target has no use for a setting, or lacks one.
-    """
+    """Write the files of a target."""
     chosen = TARGETS[target]
     if request.settings is None and chosen.estimator == "needed":
         raise SettingError("sample-time", "is missing: give the seconds between samples, or a log")

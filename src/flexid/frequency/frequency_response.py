@@ -120,24 +120,6 @@ def frequency_response(
     They are those of the joint itself: how the input is held between samples, and the delays that
     were found, are taken out of what the log shows. A friction that slides is constant, and has no
     part in them.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found.
-    recordings : sequence of Recording, optional
-        Logs of the joint whose spectral estimate is to stand beside.
-    frequency : array_like, shape (n,), optional
-        In Hz; chosen if not given, dense where a peak may be.
-    position : float, optional
-        Angle in rad about which link and motor move; where gravity has no torque, if not given.
-    level : float, optional
-        Nominal coverage of the intervals, at each frequency for itself.
-
-    Raises
-    ------
-    SettingError
-        If a frequency is not positive, or the level or the position none.
     """
     joint = linear_joint(result, position)
     characteristic = _characteristic(joint, checked_level(level))

@@ -29,37 +29,17 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class LinearJoint:
-    """A joint about a place of rest; `linear_joint` makes one.
-
-    Parameters
-    ----------
-    kind : {"flexible", "link", "rigid"}
-        Which joint.
-    values : array, shape (k,)
-        Its coefficients, in the model's order.
-    stiffness, damping : array, shape (1 + k, n_rows, n_rows)
-        K and D: what no coefficient multiplies, then what each of them does.
-    gain : array, shape (1 + k, n_rows, n_inputs)
-        B, likewise.
-    deviations : array, shape (k, m)
-        A square root of the coefficients' covariance, as far as it is finite.
-    names : tuple of str
-        Of the coefficients.
-    free : array of bool, shape (k,)
-        Whether the log leaves a coefficient free.
-    degrees_of_freedom : float
-        Of the covariance: the fewest of those involved.
-    """
+    """A joint about a place of rest; `linear_joint` makes one."""
 
     kind: Kind
-    values: FloatArray
-    stiffness: FloatArray
-    damping: FloatArray
-    gain: FloatArray
-    deviations: FloatArray
-    names: tuple[str, ...]
-    free: NDArray[np.bool_]
-    degrees_of_freedom: float
+    values: FloatArray  # (k,): coefficients in the model's order
+    stiffness: FloatArray  # K, (1 + k, n_rows, n_rows): without coefficients, then of each
+    damping: FloatArray  # D, likewise
+    gain: FloatArray  # B, (1 + k, n_rows, n_inputs), likewise
+    deviations: FloatArray  # (k, m): square root of the covariance, as far as it is finite
+    names: tuple[str, ...]  # of the coefficients
+    free: NDArray[np.bool_]  # (k,): not determined by the log
+    degrees_of_freedom: float  # the fewest of those involved
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -72,27 +52,13 @@ class LinearJoint:
         return self.stiffness.shape[1]
 
     def positions(self, omega: FloatArray, values: FloatArray | None = None) -> ComplexArray:
-        """Positions per unit of the input, shape (..., n_rows); of the link, per motor position.
-
-        Parameters
-        ----------
-        omega : array, shape (...,)
-            Angular frequencies in rad/s.
-        values : array, shape (..., k), optional
-            Other coefficients.
-        """
+        """Positions per unit of the input, shape (..., n_rows); of the link, per motor position."""
         c = self.values if values is None else values
         impedance, drive = self._equations(omega, c)
         return np.asarray(np.linalg.solve(impedance, drive[..., None])[..., 0], dtype=np.complex128)
 
     def logarithmic_slopes(self, omega: FloatArray) -> ComplexArray:
-        """Derivatives of ln(positions) by the coefficients, shape (n, n_rows, k).
-
-        Parameters
-        ----------
-        omega : array, shape (n,)
-            Angular frequencies in rad/s.
-        """
+        """Derivatives of ln(positions) by the coefficients, shape (n, n_rows, k)."""
         impedance, drive = self._equations(omega, self.values)
         q = np.linalg.solve(impedance, drive[..., None])
         jw = 1j * omega[:, None, None, None]
@@ -118,20 +84,7 @@ class LinearJoint:
 
 
 def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
-    """Linearise an identified joint.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found.
-    position : float, optional
-        Angle in rad at which link and motor rest; where gravity has no torque, if not given.
-
-    Raises
-    ------
-    SettingError
-        If the position is no number.
-    """
+    """Linearise an identified joint."""
     # Friction is dry here even where it was smoothed: sliding, it is constant.
     model = replace(described(result, 0), coulomb_velocity=None)
     # A friction that remembers its path is constant along it, too.

@@ -22,34 +22,16 @@ _TURN = 2.0  # rad between neighbours, from which on the response vanishes, or p
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Ends of the interval at each frequency; infinite where the log leaves something free.
+    """Ends of the interval at each frequency; infinite where the log leaves something free."""
 
-    Parameters
-    ----------
-    lower, upper : array, shape (n, n_rows)
-        Of the magnitude, over the magnitude itself.
-    behind, ahead : array, shape (n, n_rows)
-        Of the phase, less the phase itself, in rad.
-    """
-
-    lower: FloatArray
-    upper: FloatArray
-    behind: FloatArray
-    ahead: FloatArray
+    lower: FloatArray  # (n, n_rows): magnitude over its estimate
+    upper: FloatArray  # likewise
+    behind: FloatArray  # (n, n_rows): rad, phase less its estimate
+    ahead: FloatArray  # likewise
 
 
 def response_band(joint: LinearJoint, omega: FloatArray, level: float) -> Band:
-    """Interval of magnitude and phase of each position at each frequency.
-
-    Parameters
-    ----------
-    joint : LinearJoint
-        With the covariance of its coefficients.
-    omega : array, shape (n,)
-        Angular frequencies in rad/s.
-    level : float
-        Nominal coverage, at each frequency for itself.
-    """
+    """Interval of magnitude and phase of each position at each frequency."""
     if joint.unknown:
         ends = (np.tile(part[:, None], joint.rows) for part in _of_nothing(len(omega)))
         return Band(*ends)

@@ -23,27 +23,14 @@ _HIGHEST = 0.8  # of the Nyquist frequency; beyond, the hold is too far from wha
 
 @dataclass(frozen=True, eq=False)
 class SpectralEstimate:
-    """A frequency response as a log shows it.
+    """A frequency response as a log shows it."""
 
-    Parameters
-    ----------
-    output : str
-        As in `Response`.
-    frequency : array, shape (n,)
-        In Hz, evenly spaced.
-    values : array, shape (n,)
-        The response, in the unit of `Response`.
-    coherence : array, shape (n,)
-        The share of the output's power that follows the input linearly, from 0 to 1.
-    averages : int
-        Segments that were averaged, those that overlap counted too.
-    """
-
-    output: str
-    frequency: FloatArray
-    values: NDArray[np.complex128]
+    output: str  # as in Response
+    frequency: FloatArray  # (n,): Hz, evenly spaced
+    values: NDArray[np.complex128]  # (n,): in the unit of Response
+    # (n,): share of the output's power that follows the input linearly, 0 to 1
     coherence: FloatArray
-    averages: int
+    averages: int  # number of segments, with those that overlap
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +51,6 @@ def spectral_estimates(
 
     A feedback from the noise of an output to the input, as a controller makes it, is in them: where
     the coherence is low they show the controller's inverse rather than the joint.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Logs of one joint; those too short for a spectrum are left out.
-    result : Identification
-        Which joint it is, the hold of its input and its delays.
     """
     found = []
     for sample_time in sorted({r.sample_time for r in recordings}):

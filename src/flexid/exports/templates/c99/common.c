@@ -24,6 +24,13 @@ static bool is_usable(flexid_real number)
     return (number >= -FLEXID_LARGEST) && (number <= FLEXID_LARGEST);
 }
 
+static void clear(flexid_real numbers[], uint32_t count)
+{
+    for (uint32_t i = 0U; i < count; ++i) {
+        numbers[i] = REAL(0.0);
+    }
+}
+
 uint32_t flexid_checksum(const flexid_state *state)
 {
     const unsigned char *const byte = (const unsigned char *)state;

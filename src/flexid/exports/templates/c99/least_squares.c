@@ -52,12 +52,8 @@ static inline flexid_real less_product(
 
 static void factorise(const flexid_row *row, uint32_t m, factors *f)
 {
-    for (uint32_t i = 0U; i < FLEXID_TRIANGLE; ++i) {
-        f->lower[i] = REAL(0.0);
-    }
-    for (uint32_t i = 0U; i < FLEXID_WIDTH; ++i) {
-        f->inverse[i] = REAL(0.0);
-    }
+    clear(f->lower, FLEXID_TRIANGLE);
+    clear(f->inverse, FLEXID_WIDTH);
     for (uint32_t i = 0U; i < m; ++i) {
         const uint32_t row_i = at(i, 0U);
         const flexid_real diagonal = row->matrix[row_i + i].sum;
@@ -81,9 +77,7 @@ static flexid_real improve(flexid_row *row, uint32_t m, const factors *f)
 {
     flexid_real step[FLEXID_WIDTH];
     flexid_real explained = REAL(0.0);
-    for (uint32_t i = 0U; i < FLEXID_WIDTH; ++i) {
-        step[i] = REAL(0.0);
-    }
+    clear(step, FLEXID_WIDTH);
     for (uint32_t i = 0U; i < m; ++i) {
         const uint32_t place = at(i, 0U);
         const flexid_real pull = RIDGE * row->matrix[place + i].sum * row->unknown[i];
@@ -111,9 +105,7 @@ static bool is_clear(const flexid_row *row, uint32_t m, uint32_t i, const factor
     flexid_real column[FLEXID_WIDTH];
     flexid_real square = f->inverse[i] * f->inverse[i];
     const flexid_real allowed = LEAST_TOLERANCE * row->matrix[at(i, i)].sum;
-    for (uint32_t j = 0U; j < FLEXID_WIDTH; ++j) {
-        column[j] = REAL(0.0);
-    }
+    clear(column, FLEXID_WIDTH);
     column[i] = f->inverse[i];
     for (uint32_t j = i + 1U; j < m; ++j) {
         column[j] = less_product(REAL(0.0), &f->lower[at(j, 0U)], column, j) * f->inverse[j];
@@ -248,9 +240,7 @@ static flexid_health update(flexid_state *state)
     state->weight = (FADING * state->weight) + REAL(1.0);
     for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
         flexid_real regressor[FLEXID_WIDTH];
-        for (uint32_t i = 0U; i < FLEXID_WIDTH; ++i) {
-            regressor[i] = REAL(0.0);
-        }
+        clear(regressor, FLEXID_WIDTH);
         flexid_row *const row = &state->row[j];
         const uint32_t n = ROW_START[j + 1U] - ROW_START[j];
         const uint32_t m = regressors_of(state, j, regressor);
@@ -266,29 +256,9 @@ static flexid_health update(flexid_state *state)
     return sound ? judged(state, determined && settled, contradicted) : begun_anew(state);
 }
 
-flexid_health flexid_step(flexid_state *state, const flexid_sample *sample)
+static flexid_health take_in(flexid_state *state, const flexid_real latest[])
 {
-    const flexid_real latest[FLEXID_SAMPLE_SIZE] = {
-$latest
-    };
-    flexid_health health = FLEXID_CONVERGING;
-    bool usable = true;
-    for (uint32_t i = 0U; i < FLEXID_SAMPLE_SIZE; ++i) {
-        usable = usable && is_usable(latest[i]);
-    }
-    if (!usable) {
-        flexid_gap(state);
-        health = FLEXID_SENSOR_FAULT;
-    } else if (next_equations(state, latest)) {
-        health = update(state);
-    } else {
-        /* converging: no equation yet since the beginning or a gap */
-    }
-    state->health = (uint32_t)health;
-    return health;
+    /* Converging while there is no equation yet since the beginning or a gap. */
+    return next_equations(state, latest) ? update(state) : FLEXID_CONVERGING;
 }
 
-void flexid_estimates(const flexid_state *state, flexid_values *values)
-{
-$estimates
-}

@@ -8,10 +8,8 @@ static void forget_samples(flexid_state *state)
     state->equations = 0U;
     state->past_gone = 0U;
     state->decayed = REAL(1.0);
-    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) {
-        state->once[i] = REAL(0.0);
-        state->twice[i] = REAL(0.0);
-    }
+    clear(state->once, FLEXID_SIGNALS);
+    clear(state->twice, FLEXID_SIGNALS);
 }
 
 /* As if nothing had ever been sampled. */
@@ -22,11 +20,9 @@ static void clear_samples(flexid_state *state)
             state->window[i][j] = REAL(0.0);
         }
     }
-    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) {
-        state->before[i] = REAL(0.0);
-        state->long_before[i] = REAL(0.0);
-        state->end_before[i] = REAL(0.0);
-    }
+    clear(state->before, FLEXID_SIGNALS);
+    clear(state->long_before, FLEXID_SIGNALS);
+    clear(state->end_before, FLEXID_SIGNALS);
 }
 
 /* The latest sample comes last, and the oldest is dropped. */

@@ -10,13 +10,9 @@ static void forget_samples(flexid_state *state)
 /* As if nothing had ever been sampled. */
 static void clear_samples(flexid_state *state)
 {
-    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) {
-        state->before[i] = REAL(0.0);
-        state->signal[i] = REAL(0.0);
-    }
-    for (uint32_t j = 0U; j < FLEXID_SAMPLE_SIZE; ++j) {
-        state->latest[j] = REAL(0.0);
-    }
+    clear(state->before, FLEXID_SIGNALS);
+    clear(state->signal, FLEXID_SIGNALS);
+    clear(state->latest, FLEXID_SAMPLE_SIZE);
 }
 
 /* Take in one sample; return whether there are equations: regressors, then left-hand sides, in

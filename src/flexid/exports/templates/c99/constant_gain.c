@@ -13,16 +13,10 @@ $start
     for (uint32_t i = 0U; i < FLEXID_COEFFICIENTS; ++i) {
         state->value[i] = start[i];
     }
-    for (uint32_t i = 0U; i < FLEXID_SIGNALS; ++i) {
-        state->before[i] = REAL(0.0);
-    }
-    for (uint32_t j = 0U; j < FLEXID_ROWS; ++j) {
-        state->innovation[j] = REAL(0.0);
-        state->convergence_rate[j] = REAL(0.0);
-    }
-    for (uint32_t j = 0U; j < FLEXID_SAMPLE_SIZE; ++j) {
-        state->latest[j] = REAL(0.0);
-    }
+    clear(state->before, FLEXID_SIGNALS);
+    clear(state->innovation, FLEXID_ROWS);
+    clear(state->convergence_rate, FLEXID_ROWS);
+    clear(state->latest, FLEXID_SAMPLE_SIZE);
 }
 
 void flexid_gap(flexid_state *state)
@@ -93,34 +87,15 @@ static flexid_health update(flexid_state *state, const flexid_real latest[])
     return health;
 }
 
-flexid_health flexid_step(flexid_state *state, const flexid_sample *sample)
+static flexid_health take_in(flexid_state *state, const flexid_real latest[])
 {
-    const flexid_real latest[FLEXID_SAMPLE_SIZE] = {
-$latest
-    };
-    flexid_health health = FLEXID_CONVERGING;
-    bool usable = true;
-    for (uint32_t i = 0U; i < FLEXID_SAMPLE_SIZE; ++i) {
-        usable = usable && is_usable(latest[i]);
+    const flexid_health health =
+        (state->samples > 0U) ? update(state, latest) : FLEXID_CONVERGING;
+    state->samples = 1U;
+    sampled_parts(latest, &latest[2U * FLEXID_ROWS], state->before);
+    for (uint32_t j = 0U; j < FLEXID_SAMPLE_SIZE; ++j) {
+        state->latest[j] = latest[j];
     }
-    if (!usable) {
-        flexid_gap(state);
-        health = FLEXID_SENSOR_FAULT;
-    } else {
-        if (state->samples > 0U) {
-            health = update(state, latest);
-        }
-        state->samples = 1U;
-        sampled_parts(latest, &latest[2U * FLEXID_ROWS], state->before);
-        for (uint32_t j = 0U; j < FLEXID_SAMPLE_SIZE; ++j) {
-            state->latest[j] = latest[j];
-        }
-    }
-    state->health = (uint32_t)health;
     return health;
 }
 
-void flexid_estimates(const flexid_state *state, flexid_values *values)
-{
-$estimates
-}
