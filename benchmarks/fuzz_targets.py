@@ -88,11 +88,15 @@ class Targets(Mapping[str, Target]):
 def _logs() -> dict[str, Callable[[], Target]]:
     from flexid.readers.formats import FORMATS
     from flexid.recording import read_log
-    from flexid.recording.stream import LogStream
+    from flexid.streaming.incoming import Replay
 
     def stream(path: Path) -> None:
-        for _ in LogStream(path, None, 50).chunks(30):
-            pass
+        replay = Replay(path, None, at_once=True)
+        try:
+            while replay.read(last=False) is not None:
+                pass
+        finally:
+            replay.close()
 
     def texts() -> tuple[bytes, ...]:
         text = fuzz_files.log_text()

@@ -17,7 +17,7 @@ from joint_log import csv_text, joint_columns
 
 from flexid.errors import RecordingError
 from flexid.recording import limits, read_log, series
-from flexid.recording.stream import LogStream
+from flexid.streaming.incoming import Replay
 
 GOOD = csv_text(joint_columns(60)).encode()
 LINES = GOOD.decode().splitlines()
@@ -296,7 +296,7 @@ def test_parquet_of_more_than_memory_holds(
     words = f"there are {columns} columns of {rows} rows, more than are read at once"
     assert words in refusal(path)
     with pytest.raises(RecordingError, match=words):
-        LogStream(path, None, 50)
+        Replay(path, None, at_once=True)
     text = path.with_suffix(".csv")
     pl.read_parquet(path).write_csv(text)
     assert f"there are {columns} columns of 50 rows, more than are read" in refusal(text)
@@ -323,7 +323,7 @@ def test_a_page_that_promises_too_much(count: int, tmp_path: Path) -> None:
     words = "the file cannot be read on from there"
     assert words in refusal(path)
     with pytest.raises(RecordingError, match=words):
-        LogStream(path, None, 50)
+        Replay(path, None, at_once=True)
 
 
 def test_parquet_types(tmp_path: Path) -> None:

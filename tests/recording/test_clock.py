@@ -16,7 +16,6 @@ from flexid.recording import read_log
 from flexid.recording.clock import Clock
 from flexid.recording.frame import table_of_arrays, table_of_frame
 from flexid.recording.read import log_of_table
-from flexid.recording.stream import LogStream
 from flexid.streaming.incoming import Replay
 
 COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number would be 0.1 % off
@@ -224,11 +223,6 @@ def test_columns_of_parquet_files(tmp_path: Path, kind: str):
     pl.DataFrame(CELLS).insert_column(0, column).write_parquet(path, row_group_size=50)
     (recording,) = read_log(path).recordings
     assert recording.sample_time == pytest.approx(2e-4, rel=1e-12)
-    stream = LogStream(path, None, 300)
-    chunks = [chunk.recording for chunk in stream.chunks(90)]
-    assert sum(map(len, chunks)) == COUNT
-    assert stream.warnings == []
-    assert chunks[-1].start_time == pytest.approx(2e-4 * (COUNT - len(chunks[-1])), abs=1e-12)
 
 
 def test_dates_without_a_time(tmp_path: Path):
@@ -324,16 +318,12 @@ def test_decimals_since_1970(tmp_path: Path, unit: str, places: int, point: str)
 
 
 def test_decimals_of_a_type(tmp_path: Path):
-    """Assert that a decimal column of a Parquet file is as exact, in a stream of parts too."""
+    """Assert that a decimal column of a Parquet file is as exact."""
     cells = [f"{1_714_557_600 + k // 10_000}.{k % 10_000:04d}" for k in range(COUNT)]
     column = pl.Series("time", cells).cast(pl.Decimal(18, 6))
     path = tmp_path / "log.parquet"
     pl.DataFrame(FASTER).insert_column(0, column).write_parquet(path, row_group_size=50)
     assert read_log(path).warnings == ()
-    stream = LogStream(path, None, 300)
-    chunks = [chunk.recording for chunk in stream.chunks(90)]
-    assert stream.warnings == []
-    assert chunks[-1].start_time == pytest.approx(1e-4 * (COUNT - len(chunks[-1])), abs=1e-12)
 
 
 @pytest.mark.parametrize("cell", ["", "17145576x0.5", "1714557600.1.2", "nan"])

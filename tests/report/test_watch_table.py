@@ -11,7 +11,6 @@ from flexid.report.watch_table import (
     Sparks,
     live_view,
     next_to_none,
-    samples_sentence,
     sparkline,
     watch_parts,
 )
@@ -88,11 +87,11 @@ def test_bars():
 def test_what_became_of_the_samples():
     """Assert that only what happened is said."""
     counts = Counts(90, 1, 2, 0, 3, 0, 4, 1, 5, 2, 0, 0)
-    assert samples_sentence(NONE) == "Samples: 0 of 0 learnt from"
-    assert samples_sentence(counts) == (
+    assert NONE.sentence == "Samples: 0 of 0 learnt from"
+    assert counts.sentence == (
         "Samples: 90 of 100 learnt from; 1 without a number, 2 repeated, 3 outliers, "
         "4 at the input's limit, 5 missing; 1 gap, 2 turns"
     )
-    unclear = samples_sentence(replace(NONE, unclear=2))
+    unclear = replace(NONE, unclear=2).sentence
     assert "At 2 places it cannot be known by how many turns the motor's encoder moved" in unclear
-    assert "At 1 place it" in samples_sentence(replace(NONE, unclear=1))
+    assert "At 1 place it" in replace(NONE, unclear=1).sentence

@@ -17,6 +17,9 @@ NOISE = 1e-4
 TERMS = ("gravity", "motor_viscous")
 SYSTEM = flexible_joint(TERMS)
 OPTIONS = WatchOptions(H, TERMS, hold="linear")
+CHOSEN = {"terms": TERMS, "hold": "linear", "sample_time": H}
+"""What makes these options of a stream whose columns say the rest."""
+
 TIME, LINK, MOTOR, TORQUE = 0, 1, 2, 3  # columns of a sample
 
 

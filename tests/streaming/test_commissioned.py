@@ -10,13 +10,14 @@ from moving_joint import OPTIONS, H, stream, watched
 import flexid
 from flexid.errors import SettingError
 from flexid.identification.preparation.alignment import Delay
+from flexid.identification.preparation.joint import Kind
 from flexid.identification.vocabulary.evidence import ParameterEstimate
+from flexid.streaming.channels import StreamChannels
 from flexid.streaming.checkpoint import read_session, save_session
-from flexid.streaming.choices import Choices
 from flexid.streaming.commissioned import Commissioned, commissioned, departures
 from flexid.streaming.follower import opened_session
 from flexid.streaming.health import Health
-from flexid.streaming.options import WatchOptions
+from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kind
 
 LOG = "examples/flexible_joint.csv"
 TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
@@ -101,6 +102,14 @@ def test_an_angle_departs_round_the_circle():
     assert np.isnan(found.change)
 
 
+def options_of(
+    made: Commissioned | None = None, kind: Kind = "flexible", unit: str = "N m", h: float = H,
+    **chosen: object,
+) -> WatchOptions:  # fmt: skip
+    """Options of a stream."""
+    return options_of_stream(chosen, made, StreamChannels(kind, unit, False, ()), h)
+
+
 @pytest.fixture(scope="module")
 def result():
     """An identification of the example."""
@@ -110,35 +119,30 @@ def result():
 def test_a_stream_takes_model_and_filter_of_the_estimate(result):
     """Assert that all but the values is taken, and what is asked for prevails."""
     made = commissioned(result)
-    options = Choices(estimate=made).options("flexible", "N m", H, from_deflection=False)
+    options = options_of(made)
     assert (options.terms, options.hold) == (("gravity", "motor_viscous"), "zero")
     assert options.filter_rate == result.choices.filter_rate
     assert options.reference.keys() >= TRUTH.keys()
-    asked = Choices(("gravity",), "linear", 10.0, estimate=made)
-    options = asked.options("flexible", "N m", H, from_deflection=False)
+    options = options_of(made, terms=("gravity",), hold="linear", filter_rate=10.0)
     assert (options.terms, options.hold, options.filter_rate) == (("gravity",), "linear", 10.0)
 
 
 def test_a_filter_that_the_samples_are_too_few_for_is_slowed():
     """Assert that without a rate of its own a slow stream gets one that it allows."""
-    options = Choices().options("flexible", "N m", 0.02, from_deflection=False)
+    options = options_of(h=0.02)
     assert options.filter_rate == pytest.approx(0.125 / 0.02)
 
 
 def test_a_slow_stream_goes_on_from_its_checkpoint(tmp_path: Path):
     """Assert that a sample time that is measured a little otherwise makes no other filter."""
-    first, again = (
-        Choices().options("flexible", "N m", h, from_deflection=False) for h in (0.02, 0.020001)
-    )
+    first, again = options_of(h=0.02), options_of(h=0.020001)
     save_session(watched(stream(), first), tmp_path / "state.json")
     assert opened_session(again, tmp_path / "state.json").options == first
 
 
 def test_the_log_that_was_identified_agrees_with_its_estimate(result):
     """Assert that both estimators say the same of one log."""
-    options = Choices(estimate=commissioned(result)).options(
-        "flexible", "N m", 1e-3, from_deflection=False
-    )
+    options = options_of(commissioned(result), h=1e-3)
     (samples,) = flexid.samples(LOG)
     rows = np.column_stack((samples.time, samples.positions, samples.inputs))
     session = watched(rows, options)
@@ -150,7 +154,7 @@ def test_what_was_given_is_given(result):
     """Assert that a coefficient that was not estimated is none of the stream's, either."""
     beta = replace(result.coefficients["beta1"], value=3.0, std=0.0)
     made = commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
-    options = Choices(estimate=made).options("flexible", "N m", H, from_deflection=False)
+    options = options_of(made)
     assert options.given == {"beta1": 3.0}
     assert "beta1" not in options.system.coefficients
 
@@ -159,9 +163,9 @@ def test_what_cannot_be_held_against(result):
     """Assert that another joint, another input, a memory and a guess are refused."""
     made = commissioned(result)
     with pytest.raises(SettingError, match="channels show the rigid one"):
-        Choices(estimate=made).options("rigid", "N m", H, from_deflection=False)
+        options_of(made, "rigid")
     with pytest.raises(SettingError, match="an input in N m, and that of the stream is in A"):
-        Choices(estimate=made).options("flexible", "A", H, from_deflection=False)
+        options_of(made, unit="A")
     with_memory = replace(result.choices, terms=("gravity", "spring_hysteresis"))
     with pytest.raises(SettingError, match=r"remembers the path .* --terms gravity, and"):
         commissioned(replace(result, choices=with_memory))
@@ -178,7 +182,7 @@ def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str, tm
     parameters = result.parameters | {"joint_stiffness": stiffness}
     made = commissioned(replace(result, parameters=parameters))
     assert {*TRUTH} - {*made.reference} == {"joint_stiffness"}
-    options = Choices(estimate=made).options("flexible", "N m", H, from_deflection=False)
+    options = options_of(made)
     save_session(opened_session(options, None), tmp_path / "state.json")
 
 
@@ -191,9 +195,8 @@ def test_what_was_given_needs_a_value(result):
 
 def test_no_velocity_is_refused(result):
     """Assert that a velocity of zero is not taken for none at all."""
-    choices = Choices(coulomb_velocity=0.0, estimate=commissioned(result))
     with pytest.raises(SettingError, match="is not positive"):
-        choices.options("flexible", "N m", H, from_deflection=False)
+        options_of(commissioned(result), coulomb_velocity=0.0)
 
 
 def test_a_late_channel_is_warned_of(result):
@@ -271,9 +274,7 @@ def test_widths_of_shapes_come_with_an_estimate():
     made = Commissioned(
         "flexible", ("gravity", "backlash"), "linear", shapes={"backlash_width": 0.02}
     )
-    options = Choices(estimate=replace(made, input_unit="N m")).options(
-        "flexible", "N m", H, from_deflection=False
-    )
+    options = options_of(replace(made, input_unit="N m"))
     assert options.system.constants["backlash_width"] == 0.02
     low, high = watched(stream(), options).coefficients["theta_backlash"].interval
     assert low < 0.0 < high
@@ -296,5 +297,5 @@ def test_an_estimate_that_is_none():
 def test_kinds_are_those_of_identify():
     """Assert that another model is refused with those there are."""
     with pytest.raises(SettingError, match="give auto, flexible, link, rigid"):
-        Choices(model="elastic")
-    assert Choices(estimate=Commissioned("link", (), "auto")).wanted_model == "link"
+        wanted_kind({"kind": "elastic"}, None)
+    assert wanted_kind({}, Commissioned("link", (), "auto")) == "link"

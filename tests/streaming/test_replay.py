@@ -6,16 +6,14 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from moving_joint import LINK, MOTOR, OPTIONS, TIME, TORQUE, H, same, stream, watched
+from moving_joint import CHOSEN, LINK, MOTOR, TIME, TORQUE, H, same, stream, watched
 
 from flexid.errors import RecordingError, SettingError
 from flexid.streaming import incoming
-from flexid.streaming.choices import Choices
 from flexid.streaming.follower import Follower
 from flexid.streaming.incoming import Replay
 
 NAMES = {"time": TIME, "link_position": LINK, "motor_position": MOTOR, "motor_torque": TORQUE}
-CHOICES = Choices(OPTIONS.terms, "linear", 20.0, np.inf, 0.1, H)
 
 
 def written(path: Path, samples: np.ndarray) -> Path:
@@ -28,7 +26,7 @@ def written(path: Path, samples: np.ndarray) -> Path:
 def test_a_whole_log_is_watched_as_its_samples_are(tmp_path: Path):
     """Assert that playing a log at once is feeding it."""
     samples = stream(3.0)
-    follower = Follower(str(written(tmp_path / "log.parquet", samples)), CHOICES, stop_at_end=True)
+    follower = Follower(str(written(tmp_path / "log.parquet", samples)), CHOSEN, stop_at_end=True)
     reports = sum(follower.turns(1.0))
     assert reports == 3
     assert follower.session is not None
@@ -41,7 +39,7 @@ def test_an_encoder_in_front_of_a_gear_wraps_by_what_the_column_map_says(tmp_pat
     samples[:, MOTOR] = np.mod(40.0 * samples[:, MOTOR], 2.0 * np.pi)
     path = written(tmp_path / "log.parquet", samples)
     gear = {"gear_ratio": 40, "motor_torque": {"column": "motor_torque", "side": "link"}}
-    follower = Follower(str(path), CHOICES, column_map=gear, stop_at_end=True)
+    follower = Follower(str(path), CHOSEN, column_map=gear, stop_at_end=True)
     assert sum(follower.turns(1.0)) == 3
     assert follower.session is not None
     right, found = watched(stream(3.0)), follower.session
@@ -73,7 +71,7 @@ def test_a_file_that_is_damaged_in_the_middle(tmp_path: Path):
     middle = len(raw) // 2  # within a page, whose header is left alone
     raw[middle : middle + 100] = bytes(100)
     path.write_bytes(raw)
-    follower = Follower(str(path), CHOICES, stop_at_end=True)
+    follower = Follower(str(path), CHOSEN, stop_at_end=True)
     with pytest.raises(RecordingError, match=r"row \d+ or after: the file cannot be read on"):
         list(follower.turns(1.0))
 
@@ -108,7 +106,7 @@ def test_an_mcap_file_is_watched(tmp_path: Path):
     np.testing.assert_allclose(found[:, 1:], samples[:, 1:], rtol=1e-12)
     np.testing.assert_allclose(np.diff(found[:, 0]), H, rtol=1e-6)
     assert replay.read(last=False) is None
-    follower = Follower(str(path), CHOICES, column_map=columns, stop_at_end=True)
+    follower = Follower(str(path), CHOSEN, column_map=columns, stop_at_end=True)
     for _ in follower.turns(1.0):
         assert len([w for w in follower.warnings if "carry no time stamps" in w]) == 1
 
@@ -180,4 +178,4 @@ def test_what_cannot_be_played(tmp_path: Path):
     with pytest.raises(RecordingError, match="no motor_torque"):
         Replay(log, None, at_once=True)
     with pytest.raises(SettingError, match="leave it out"):
-        next(iter(Follower(str(log), CHOICES, header="time").turns(1.0)))
+        next(iter(Follower(str(log), CHOSEN, header="time").turns(1.0)))

@@ -6,18 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moving_joint import H, same, stream, watched
+from moving_joint import CHOSEN, H, same, stream, watched
 
 from flexid.errors import RecordingError
 from flexid.streaming import sources
 from flexid.streaming.checkpoint import read_session, save_session
-from flexid.streaming.choices import Choices
 from flexid.streaming.follower import Follower
 from flexid.streaming.session import Session
 
 HEADER = "time [s],link_position [rad],motor_position [rad],motor_torque [N m]"
 OTHER = "motor_torque [N m],time [ms],motor_position [deg],link_position [rad]"
-CHOICES = Choices(("gravity", "motor_viscous"), "linear", 20.0, np.inf, 0.1, H)
 SAMPLES = stream(6.0)
 CUT = 1500
 
@@ -36,7 +34,7 @@ def others(samples: np.ndarray) -> np.ndarray:
 
 def followed(path: Path, then: Sequence[object], checkpoint: Path | None = None) -> Follower:
     """A follower whose file has something done to it whenever nothing more has come."""
-    follower = Follower(str(path), CHOICES, checkpoint=checkpoint)
+    follower = Follower(str(path), CHOSEN, checkpoint=checkpoint)
     left = list(then)
     fed = -1
     for _ in follower.turns(1.0):
@@ -179,14 +177,14 @@ def test_half_a_line_at_the_end(log: Path):
     """Assert the same of a file that ends so, and that it is learnt from when it is whole."""
     whole = log.read_text()
     log.write_text(whole[:-9])
-    follower = Follower(str(log), CHOICES, stop_at_end=True)
+    follower = Follower(str(log), CHOSEN, stop_at_end=True)
     list(follower.turns(1.0))
     assert same(session_of(follower), watched(SAMPLES[: CUT - 1]))
     assert "half a sample" in follower.warnings[-1]
     state = log.with_name("state.json")
     save_session(session_of(follower), state)
     log.write_text(whole)
-    follower = Follower(str(log), CHOICES, stop_at_end=True, checkpoint=state)
+    follower = Follower(str(log), CHOSEN, stop_at_end=True, checkpoint=state)
     list(follower.turns(1.0))
     assert same(session_of(follower), watched(SAMPLES[:CUT]))
     assert follower.warnings == ()
@@ -220,7 +218,7 @@ def test_a_rotation_just_before_the_end(
     """Assert that a file too short to be understood ends nothing, and is said to be left out."""
     clock = [0.0]
     monkeypatch.setattr("flexid.streaming.follower.time.monotonic", lambda: clock[0])
-    follower = Follower(str(log), CHOICES, duration=1.0)
+    follower = Follower(str(log), CHOSEN, duration=1.0)
     for _ in follower.turns(1.0):
         if follower.session is not None and follower.session.fed == CUT and clock[0] == 0.0:
             renamed(log, text(SAMPLES[CUT : CUT + n_rows], header))()
@@ -234,7 +232,7 @@ def test_a_rotation_just_before_the_end(
 
 def test_a_short_file_at_its_end(log: Path):
     """Assert the same of a file that is cut while it is read to its end."""
-    follower = Follower(str(log), CHOICES, stop_at_end=True)
+    follower = Follower(str(log), CHOSEN, stop_at_end=True)
     done = False
     for _ in follower.turns(1.0):
         if follower.session is not None and follower.session.fed == CUT and not done:

@@ -11,7 +11,6 @@ import pytest
 
 from flexid.errors import RecordingError, SettingError
 from flexid.streaming import sources
-from flexid.streaming.choices import Choices
 from flexid.streaming.follower import Follower
 from flexid.streaming.sources import Datagrams, Source, open_source
 
@@ -272,7 +271,7 @@ def test_a_port_that_is_taken():
 
 def test_a_port_that_is_open_to_others_is_warned_of():
     """Assert that whoever opens one to the network is told so."""
-    follower = Follower("udp://0.0.0.0:0", Choices((), "auto", 20.0, float("inf"), 0.1))
+    follower = Follower("udp://0.0.0.0:0", {})
     turns = follower.turns(1.0)
     next(turns)
     turns.close()

@@ -23,7 +23,6 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from flexid.streaming.channels import chosen_channels
 from flexid.streaming.checkpoint import read_session, save_session
-from flexid.streaming.choices import Choices
 from flexid.streaming.follower import Follower
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
@@ -104,8 +103,8 @@ def test_a_log_without_a_torque_is_followed(tmp_path: Path):
         names = np.array(["time", "link_position", "motor_position", "motor_torque"])[columns]
         rows = [",".join(map(repr, row)) for row in stream(2.0)[:, columns].tolist()]
         (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows, ""]))
-        choices = Choices(OPTIONS.terms, sample_time=H, model=model)
-        follower = Follower(str(tmp_path / "log.csv"), choices, stop_at_end=True)
+        chosen = {"terms": OPTIONS.terms, "sample_time": H, "kind": model}
+        follower = Follower(str(tmp_path / "log.csv"), chosen, stop_at_end=True)
         list(follower.turns(1.0))
         assert follower.session is not None
         assert same(follower.session, watched(motion(2.0), OPTIONS))

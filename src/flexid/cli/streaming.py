@@ -19,7 +19,7 @@ def identify_with_bar(
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
 
-    from flexid.long_logs.stream import identify_stream
+    from flexid.streaming.whole_log import identify_stream
 
     if len(logs) != 1:
         raise SettingError("stream", "only one log can be streamed: name one Parquet file")

@@ -137,7 +137,7 @@ def identify(
 
 
 def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress) -> Any:
-    from flexid.long_logs.stream import identify_stream
+    from flexid.streaming.whole_log import identify_stream
 
     if isinstance(logs, list | tuple) and len(logs) == 1:
         (logs,) = logs

@@ -14,7 +14,12 @@ from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.logs import as_columns
 from flexid.library.options import as_number
-from flexid.library.watch_arguments import as_choices, as_samples, fed_options
+from flexid.library.watch_arguments import (
+    as_chosen,
+    as_commissioned,
+    as_samples,
+    fed_channels,
+)
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
@@ -29,8 +34,7 @@ if TYPE_CHECKING:
     from flexid.library.logs import Columns
     from flexid.library.options import Known, Terms
     from flexid.report.terminal import Part
-    from flexid.streaming.choices import Choices
-    from flexid.streaming.commissioned import Departure
+    from flexid.streaming.commissioned import Commissioned, Departure
     from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
     from flexid.streaming.session import Change, Session
@@ -41,28 +45,17 @@ _AT_ONCE = 64
 
 
 class Watch(Answer):
-    """A stream that is watched: fed, or followed, and read at any time.
-
-    Parameters
-    ----------
-    choices : Choices
-        The model and its settings.
-    follower : Follower or None
-        The stream, if it has a source.
-    checkpoint : Path or None
-        To go on from.
-    every : float
-        Seconds of the stream between two turns of an iteration.
-    """
+    """A stream that is watched: fed, or followed, and read at any time; `flexid.watch` makes it."""
 
     def __init__(
         self,
-        choices: "Choices",
+        chosen: Mapping[str, Any],
+        estimate: "Commissioned | None",
         follower: "Follower | None",
         checkpoint: Path | None,
         every: float,
     ) -> None:
-        self._choices = choices
+        self._chosen, self._estimate = chosen, estimate
         self._follower = follower
         self._checkpoint = checkpoint
         self._every = every
@@ -163,10 +156,13 @@ class Watch(Answer):
 
     def _begin(self, names: tuple[str, ...]) -> "Session":
         from flexid.streaming.follower import opened_session
+        from flexid.streaming.options import options_of_stream, wanted_kind
 
         if self._follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
-        options = fed_options(self._choices, names)
+        channels = fed_channels(names, wanted_kind(self._chosen, self._estimate))
+        sample_time = self._chosen["sample_time"]
+        options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
         self._session = opened_session(options, self._checkpoint)
         self._channels = names
         if self._session.fed and np.isfinite(self._session.time):
@@ -245,7 +241,9 @@ class Watch(Answer):
         """What was assumed of the source's columns, and what a stream does not account for."""
         if self._follower is not None:
             return self._follower.warnings
-        return self._choices.warnings(self.session.options.sample_time)
+        if self._estimate is None:
+            return ()
+        return self._estimate.warnings(self.session.options.sample_time)
 
     def save_checkpoint(self, path: "str | PathLike[str]") -> None:
         """Write all that is known into a file, from which `flexid.watch` goes on bit for bit.
@@ -366,30 +364,33 @@ def watch(
     >>> watch.health.reason  # doctest: +SKIP
     """
     from flexid.streaming.follower import Follower, checked_every
+    from flexid.streaming.options import wanted_kind
 
     if source is None and sample_time is None:
         raise ArgumentError("watch", "sample_time", "is missing: give it in s, or a source")
-    chosen = as_choices(
+    chosen = as_chosen(
         terms=terms,
         hold=hold,
         model=model,
         known=known,
-        estimate=estimate,
         memory=memory,
         filter_rate=filter_rate,
         coulomb_velocity=coulomb_velocity,
         sample_time=sample_time,
     )
+    made = as_commissioned(estimate)
+    wanted_kind(chosen, made)  # raises
     file = None if checkpoint is None else as_path("watch", "checkpoint", checkpoint)
     follower = None
     if source is not None:
         follower = Follower(
             source if isinstance(source, str) else str(as_path("watch", "source", source)),
             chosen,
+            estimate=made,
             column_map=as_columns("watch", columns),
             header=header,
             checkpoint=file,
             stop_at_end=stop_at_end,
             duration=None if duration is None else as_number("watch", "duration", duration),
         )
-    return Watch(chosen, follower, file, checked_every(as_number("watch", "every", every)))
+    return Watch(chosen, made, follower, file, checked_every(as_number("watch", "every", every)))

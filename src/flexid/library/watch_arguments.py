@@ -14,9 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexid.arrays import FloatArray
-    from flexid.streaming.choices import Choices
+    from flexid.streaming.channels import StreamChannels
     from flexid.streaming.commissioned import Commissioned
-    from flexid.streaming.options import WatchOptions
 
 _CHANNELS = {
     "flexible": "link_position or deflection, motor_position and an input",
@@ -25,31 +24,30 @@ _CHANNELS = {
 }
 
 
-def as_choices(
-    *, terms: Any, hold: Any, model: Any, known: Any, estimate: Any, memory: Any, **numbers: Any
-) -> "Choices":
-    """What the arguments of `flexid.watch` choose; other numbers are None where they follow."""
-    from flexid.streaming.choices import Choices
-
+def as_chosen(
+    *, terms: Any, hold: Any, model: Any, known: Any, memory: Any, **numbers: Any
+) -> dict[str, Any]:
+    """What the arguments of `flexid.watch` choose, by the fields of its options."""
     values, deviations = as_known("watch", known)
     given = {
         name: None if value is None else as_number("watch", name, value)
         for name, value in numbers.items()
     }
-    return Choices(
-        terms=_terms(terms),
-        hold=hold,
-        memory=as_number("watch", "memory", memory),
-        model=model,
-        known=values,
-        known_deviations=deviations,
-        estimate=_commissioned(estimate),
+    return {
+        "terms": _terms(terms),
+        "hold": hold,
+        "kind": model,
+        "known": values,
+        "known_deviations": deviations,
+        "memory": as_number("watch", "memory", memory),
         **given,
-    )
+    }
 
 
-def fed_options(choices: "Choices", names: "Sequence[str]") -> "WatchOptions":
-    """Options of a session that is fed the channels of these names."""
+def fed_channels(names: "Sequence[str]", kind: str) -> "StreamChannels":
+    """What a session is fed, by the names of its channels; the kind is asked for, or "auto"."""
+    from flexid.streaming.channels import StreamChannels
+
     inputs = [name for name in INPUTS if name in names]
     links = [name for name in ("link_position", "deflection") if name in names]
     if len(inputs) > 1 or len(links) > 1 or not inputs + links:
@@ -59,17 +57,15 @@ def fed_options(choices: "Choices", names: "Sequence[str]") -> "WatchOptions":
             f"are {', '.join(names)}: give one of {', '.join(INPUTS)}, and of link_position and "
             f"deflection one at most; without an input, one of these",
         )
-    kind = ("flexible" if inputs else "link") if links else "rigid"
-    if choices.wanted_model not in ("auto", kind):
+    found = ("flexible" if inputs else "link") if links else "rigid"
+    if kind not in ("auto", found):
         raise ArgumentError(
             "feed",
             "channels",
-            f"are {', '.join(names)}: for the {choices.wanted_model} joint give "
-            f"{_CHANNELS[choices.wanted_model]}",
+            f"are {', '.join(names)}: for the {kind} joint give {_CHANNELS[kind]}",
         )
     unit = SI_UNITS[inputs[0]][0] if inputs else ""
-    assert choices.sample_time is not None
-    return choices.options(kind, unit, choices.sample_time, from_deflection=links == ["deflection"])
+    return StreamChannels(found, unit, links == ["deflection"], ())
 
 
 def as_samples(name: str, values: Any) -> "FloatArray":
@@ -90,7 +86,8 @@ def _terms(terms: Any) -> tuple[str, ...] | None:
     return (names,) if isinstance(names, str) else names
 
 
-def _commissioned(estimate: Any) -> "Commissioned | None":
+def as_commissioned(estimate: Any) -> "Commissioned | None":
+    """What a stream is held against, if there is something."""
     from flexid.library.joint_estimate import JointEstimate
     from flexid.streaming.commissioned import commissioned, read_commissioned
 

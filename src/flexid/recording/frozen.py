@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexid.recording.caution import Caution, Rank
-from flexid.recording.names import MOST_TIMES, first_times
+from flexid.recording.names import first_times
 from flexid.recording.velocities import position_noise
 
 if TYPE_CHECKING:
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.recording.channel import Channel
-
-FROZEN = 5.0
-"""Seconds without change after which a position of a stream counts as frozen."""
 
 _POSITIONS = ("link_position", "motor_position", "deflection")
 _FEWEST = 20  # samples without any change, to count
@@ -145,59 +142,3 @@ def _unbraked(position: _Position, place: int) -> bool:
         return False
     least, most = _TO_THE_END
     return bool(least <= (last - values[place - 1]) / (moved / _JUST_BEFORE) <= most)
-
-
-@dataclass
-class Still:
-    """Stretches in which one position of a stream does not change while the other moves."""
-
-    file: str
-    name: str
-    column: str
-    moves: float  # rad, by which the other one moves
-    _value: float = np.nan
-    _since: float = np.nan  # s
-    _until: float = np.nan
-    _lowest: float = np.inf  # of the other position since then
-    _highest: float = -np.inf
-    _times: list[str] = field(default_factory=list)
-    _count: int = 0
-
-    def look(self, values: FloatArray, other: FloatArray, time: FloatArray) -> None:
-        """Look at one more chunk."""
-        starts = np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1])))
-        since, until = time[starts], time[np.append(starts[1:], len(values)) - 1]
-        lowest = np.minimum.reduceat(other, starts)
-        highest = np.maximum.reduceat(other, starts)
-        if values[0] == self._value:  # it goes on from the last chunk
-            since[0] = self._since
-            lowest[0] = min(lowest[0], self._lowest)
-            highest[0] = max(highest[0], self._highest)
-        else:
-            self._count_last()
-        is_still = (until - since >= FROZEN) & (highest - lowest > self.moves)
-        for place in np.flatnonzero(is_still[:-1]):
-            self._add(since[place], until[place])
-        self._value, self._since, self._until = values[-1], since[-1], until[-1]
-        self._lowest, self._highest = lowest[-1], highest[-1]
-
-    def warnings(self) -> list[str]:
-        """One if there were such stretches; to be asked at the end of the stream."""
-        self._count_last()
-        if not self._count:
-            return []
-        warning = (
-            f"{self.file}: column {self.column!r}: {self.name} does not change from "
-            f"{first_times(self._times, self._count)}, while the other side moves: check the "
-            f"sensor, or cut that stretch out"
-        )
-        return [Caution(warning, Rank.DATA)]
-
-    def _count_last(self) -> None:
-        if self._until - self._since >= FROZEN and self._highest - self._lowest > self.moves:
-            self._add(self._since, self._until)
-
-    def _add(self, since: float, until: float) -> None:
-        self._count += 1
-        if len(self._times) < MOST_TIMES:
-            self._times.append(f"{since:.6g} s to {until:.6g} s")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,35 +117,3 @@ def check_jumps(file: str, name: str, channel: Channel, time: FloatArray) -> tup
         f"{_times(time, np.flatnonzero(is_jump))}: if a counter overflows, unwrap it, or write the "
         f"gear_ratio in a column map; if it is an outlier, remove it",
     )
-
-
-@dataclass
-class Wraps:
-    """Wraps of one encoder, undone across the chunks of a stream."""
-
-    file: str
-    name: str
-    column: str
-    offset: float = 0.0  # whole turns in rad that are added to the channel
-    _last: float = np.nan  # as it was read
-    _times: list[str] = field(default_factory=list)
-    _count: int = 0
-
-    def undone(self, channel: Channel, time: FloatArray) -> Channel:
-        """The channel without jumps by a turn, going on where the last chunk ended."""
-        raw = channel.values
-        before = [self._last] if np.isfinite(self._last) else []
-        times = np.concatenate((time[: len(before)], time))
-        whole = replace(channel, values=np.concatenate((before, raw)))
-        found, jumps = unwrapped(self.file, self.name, whole, times)
-        self._count += len(jumps)
-        self._times += [f"{times[index + 1]:.6g} s" for index in jumps[:MOST_TIMES]]
-        found = found[len(before) :] + self.offset
-        self._last, self.offset = float(raw[-1]), float(found[-1] - raw[-1])
-        return replace(channel, values=found)
-
-    def warnings(self) -> list[str]:
-        """One if there were wraps."""
-        times = first_times(self._times, self._count)
-        place = f"column {self.column!r}"
-        return [_warning(self.file, self.name, place, times)] if self._count else []

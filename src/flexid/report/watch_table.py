@@ -10,7 +10,6 @@ from flexid.comparisons.angles import ANGLES, difference
 from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.report.digits import value_cells
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
-from flexid.streaming.guard import Counts
 from flexid.streaming.health import Health
 from flexid.streaming.session import Session, clock_words
 
@@ -26,16 +25,6 @@ _VERDICTS = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 _BARS = "▁▂▃▄▅▆▇█"
 _PLAIN_BARS = "_.-~=+*#"
 _SPARKS = 24  # values of a sparkline
-
-_WORDS = {
-    "no_number": "without a number",
-    "repeated": "repeated",
-    "late": "late",
-    "outliers": "outliers",
-    "stuck": "of a stuck encoder",
-    "saturated": "at the input's limit",
-    "missing": "missing",
-}
 
 
 def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
@@ -84,10 +73,11 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
         f"{name} {found.condition_number:.3g}" for name, found in session.excitation.items()
     )
     yield Text(f"Excitation: condition number of the rows {conditions}")
-    yield Text(samples_sentence(session.counts))
+    yield Text(session.counts.sentence)
     for departure in session.departures:
         yield Text(f"Departure: {departure.sentence}.", style="red")
-    for sentence in session.findings.contradicted:
+    known = session.findings
+    for sentence in (*known.contradicted, *known.against):
         yield Text(f"Contradiction: {sentence}.", style="red")
     for change in session.changes[-3:]:
         yield Text(f"Change: {change.sentence}.", style="red")
@@ -109,34 +99,6 @@ def _change(name: str, was: float, now: float) -> str:
     if name in ANGLES:
         return f"{difference(name, was, now):+.3g} rad"
     return f"{now / was - 1.0:+.1%}"
-
-
-def samples_sentence(counts: Counts) -> str:
-    """What became of the samples, in a sentence."""
-    bad = ", ".join(
-        f"{getattr(counts, name)} {words}"
-        for name, words in _WORDS.items()
-        if getattr(counts, name)
-    )
-    text = f"Samples: {counts.taken} of {counts.fed} learnt from"
-    events = [
-        f"{number} {word}{'s' if number > 1 else ''}"
-        for number, word in (
-            (counts.gaps, "gap"),
-            (counts.wraps, "turn"),
-            (counts.jumps, "jump"),
-            (counts.restarts, "new clock"),
-        )
-        if number
-    ]
-    text += (f"; {bad}" if bad else "") + (f"; {', '.join(events)}" if events else "")
-    if counts.unclear:
-        places = "1 place" if counts.unclear == 1 else f"{counts.unclear} places"
-        text += (
-            f". At {places} it cannot be known by how many turns the motor's encoder moved: if it "
-            f"wraps, unwrap it, or sample faster and without gaps"
-        )
-    return text
 
 
 class Sparks:

@@ -5,7 +5,7 @@ is learnt is learnt from the stream alone, because a drive that has changed sinc
 what it was. Whether it has is a comparison of the two.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
 from typing import TYPE_CHECKING, Literal
@@ -64,46 +64,57 @@ def read_commissioned(estimate: "Path | str | Mapping[str, object]") -> Commissi
 
 
 def commissioned(result: "Identification") -> Commissioned:
-    """What a stream takes from an identification."""
-    from flexid.stored_estimates.rebuilt import given_coefficients, input_unit_of
-
-    choices = result.choices
-    remembering = [t for t in choices.terms if (s := SHAPE_TERMS.get(t)) and s.memory]
+    """What a stream that is held against an identification takes from it."""
+    terms = result.choices.terms
+    remembering = [term for term in terms if (s := SHAPE_TERMS.get(term)) and s.memory]
     if remembering:
-        left = ",".join(t for t in choices.terms if t not in remembering)
+        left = ",".join(term for term in terms if term not in remembering)
         raise SettingError(
             "estimate",
             f"has {remembering[0]}, which remembers the path of the spring, and least squares "
             f"remembers nothing: identify with --terms {left or 'none'}, and take that estimate",
         )
-    reference = {
-        name: (found.value, 0.5 * (found.interval[1] - found.interval[0]))
-        for name, found in result.parameters.items()
-        if found.verdict == "determined" and _is_known(found)
-    }
-    if not reference:
+    taken = taken_from(result)
+    if not taken.reference:
         raise SettingError("estimate", "determines nothing that a stream could be compared with")
-    alignment = choices.alignment
-    late = {"input": alignment.input_delay.value, "link's encoder": alignment.link_delay.value}
-    names = given_coefficients(result) | SQUARES
-    given = {name: c.value for name, c in result.coefficients.items() if name in names}
-    unknown = [name for name, value in given.items() if not isfinite(value)]
+    unknown = [name for name, value in taken.given.items() if not isfinite(value)]
     if unknown:
         raise SettingError(
             "estimate", f"has no value of {unknown[0]}, which is not sought: identify once more"
         )
+    return taken
+
+
+def taken_from(result: "Identification") -> Commissioned:
+    """Model, settings and values of an identification."""
+    from flexid.stored_estimates.rebuilt import given_coefficients, input_unit_of
+
+    choices = result.choices
+    names = given_coefficients(result) | SQUARES
     return Commissioned(
-        result.model,
-        tuple(_OF_THE_MOTOR.get(t, t) if result.model == "rigid" else t for t in choices.terms),
-        "zero" if choices.hold == "zero" else "linear",
-        choices.filter_rate if isfinite(choices.filter_rate) else FILTER_RATE,
-        given,
-        {**choices.shapes},
-        choices.coulomb_velocity,
-        reference,
-        input_unit_of(result),
-        late,
+        kind=result.model,
+        terms=stream_terms(choices.terms, result.model),
+        hold="zero" if choices.hold == "zero" else "linear",
+        filter_rate=choices.filter_rate if isfinite(choices.filter_rate) else FILTER_RATE,
+        given={name: c.value for name, c in result.coefficients.items() if name in names},
+        shapes={**choices.shapes},
+        coulomb_velocity=choices.coulomb_velocity,
+        reference={
+            name: (found.value, 0.5 * (found.interval[1] - found.interval[0]))
+            for name, found in result.parameters.items()
+            if found.verdict == "determined" and _is_known(found)
+        },
+        input_unit=input_unit_of(result),
+        late={
+            "input": choices.alignment.input_delay.value,
+            "link's encoder": choices.alignment.link_delay.value,
+        },
     )
+
+
+def stream_terms(terms: Sequence[str], kind: str) -> tuple[str, ...]:
+    """Terms by the names of the flexible joint, as a stream has them."""
+    return tuple(_OF_THE_MOTOR.get(term, term) if kind == "rigid" else term for term in terms)
 
 
 def _is_known(found: "ParameterEstimate") -> bool:

@@ -8,34 +8,37 @@ from flexid.errors import ConvergenceError, SettingError
 from flexid.identification.estimation.knowledge import Joined, with_prior_knowledge
 from flexid.identification.judgement.estimates import coefficient_estimates, parameter_estimates
 from flexid.identification.preparation.stated import Stated
+from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
 from flexid.identification.vocabulary.intervals import POSITIVE, quantile
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.streaming.commissioned import Departure, departures
 from flexid.streaming.health import LIMITS, Width
 from flexid.streaming.learner import Learner, States
+from flexid.streaming.options import WatchOptions
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
     """What is known at a moment."""
 
-    coefficients: dict[str, CoefficientEstimate]  # Of the model
-    parameters: dict[str, ParameterEstimate]  # Physical parameters that these determine
-    widths: list[Width]  # Of spring and inertias
-    departures: tuple[Departure, ...]  # What differs from an estimate made before
-    # A sentence on each value that is known otherwise than the stream says
-    contradicted: tuple[str, ...]
+    estimate: Estimate  # of the coefficients that are sought, with what is known joined
+    coefficients: dict[str, CoefficientEstimate]
+    parameters: dict[str, ParameterEstimate]  # physical ones that the coefficients determine
+    widths: list[Width]  # of spring and inertias
+    departures: tuple[Departure, ...]  # what differs from an estimate made before
+    contradicted: tuple[str, ...]  # a sentence on each value taken as exact that is another
+    against: tuple[str, ...]  # the same of values that are known with a deviation
 
 
-def findings(learner: Learner, states: States, stated: Stated) -> Findings:
-    """What states say, with what the user states joined to it."""
+def findings(learner: Learner, states: States, estimate: Estimate, stated: Stated) -> Findings:
+    """What an estimate made of states says, with what the user states joined to it."""
     options = learner.options
     joint, unknowns, unit = options.joint, options.unknowns, options.input_unit
     with np.errstate(all="ignore"):  # of numbers that no drive has
-        joined = _joined(learner, states, stated)
+        joined = _joined(options, estimate, stated)
         fixed = {name: (value, "given") for name, value in options.given.items()}
-        sizes = _sizes(learner, states)
+        sizes = regressor_sizes(learner, states)
         coefficients = coefficient_estimates(joined.estimate, joint, unknowns, sizes, fixed, unit)
         parameters = parameter_estimates(
             joint, joined.estimate, unknowns, coefficients, unit, exact=joined.exact
@@ -58,13 +61,13 @@ def findings(learner: Learner, states: States, stated: Stated) -> Findings:
         if name in POSITIVE
     ]
     widths += [Width(n, value, 0.0, 0.0) for n, value in options.given.items() if n in POSITIVE]
-    said = (*joined.contradicted, *joined.against)
-    return Findings(coefficients, parameters, widths, departed, said)
+    return Findings(
+        found, coefficients, parameters, widths, departed, joined.contradicted, joined.against
+    )
 
 
-def _joined(learner: Learner, states: States, stated: Stated) -> Joined:
+def _joined(options: WatchOptions, estimate: Estimate, stated: Stated) -> Joined:
     """The estimate with what is known joined; as it is, while what that concerns is open."""
-    estimate, options = learner.estimate(states), learner.options
     try:
         return with_prior_knowledge(
             options.joint, estimate, options.given, stated, options.input_unit, THRESHOLDS
@@ -73,7 +76,7 @@ def _joined(learner: Learner, states: States, stated: Stated) -> Joined:
         return Joined(estimate)
 
 
-def _sizes(learner: Learner, states: States) -> dict[str, float]:
+def regressor_sizes(learner: Learner, states: States) -> dict[str, float]:
     """Root mean square of each regressor over that of its row's left-hand side."""
     main, state = learner.main, states[0]
     power, _ = main.powers(state)

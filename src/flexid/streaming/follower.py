@@ -1,9 +1,10 @@
 """From a source to a session: bytes become lines, lines samples, and samples estimates."""
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.recording.column_map import MapSource
 from flexid.streaming.checkpoint import read_session
-from flexid.streaming.choices import Choices
+from flexid.streaming.commissioned import Commissioned
 from flexid.streaming.incoming import Incoming, Replay, TextSamples, is_whole_log
-from flexid.streaming.options import WatchOptions
+from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kind
 from flexid.streaming.read_before import ReadBefore
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
@@ -62,8 +63,9 @@ class Follower:
     def __init__(
         self,
         source: str,
-        choices: Choices,
+        chosen: Mapping[str, Any],
         *,
+        estimate: Commissioned | None = None,
         column_map: MapSource | None = None,
         header: str | None = None,
         checkpoint: Path | None = None,
@@ -73,7 +75,8 @@ class Follower:
         self.session: Session | None = None
         """None until the stream's first lines have come."""
         self.warnings: tuple[str, ...] = ()
-        self._choices = choices
+        self._chosen, self._estimate = chosen, estimate
+        self._kind = wanted_kind(chosen, estimate)
         self._map = column_map
         self._checkpoint = checkpoint
         self._duration = duration
@@ -91,7 +94,7 @@ class Follower:
                 Path(self._source),
                 self._map,
                 at_once=self._stop_at_end,
-                model=self._choices.wanted_model,
+                model=self._kind,
             )
         source = open_source(self._source, stop_at_end=self._stop_at_end)
         if isinstance(source, Datagrams) and source.is_open_to_others:
@@ -99,10 +102,10 @@ class Follower:
                 f"{source.name}: whoever reaches this machine can send samples: give "
                 f"udp://127.0.0.1:{source.port} to listen to this machine alone",
             )
-        known = self._choices.sample_time is not None
+        known = self._chosen.get("sample_time") is not None
         fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
         lines = LineReader(source.name, self._header, fewest)
-        return TextSamples(source, lines, self._map, self._choices.wanted_model)
+        return TextSamples(source, lines, self._map, self._kind)
 
     def turns(self, every: float) -> Generator[bool]:
         """Take in what comes, until the source ends."""
@@ -146,16 +149,13 @@ class Follower:
                 yield True
 
     def _begun(self, incoming: Incoming, samples: FloatArray) -> Session:
-        channels, choices = incoming.channels, self._choices
+        channels = incoming.channels
         assert channels is not None
         self.warnings = tuple(dict.fromkeys(self.warnings + channels.warnings))
-        head = samples[:HEAD_LINES, 0]
-        options = choices.options(
-            channels.kind,
-            channels.input_unit,
-            choices.sample_time or sample_time_of(incoming.name, head),
-            from_deflection=channels.from_deflection,
-            motor_turn=channels.motor_turn,
-        )
-        self.warnings += choices.warnings(options.sample_time)
+        sample_time = self._chosen.get("sample_time")
+        if sample_time is None:
+            sample_time = sample_time_of(incoming.name, samples[:HEAD_LINES, 0])
+        options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
+        if self._estimate is not None:
+            self.warnings += self._estimate.warnings(sample_time)
         return opened_session(options, self._checkpoint)

@@ -31,6 +31,17 @@ FEWEST_STILL = 20
 """Samples for which an encoder may stand still, however long that takes."""
 
 
+_WORDS = {
+    "no_number": "without a number",
+    "repeated": "repeated",
+    "late": "late",
+    "outliers": "outliers",
+    "stuck": "of a stuck encoder",
+    "saturated": "at the input's limit",
+    "missing": "missing",
+}
+
+
 @dataclass(frozen=True)
 class Counts:
     """What happened in a stream.
@@ -83,6 +94,34 @@ class Counts:
         return sum((self.taken, self.no_number, self.repeated, self.late)) + sum(
             (self.outliers, self.stuck, self.saturated)
         )
+
+    @property
+    def sentence(self) -> str:
+        """What became of the samples, in a sentence."""
+        bad = ", ".join(
+            f"{getattr(self, name)} {words}"
+            for name, words in _WORDS.items()
+            if getattr(self, name)
+        )
+        text = f"Samples: {self.taken} of {self.fed} learnt from"
+        events = [
+            f"{number} {word}{'s' if number > 1 else ''}"
+            for number, word in (
+                (self.gaps, "gap"),
+                (self.wraps, "turn"),
+                (self.jumps, "jump"),
+                (self.restarts, "new clock"),
+            )
+            if number
+        ]
+        text += (f"; {bad}" if bad else "") + (f"; {', '.join(events)}" if events else "")
+        if self.unclear:
+            places = "1 place" if self.unclear == 1 else f"{self.unclear} places"
+            text += (
+                f". At {places} it cannot be known by how many turns the motor's encoder moved: if "
+                f"it wraps, unwrap it, or sample faster and without gaps"
+            )
+        return text
 
 
 @dataclass(frozen=True, eq=False)

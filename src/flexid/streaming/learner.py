@@ -1,10 +1,13 @@
 """Least squares at several filter rates side by side, and what their agreement is worth.
 
-The intervals of one filter cover noise, correlated as it is, and nothing else. A model that leaves
-something out gives another answer to another filter, since each sees another part of the motion. So
-a slow and a fast filter run beside the one that is asked, where the hold of the input is not known
-also one with the other hold, and twice the largest difference counts as a standard deviation.
+The intervals of one filter cover correlated noise and nothing else. A model that leaves something
+out gives another answer to another filter, since each sees another part of the motion. So a slow
+and a fast filter run beside the one that is asked, where the hold of the input is not known also
+one with the other hold, and twice the largest difference counts as a standard deviation.
 """
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from flexid.estimators.online import History
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.recording.recording import Hold
+from flexid.streaming.delays import Delays
 from flexid.streaming.options import RATES, WatchOptions
 
 WORTH = 2.0
@@ -22,6 +26,13 @@ describes, 93 and 87 %."""
 
 States = tuple[FloatArray, ...]
 
+_MANY = 200  # rows from which on the estimators run in threads
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(len(RATES) + 1, "flexid-learner")
+
 
 class Learner:
     """Estimators of one model; their states are arrays that are never changed in place."""
@@ -30,17 +41,14 @@ class Learner:
         self.options = options
         self.system = options.system
         self._is_driven = options.kind == "link"
+        self._delays = Delays(options) if options.input_delay or options.link_delay else None
         hold: Hold = "zero" if options.hold == "zero" else "linear"
         runs: list[tuple[float, Hold]] = [(rate, hold) for rate in RATES]
         if options.hold == "auto" and not self._is_driven:
             runs.append((1.0, "zero"))
         self._estimators = [
             recursive_least_squares(
-                self.system,
-                options.sample_time,
-                rate * options.filter_rate,
-                hold,
-                options.memory,
+                self.system, options.sample_time, rate * options.filter_rate, hold, options.memory
             )
             for rate, hold in runs
         ]
@@ -50,8 +58,12 @@ class Learner:
         """States before the first sample, from some values on."""
         names = self.system.coefficients
         start = {} if values is None else dict(zip(names, values.tolist(), strict=True))
-        states = tuple(estimator.init(start) for estimator in self._estimators)
-        return (*states, np.full(4, np.nan)) if self._is_driven else states
+        states = [estimator.init(start) for estimator in self._estimators]
+        if self._is_driven:
+            states.append(np.full(4, np.nan))
+        if self._delays is not None:
+            states.append(self._delays.first_state())
+        return tuple(states)
 
     def sizes(self) -> tuple[int, ...]:
         """Numbers in each state."""
@@ -60,13 +72,18 @@ class Learner:
     def learn(self, states: States, rows: FloatArray) -> tuple[States, History]:
         """Take in rows of positions and inputs; the history is that of the first estimator."""
         last: States = ()
+        if self._delays is not None:
+            delayed, rows = self._delays.undone(states[-1], rows)
+            last = (delayed,)
         if self._is_driven:
-            rows, end = _driven(rows, states[-1], self.options.sample_time)
-            last = (end,)
-        histories = [
-            estimator.replay(state, rows)
-            for estimator, state in zip(self._estimators, states, strict=False)
-        ]
+            rows, end = _driven(rows, states[len(self._estimators)], self.options.sample_time)
+            last = (end, *last)
+        runs = [e.replay for e in self._estimators], states[: len(self._estimators)]
+        if len(rows) < _MANY:
+            histories = [replay(state, rows) for replay, state in zip(*runs, strict=True)]
+        else:
+            jobs = [_threads().submit(run, state, rows) for run, state in zip(*runs, strict=True)]
+            histories = [job.result() for job in jobs]
         return (*(history.state for history in histories), *last), histories[0]
 
     def values(self, states: States) -> FloatArray:
@@ -81,15 +98,19 @@ class Learner:
 
     def estimate(self, states: States) -> Estimate:
         """Coefficients with the covariance of noise and disagreement."""
+        apart = WORTH * self.disagreement(states)
+        return self.noise_estimate(states).widened(np.diag(apart**2))
+
+    def noise_estimate(self, states: States) -> Estimate:
+        """Coefficients with the covariance of noise alone."""
         with np.errstate(all="ignore"):  # of numbers that no drive has: what is none is unknown
             covariance, freedom = self.main.covariance(states[0])
         unknown = ~np.isfinite(np.diag(covariance))
         covariance[unknown, :] = covariance[:, unknown] = 0.0
         covariance[unknown, unknown] = np.inf
-        found = Estimate(
+        return Estimate(
             self.system.coefficients, self.values(states), covariance, tuple(freedom.tolist())
         )
-        return found.widened(np.diag((WORTH * self.disagreement(states)) ** 2))
 
 
 def _driven(rows: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:

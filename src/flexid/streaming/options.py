@@ -7,7 +7,7 @@ from math import inf, isfinite
 from typing import Any, Literal
 
 from flexid.errors import SettingError
-from flexid.estimators.filter_rate import check_filter_rate
+from flexid.estimators.filter_rate import FASTEST, SLOWEST, check_filter_rate
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import Joint, Kind, joint_of
 from flexid.identification.preparation.settings import Settings
@@ -19,6 +19,8 @@ from flexid.models.row_alone import row_alone
 from flexid.models.terms import COULOMB_VELOCITY, check_terms
 from flexid.recording.sampling import check_sample_time
 from flexid.recording.wraps import TURN
+from flexid.streaming.channels import StreamChannels
+from flexid.streaming.commissioned import Commissioned
 
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 """Terms of the model where none are named."""
@@ -64,6 +66,8 @@ class WatchOptions:
     # A turn of the motor at the link's side of the gear, in rad, where its encoder may wrap by
     # such turns; 0 where it stands behind the gear, or there is none
     motor_turn: float = 0.0
+    input_delay: float = 0.0  # s, by which the input acts later than it comes
+    link_delay: float = 0.0  # s, by which the link's encoder, or the deflection's, is late
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "terms", tuple(self.terms))
@@ -173,3 +177,56 @@ class WatchOptions:
             return cls(**{**document, "memory": inf if memory is None else memory})
         except (TypeError, ValueError, AttributeError):
             raise SettingError("checkpoint", "its options are of wrong types") from None
+
+
+def wanted_kind(chosen: Mapping[str, Any], made: Commissioned | None) -> str:
+    """The kind of joint that is asked for: as chosen, or that of the estimate; else ``"auto"``."""
+    kind = chosen.get("kind", "auto")
+    if kind not in ("auto", *KINDS):
+        raise SettingError("model", f"{kind!r} is none: give auto, {', '.join(KINDS)}")
+    return made.kind if kind == "auto" and made is not None else kind
+
+
+def options_of_stream(
+    chosen: Mapping[str, Any],
+    made: Commissioned | None,
+    channels: StreamChannels,
+    sample_time: float,
+) -> WatchOptions:
+    """What a user chooses, by the names of the fields; None and "auto": as in the estimate."""
+    chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
+    taken = made or Commissioned(channels.kind, USUAL_TERMS, hold="auto")
+    if taken.kind != channels.kind:
+        raise SettingError(
+            "estimate",
+            f"is of the {taken.kind} joint, and these channels show the {channels.kind} one",
+        )
+    if made is not None and made.input_unit != channels.input_unit:
+        raise SettingError(
+            "estimate",
+            f"is of an input in {made.input_unit}, and that of the stream is in "
+            f"{channels.input_unit}: compare like with like",
+        )
+    slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
+    terms = chosen.get("terms", taken.terms)
+    off = [USABLE_TERMS[t] for t in taken.terms if t in USABLE_TERMS and t not in terms]
+    gone = {coefficient for term in off for coefficient in term.coefficients}
+    given = {name: value for name, value in taken.given.items() if name not in gone}
+    velocity = taken.coulomb_velocity
+    follows: dict[str, Any] = {
+        "terms": terms,
+        "hold": "auto" if channels.kind == "link" else taken.hold,
+        "filter_rate": min(max(taken.filter_rate, slowest / sample_time), fastest / sample_time),
+        "coulomb_velocity": COULOMB_VELOCITY if velocity is None else velocity,
+        "shapes": taken.shapes,
+        "reference": taken.reference,
+    }
+    shown = {
+        "sample_time": sample_time,
+        "kind": channels.kind,
+        "input_unit": channels.input_unit,
+        "from_deflection": channels.from_deflection,
+        "motor_turn": channels.motor_turn,
+        "known": {**given, **chosen.get("known", {})},
+    }
+    return WatchOptions(**{**follows, **chosen, **shown})

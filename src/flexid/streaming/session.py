@@ -202,14 +202,16 @@ class Session:
             direction,
             found.widths,
             self.changes[-1].sentence if self.changes else "",
-            next(iter((*sentences, *found.contradicted)), ""),
+            next(iter((*sentences, *found.contradicted, *found.against)), ""),
         )
 
     @property
     def findings(self) -> Findings:
         """Values and intervals, and what contradicts them."""
         if self._found is None or self._found[0] is not self.now:
-            found = findings(self.learner, self.now.states, self.options.stated)
+            states, stated = self.now.states, self.options.stated
+            estimate = self.learner.estimate(states)
+            found = findings(self.learner, states, estimate, stated)
             self._found = (self.now, found)
         return self._found[1]
 

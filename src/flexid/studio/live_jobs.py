@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from flexid.report.live_chart import Moment, live_chart
-from flexid.report.watch_table import samples_sentence
 from flexid.streaming.health import Health
 from flexid.studio.jobs import Row, row_of
 from flexid.studio.live_choices import DRIVE, REPLAY
@@ -110,14 +109,13 @@ class _Logged:
     """A log that is played again, or followed while it grows."""
 
     def __init__(self, name: str, source: str, choices: Choices) -> None:
-        from flexid.streaming.choices import Choices as Watching
         from flexid.streaming.follower import Follower
         from flexid.studio.live_drive import PIECE
 
         self._replayed = source == REPLAY
         self._follower: Follower = Follower(
             name,
-            Watching(choices.terms, choices.hold, model=choices.model),
+            {"terms": choices.terms, "hold": choices.hold, "kind": choices.model},
             column_map=choices.column_map,
             stop_at_end=self._replayed,
         )
@@ -245,7 +243,7 @@ def _seen(
         tuple(map(row_of, parameters.values())),
         {name: f"{value:.4g}" for name, value in stream.truth.items()},
         {row: f"{found.condition_number:.3g}" for row, found in excitation},
-        samples_sentence(session.counts),
+        session.counts.sentence,
         (*changes, *stream.warnings),
         chart_document(live_chart(moments, units, stream.truth or None)),
     )

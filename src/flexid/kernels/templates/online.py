@@ -19,7 +19,7 @@ def step(state, sample, settings):
     return new, info
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def replay(state, samples, settings, coefficients, infos):
     """The same step over all samples; fills the history and returns the last state."""
     current = state.copy()

@@ -1,1 +1,0 @@
-"""Logs too long for memory."""

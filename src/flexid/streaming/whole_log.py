@@ -1,0 +1,365 @@
+"""A log of any length: a stream with an end, watched with what its head shows.
+
+The head, in memory, is identified as any log is. Its terms, hold, delays and filter rate hold for
+the rest, and the whole log is fed to a session of `flexid watch`, in bounded memory. Friction that
+is dry, and what else least squares does not account for, makes the session's values differ from
+those of the head: what noise does not explain of that counts as a standard deviation.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.errors import RecordingError, SettingError
+from flexid.files import sha256, shown
+from flexid.identification.identify import identify
+from flexid.identification.judgement.estimates import widest
+from flexid.identification.preparation.joint import joint_of
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.preparation.stated import stated
+from flexid.identification.result.identification import Choices, Identification
+from flexid.identification.result.summary import summary
+from flexid.identification.result.warnings import (
+    compliance_warnings,
+    model_warnings,
+    sign_warnings,
+    validation_warnings,
+)
+from flexid.identification.vocabulary.estimate import Estimate
+from flexid.identification.vocabulary.evidence import CoefficientEstimate
+from flexid.identification.vocabulary.intervals import quantile
+from flexid.identification.vocabulary.progress import Advance, Progress, silent
+from flexid.models.flexible_joint import SHAPE_TERMS
+from flexid.models.terms import SMOOTHING
+from flexid.readers.formats import PARQUET
+from flexid.readers.guard import Reading
+from flexid.recording.caution import Rank, cautions, ranked
+from flexid.recording.read import log_of_table
+from flexid.recording.recording import Log
+from flexid.recording.sampling import EVEN, GAP
+from flexid.recording.series import names_of, tables_of
+from flexid.recording.velocities import with_velocities
+from flexid.recording.wraps import TURN
+from flexid.streaming.commissioned import stream_terms, taken_from
+from flexid.streaming.findings import Findings, findings, regressor_sizes
+from flexid.streaming.incoming import Replay
+from flexid.streaming.options import WatchOptions, options_of_stream
+from flexid.streaming.session import Session
+
+if TYPE_CHECKING:
+    from flexid.recording.column_map import MapSource
+
+HEAD_ROWS = 120_000
+"""Samples at the beginning that choices are made on: two minutes at 1 kHz."""
+
+_DRIFT = 1e-6  # relative change of the sample time from the head to the whole that is worth a word
+_MATTERS = 0.01  # of a coefficient's value, from which on a warning says that it moves
+
+
+@dataclass(frozen=True)
+class _Head:
+    log: Log
+    rows: int  # read for it
+    all_rows: int  # of the file
+
+
+def identify_stream(
+    path: Path,
+    columns: "MapSource | None" = None,
+    settings: Settings | None = None,
+    progress: Progress = silent,
+    advance: Advance = silent,
+) -> Identification:
+    """Identify a joint from a Parquet file in one pass, in bounded memory."""
+    settings = settings or Settings()
+    if settings.model != "auto":
+        raise SettingError("model", "is that of the channels in a stream: leave it")
+    progress("reading the head")
+    head = _head(path, columns)
+    found = identify([head.log], settings, progress)
+    progress("streaming")
+    replay = Replay(path, columns, at_once=True, model=found.model)
+    try:
+        session = Session(_options(replay, head.log, found, settings))
+        clock = _Clock(replay.name, session.options.sample_time)
+        for samples in _samples(replay, clock, session.options, head.log):
+            session.feed(samples)
+            advance(session.fed, head.all_rows)
+    finally:
+        replay.close()
+    result = _result(session, head, found, settings, clock.warnings)
+    inputs = [{**head.log.provenance, "sha256": sha256(path)}]
+    stream = {"rows": session.fed, "head_rows": head.rows}
+    provenance = {**found.provenance, "inputs": inputs, "stream": stream}
+    return replace(result, provenance=provenance)
+
+
+def _head(path: Path, columns: "MapSource | None") -> _Head:
+    """The first rows of a Parquet file, read and checked as any log is."""
+    if path.suffix.lower() not in PARQUET.suffixes:
+        reason = "only a Parquet file can be streamed: write the log as .parquet"
+        raise RecordingError(shown(path), "", reason)
+    with Reading(path) as reading:
+        names_of(reading)  # raises where there are no samples
+        rows = reading.series[0].length
+        table = next(tables_of(reading, columns, min(rows, HEAD_ROWS)))
+    return _Head(log_of_table(table, columns), table.frame.height, rows)
+
+
+def _options(replay: Replay, log: Log, head: Identification, settings: Settings) -> WatchOptions:
+    """What the head shows, and what the user chooses."""
+    channels, taken = replay.channels, taken_from(head)
+    joint = joint_of(channels.kind)
+    terms = _usual_terms(head)
+    said = stated(replace(settings, terms=terms), joint, channels.input_unit)
+    given = {name: value for name, value in taken.given.items() if name not in said.given}
+    chosen: dict[str, Any] = {
+        "terms": stream_terms(terms, channels.kind),
+        "known": settings.known,
+        "known_deviations": settings.known_deviations,
+        "filter_rate": settings.filter_rate,
+        "coulomb_velocity": settings.coulomb_velocity,
+    }
+    if settings.coulomb_velocity == "auto":  # over which the head's motion lets it be smoothed
+        moving = [joint.samples(with_velocities(recording)) for recording in log.recordings]
+        chosen["coulomb_velocity"] = joint.scaled(moving).smooth.constants[SMOOTHING]
+    sample_time = log.recordings[0].sample_time
+    options = options_of_stream(chosen, replace(taken, given=given), channels, sample_time)
+    alignment = head.choices.alignment
+    return replace(
+        options,
+        input_delay=alignment.input_delay.value,
+        link_delay=alignment.link_delay.value,
+        reference={},  # the values of the head are not known beforehand
+    )
+
+
+def _usual_terms(head: Identification) -> tuple[str, ...]:
+    """Terms of the head that least squares of a stream has."""
+    return tuple(term for term in head.choices.terms if term not in SHAPE_TERMS)
+
+
+def _samples(
+    replay: Replay, clock: "_Clock", options: WatchOptions, log: Log
+) -> Iterator[FloatArray]:
+    """Blocks of samples, in the turns of the encoders in which the head begins."""
+    turns: FloatArray | None = None
+    while (samples := replay.read(last=False)) is not None:
+        if turns is None:
+            turns = _turns(samples[0], options, log)
+        clock.check(samples[:, 0])
+        yield samples + turns
+
+
+def _turns(first: FloatArray, options: WatchOptions, log: Log) -> FloatArray:
+    """What is to be added to each value of a sample: whole turns of an encoder."""
+    found = np.zeros(options.width)
+    begin = log.recordings[0]
+    if options.kind != "rigid" and not options.from_deflection:
+        found[1] = begin.needed_link_position[0] - first[1]
+    found[options.n_encoders] = begin.motor_position[0] - first[options.n_encoders]
+    return TURN * np.rint(found / TURN)
+
+
+@dataclass
+class _Clock:
+    """The clock of a log, which a session takes for even."""
+
+    file: str
+    sample_time: float  # s
+    rows: int = 0
+    last: float = np.nan  # s
+    elapsed: float = 0.0  # s, in the steps that are even
+    steps: int = 0
+
+    def check(self, time: FloatArray) -> None:
+        """Look at the next samples; raise where they come unevenly."""
+        h = self.sample_time
+        steps = np.diff(time, prepend=self.last)
+        near = np.abs(steps - h) <= 2.0 * EVEN * h
+        uneven = ~near & (steps > 0.0) & (steps < GAP * h)
+        if uneven.any():
+            index = int(np.argmax(uneven))
+            raise RecordingError(
+                self.file,
+                f"row {self.rows + index + 1}",
+                f"the time step is {1e3 * steps[index]:.6g} ms where the sample time is "
+                f"{1e3 * h:.6g} ms, and a stream is not interpolated: resample the log to even "
+                f"times, or identify a shorter part of it without --stream",
+            )
+        self.rows, self.last = self.rows + len(time), float(time[-1])
+        self.elapsed += float(steps[near].sum())
+        self.steps += int(near.sum())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One where the whole log runs otherwise than its head."""
+        change = self.elapsed / self.steps / self.sample_time - 1.0 if self.steps else 0.0
+        if abs(change) <= _DRIFT:
+            return ()
+        return (
+            f"{self.file}: the sample time of the whole log differs by {change:.1e} from that of "
+            f"its beginning, which was used: check the clock",
+        )
+
+
+def _result(
+    session: Session,
+    head: _Head,
+    found: Identification,
+    settings: Settings,
+    warnings: tuple[str, ...],
+) -> Identification:
+    """The head's identification, with what the session determines in place of its values."""
+    learner, states, options = session.learner, session.now.states, session.options
+    estimate = learner.estimate(states)
+    # Where the drive has changed, the head was of another.
+    before = {} if session.n_changes else found.coefficients
+    noisy = learner.noise_estimate(states)
+    apart = _apart(noisy, before)
+    own = replace(
+        settings,
+        terms=_usual_terms(found),
+        known=options.known,
+        known_deviations=options.known_deviations,
+    )
+    said = stated(own, options.joint, options.input_unit)
+    now = findings(learner, states, estimate.widened(np.diag(apart**2)), said)
+    contradicted = (*_contradicted(found, options.stated.given), *now.contradicted)
+    if contradicted:  # nothing that rests on it is known
+        doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
+        now = replace(
+            now,
+            coefficients={name: replace(c, **doubt) for name, c in now.coefficients.items()},
+            parameters={name: replace(p, **doubt) for name, p in now.parameters.items()},
+        )
+    choices = _choices(found, options)
+    values = dict(zip(estimate.names, estimate.values.tolist(), strict=True))
+    return replace(
+        found,
+        coefficients=now.coefficients,
+        parameters=now.parameters,
+        least_squares={name: value for name, value in values.items() if name in now.coefficients},
+        excitation=session.excitation,
+        removed={name: p for name, p in found.removed.items() if name not in now.parameters},
+        fit=now.estimate,
+        choices=choices,
+        summary=(*summary(choices, found.model), _sentence(session, head)),
+        warnings=ranked(
+            (
+                *head.log.warnings,
+                *warnings,
+                *cautions(Rank.DATA, _data_warnings(session)),
+                *cautions(Rank.MODEL, _stream_warnings(found, noisy, apart)),
+                *cautions(Rank.SCALE, (*contradicted, *now.against)),
+                *sign_warnings(now.coefficients, ()),
+                *_head_warnings(found, now, regressor_sizes(learner, states)),
+            )
+        ),
+        recordings=(),
+    )
+
+
+def _head_warnings(
+    head: Identification, now: Findings, sizes: Mapping[str, float]
+) -> Iterator[str]:
+    """What the head says about the model."""
+    yield from model_warnings(head.model_error, head.model, widest(now.coefficients, sizes))
+    yield from validation_warnings(head.validation.fit_percent)
+    yield from compliance_warnings(head.compliance)
+
+
+def _apart(estimate: Estimate, head: Mapping[str, CoefficientEstimate]) -> FloatArray:
+    """How far values are from those of the head, shape (k,); 0 where noise explains it.
+
+    Both share the head's noise, so the root of the sum of the squares of the half-widths bounds
+    what noise alone does to their difference.
+    """
+    found = np.zeros(len(estimate.names))
+    for place, name in enumerate(estimate.names):
+        freedom, beside = estimate.degrees_of_freedom[place], head.get(name)
+        if beside is None or not freedom > 0.0:
+            continue
+        half = quantile(freedom) * float(estimate.deviations[place])
+        other = 0.5 * (beside.interval[1] - beside.interval[0])
+        apart = abs(float(estimate.values[place]) - beside.value)
+        if np.isfinite(apart) and apart > np.hypot(half, other):
+            found[place] = apart
+    return found
+
+
+def _contradicted(head: Identification, given: Mapping[str, float]) -> tuple[str, ...]:
+    """What the head says against coefficients that are known exactly."""
+    known = [head.coefficients[name] for name in given if name in head.coefficients]
+    return tuple(dict.fromkeys(c.reason for c in known if c.verdict != "determined"))
+
+
+def _choices(head: Identification, options: WatchOptions) -> Choices:
+    """What holds for the stream of what was chosen on the head."""
+    smoothed = any(
+        SMOOTHING in row.regressors.get(name, "")
+        for row in options.system.rows
+        for name in row.coefficients
+    )
+    return replace(
+        head.choices,
+        terms=_usual_terms(head),
+        coulomb_velocity=options.coulomb_velocity if smoothed else None,
+        filter_rate=options.filter_rate,
+        estimator="least-squares",
+        segment_duration=None,
+    )
+
+
+def _data_warnings(session: Session) -> Iterator[str]:
+    """What was left out, and where the drive changed."""
+    counts = session.counts
+    if counts.taken < counts.fed or counts.gaps or counts.wraps or counts.unclear:
+        yield counts.sentence
+    for change in session.changes[-3:]:
+        yield f"{change.sentence}; the values are those since then"
+
+
+def _stream_warnings(head: Identification, estimate: Estimate, apart: FloatArray) -> Iterator[str]:
+    """Warn of what least squares does not have, and of what moves."""
+    advice = "a shorter part of the log without --stream determines more"
+    gone = sorted({*head.choices.terms} - {*_usual_terms(head)})
+    if gone:
+        yield (
+            f"the head of the log shows {', '.join(gone)}, which least squares of a stream does "
+            f"not have: {advice}"
+        )
+    moved = _moved(estimate, apart)
+    if moved:
+        verb = "differ" if len(moved) > 1 else "differs"
+        yield (
+            f"{', '.join(moved)} by least squares of the whole log {verb} from the prediction "
+            f"error of its head: friction is sharper than least squares has it, or the drive "
+            f"changed; the intervals make allowance for that, and {advice}"
+        )
+
+
+def _moved(estimate: Estimate, apart: FloatArray) -> Sequence[str]:
+    """Coefficients that differ from the head's by enough to matter."""
+    least = np.fmax(_MATTERS * np.abs(estimate.values), 2.0 * estimate.deviations)
+    return [name for name, differs in zip(estimate.names, apart > least, strict=True) if differs]
+
+
+def _sentence(session: Session, head: _Head) -> str:
+    """What the stream did, for the summary."""
+    h = session.options.sample_time
+    return (
+        f"Stream: all of this was chosen on the first {head.rows * h:.4g} s; then {session.fed} "
+        f"samples ({_duration(session.fed * h)}) were fitted in one pass."
+    )
+
+
+def _duration(seconds: float) -> str:
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"

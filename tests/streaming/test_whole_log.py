@@ -1,0 +1,231 @@
+"""A log of any length: chosen on its head, and watched to its end."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from flexid.errors import RecordingError, SettingError
+from flexid.estimators.samples import samples_of_recording
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.identification.preparation.settings import Settings
+from flexid.identification.result.identification import Identification
+from flexid.models.flexible_joint import flexible_joint
+from flexid.recording.read import read_log
+from flexid.recording.shift import later
+from flexid.simulation.free_run import free_run
+from flexid.streaming import incoming, whole_log
+from flexid.streaming.whole_log import identify_stream
+
+Columns = dict[str, np.ndarray]
+Write = Callable[..., Path]
+
+TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
+ROWS = 60_000
+TIME = 1e-3 * np.arange(ROWS)
+CHOSEN = Settings(
+    terms=("gravity", "motor_viscous"),
+    hold="linear",
+    input_delay=0.0,
+    link_delay=0.0,
+    filter_rate=20.0,
+)
+
+
+def moved(truth: dict[str, float], terms: tuple[str, ...] = (), seed: int = 0) -> Columns:
+    """A minute of a joint at 1 kHz, with noise; friction changes its sign over 1 mrad/s."""
+    torque = np.sin(np.outer(TIME, [1.0, 4.3, 7.4, 11.3])) @ np.array([1.5, 3.0, 4.0, 5.0])
+    joint = flexible_joint(("gravity", "motor_viscous", *terms), coulomb_velocity=1e-3)
+    positions = free_run(joint, truth, np.zeros(4), torque, 1e-3)[:, ::2]
+    positions = positions + 1e-4 * np.random.default_rng(seed).standard_normal((ROWS, 2))
+    return {
+        "time": TIME,
+        "link_position": positions[:, 0],
+        "motor_position": positions[:, 1],
+        "motor_torque": torque,
+    }
+
+
+@pytest.fixture(scope="module")
+def columns() -> Columns:
+    """Table I's joint."""
+    return moved(TRUE)
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A head of twenty seconds and blocks of eight."""
+    monkeypatch.setattr(whole_log, "HEAD_ROWS", 20_000)
+    monkeypatch.setattr(incoming, "BLOCK", 8_000)
+
+
+@pytest.fixture
+def write(tmp_path: Path, columns: Columns) -> Write:
+    """A function that writes the log, without some of its rows, with other columns."""
+
+    def written(lost: tuple[int, ...] = (), **changed: np.ndarray) -> Path:
+        path = tmp_path / "log.parquet"
+        frame = pl.DataFrame({**columns, **changed})
+        kept = frame.filter(~pl.int_range(pl.len()).is_in(lost))
+        kept.write_parquet(path, row_group_size=7_000)
+        return path
+
+    return written
+
+
+def assert_holds(found: Identification, truth: dict[str, float], error: float) -> None:
+    """Assert that every interval holds the truth, and that no value is farther from it."""
+    for name, value in truth.items():
+        lower, upper = found.coefficients[name].interval
+        assert lower < value < upper, name
+        assert found.coefficients[name].value == pytest.approx(value, rel=error), name
+
+
+@pytest.mark.parametrize("lost", [(), (24_000, 24_001, 47_123)])
+def test_a_stream_is_least_squares_in_memory(write: Write, lost: tuple[int, ...]):
+    """Assert that values are those of batch least squares, with gaps and without."""
+    path = write(lost)
+    found = identify_stream(path, settings=CHOSEN)
+    samples = [samples_of_recording(recording) for recording in read_log(path).recordings]
+    fit = filtered_least_squares(samples, flexible_joint(CHOSEN.terms), 20.0, "linear")
+    for name, value in zip(fit.names, fit.values.tolist(), strict=True):
+        assert found.coefficients[name].value == pytest.approx(value, rel=1e-6)
+    assert_holds(found, TRUE, 0.01)
+    assert any("3 missing; 2 gaps" in warning for warning in found.warnings) == bool(lost)
+
+
+def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch):
+    """Assert that the choices are the head's, the whole is judged, and blocks change no digit."""
+    path, steps = write(), []
+    result = identify_stream(path, advance=lambda *done: steps.append(done))
+    assert set(result.choices.terms) == {"gravity", "motor_viscous"}
+    assert result.choices.estimator == "least-squares"
+    assert result.verdict == "determined"
+    assert_holds(result, TRUE, 0.01)
+    assert min(result.validation.fit_percent.values()) > 95.0
+    assert "motor_coulomb_friction" in result.removed
+    assert not result.warnings
+    assert "60000 samples (1 min) were fitted in one pass" in result.summary[-1]
+    assert len(result.provenance["inputs"][0]["sha256"]) == 64
+    assert steps[-1] == (ROWS, ROWS)
+    monkeypatch.setattr(incoming, "BLOCK", 25_000)
+    again = identify_stream(path)
+    np.testing.assert_array_equal(again.fit.values, result.fit.values)
+    np.testing.assert_array_equal(again.fit.covariance, result.fit.covariance)
+
+
+@pytest.mark.parametrize(("link_delay", "input_delay"), [(2.4e-3, 0.0), (-1.3e-3, 0.7e-3)])
+def test_delays_are_corrected(
+    write: Write, columns: Columns, link_delay: float, input_delay: float
+):
+    """Assert that channels that come late, or too soon, by parts of a sample bias nothing."""
+    late = {
+        "link_position": later(columns["link_position"], 1e3 * link_delay),
+        "motor_torque": np.interp(TIME + input_delay, TIME, columns["motor_torque"]),
+    }
+    settings = replace(CHOSEN, link_delay=link_delay, input_delay=input_delay)
+    path = write((*range(100), *range(ROWS - 100, ROWS)), **late)
+    assert_holds(identify_stream(path, settings=settings), TRUE, 0.01)
+
+
+def test_what_is_known_and_bounded(write: Write):
+    """Assert that a right value is taken, and a wrong one or a wrong bound costs every verdict."""
+    path = write()
+    right = identify_stream(path, settings=replace(CHOSEN, known={"motor_inertia": 0.3}))
+    assert right.coefficients["beta1"].value == pytest.approx(10 / 3, rel=1e-12)
+    assert_holds(right, {n: v for n, v in TRUE.items() if n != "beta1"}, 0.01)
+    for stated in ({"known": {"motor_inertia": 0.4}}, {"bounds": {"alpha2": (0.5, np.inf)}}):
+        wrong = identify_stream(path, settings=replace(CHOSEN, **stated))
+        assert any("contradicts the log" in warning for warning in wrong.warnings)
+        assert {c.verdict for c in wrong.coefficients.values()} == {"undetermined"}
+    assert wrong.coefficients["alpha2"].value == 0.5
+
+
+def test_a_change_of_the_joint_shows(write: Write, columns: Columns):
+    """Assert that a spring that softens is said with its time, and learnt from then on."""
+    soft = {**TRUE, "theta2": 60.0, "alpha1": 200.0}
+    other, late = moved(soft), TIME >= 30.0
+    changed = {
+        name: np.where(late, other[name], columns[name])
+        for name in ("link_position", "motor_position")
+    }
+    result = identify_stream(write((30_000, 30_001), **changed), settings=CHOSEN)
+    assert_holds(result, soft, 0.01)
+    (change,) = (warning for warning in result.warnings if "moves otherwise" in warning)
+    assert "since 31." in change
+    assert "the values are those since then" in change
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_dry_friction_is_covered(write: Write, seed: int):
+    """Assert that smoothing friction that is dry costs width, not truth."""
+    truth = {**TRUE, "alpha_coulomb": 1.5}
+    result = identify_stream(write(**moved(truth, ("motor_coulomb",), seed)))
+    assert "motor_coulomb" in result.choices.terms
+    assert result.choices.coulomb_velocity is not None  # what it was smoothed over
+    for name, value in truth.items():
+        lower, upper = result.coefficients[name].interval
+        assert lower < value < upper, name
+
+
+def test_encoders_that_wrap_on_either_side_of_zero(write: Write, columns: Columns):
+    """Assert that turns are undone in every block, and that both sides count from one turn."""
+    wrapped = {
+        "link_position": np.mod(columns["link_position"] + 5e-4, 2.0 * np.pi) - 5e-4,
+        "motor_position": np.mod(columns["motor_position"] + 3.0, 2.0 * np.pi) - 3.0,
+    }
+    found = identify_stream(write(**wrapped), settings=CHOSEN)
+    assert_holds(found, TRUE, 0.01)
+
+
+def test_a_stuck_encoder_and_outliers_are_left_out(write: Write, columns: Columns):
+    """Assert that what they teach is not learnt, and said."""
+    link = columns["link_position"].copy()
+    link[40_000:46_000] = link[40_000]
+    link[50_000] += 4.0
+    result = identify_stream(write(link_position=link), settings=CHOSEN)
+    assert_holds(result, TRUE, 0.01)
+    (told,) = (warning for warning in result.warnings if warning.startswith("Samples: "))
+    assert "of a stuck encoder" in told
+    assert "1 outliers" in told
+
+
+def test_a_clock_that_changes_is_said(write: Write):
+    """Assert that a sample time other than the head's is told of."""
+    time = TIME.copy()
+    time[30_000:] += 1e-3 * 1e-4 * np.arange(30_000)
+    result = identify_stream(write(time=time), settings=CHOSEN)
+    assert any("the sample time of the whole log differs" in w for w in result.warnings)
+
+
+def test_what_cannot_be_streamed(write: Write, columns: Columns, tmp_path: Path):
+    """Assert that each is refused in a sentence, a row with its number."""
+    slow = Settings(terms=("gravity",), hold="linear", filter_rate=0.01)
+    with pytest.raises(SettingError, match=r"filter rate: .* does not suit samples"):
+        identify_stream(write(), settings=slow)
+    bad, jitter = columns["motor_torque"].copy(), TIME.copy()
+    bad[50_000] = np.nan
+    jitter[30_000] += 5e-5
+    for changed, words in (
+        ({"motor_torque": bad}, "row 50001"),
+        ({"time": jitter}, r"row 30001: .* resample"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            identify_stream(write(**changed), settings=CHOSEN)
+    raw = bytearray(write().read_bytes())
+    middle = 2 * len(raw) // 3
+    raw[middle : middle + 60_000] = bytes(60_000)
+    (tmp_path / "log.parquet").write_bytes(raw)
+    (tmp_path / "cut.parquet").write_bytes(raw[:-1000])
+    (tmp_path / "log.csv").write_text("time\n")
+    for name, words in (
+        ("log.parquet", "cannot be read on from there"),
+        ("cut.parquet", "no Parquet file that can be read"),
+        ("log.csv", "only a Parquet file can be streamed"),
+        ("none.parquet", "there is no such file"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            identify_stream(tmp_path / name, settings=CHOSEN)
