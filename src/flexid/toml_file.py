@@ -56,23 +56,39 @@ def validated(content: object, schema: type[Content], refuse: Refuse) -> Content
     try:
         return schema.model_validate(content)
     except ValidationError as error:
-        raise refuse(*_first_complaint(error)) from None
+        raise refuse(*_first_complaint(error, content)) from None
 
 
-def _first_complaint(error: "ValidationError") -> tuple[str, str]:
-    errors = error.errors(include_url=False, include_context=False)
+def _first_complaint(error: "ValidationError", content: object) -> tuple[str, str]:
     # A misspelt key is missing too; its own spelling says more.
-    first = min(errors, key=lambda one: one["type"] != "extra_forbidden")
-    parts = (str(part + 1) if isinstance(part, int) else part for part in first["loc"])
-    key = one_line(".".join(parts))[:80]
+    first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
+    key = _key(first["loc"], content, first["type"] == "missing")
     if first["type"] == "missing":
         return key, "is missing: add it"
     if first["type"] == "extra_forbidden":
         return key, "is unknown: remove it or correct its spelling"
-    if first["type"] in ("model_type", "dict_type"):
+    if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
         return key, "must be a table: correct it"
+    if first["type"].startswith("union_tag"):  # the key that says what kind of table it is
+        context = {name: str(text).replace("'", "") for name, text in first.get("ctx", {}).items()}
+        key = f"{key}.{context['discriminator']}"
+        if "expected_tags" in context:
+            return key, f"must be one of {context['expected_tags']}: correct it"
+        return key, "is missing or no text: correct it"
     message = one_line(first["msg"]).removeprefix("Value error, ")
     return key, f"is wrong, {message[:1].lower()}{message[1:]}: correct it"
+
+
+def _key(location: tuple[int | str, ...], content: Any, missing: bool) -> str:
+    """Dotted key of a place in the content, without the names that a schema gives to kinds."""
+    parts, inside = [], content
+    for place, part in enumerate(location, start=1):
+        items: Any = dict(enumerate(inside)) if isinstance(inside, list) else inside
+        there = isinstance(items, dict) and part in items
+        if there or (missing and place == len(location)):
+            parts.append(str(part + 1) if isinstance(part, int) else part)
+            inside = items[part] if there else None
+    return one_line(".".join(parts))[:80]
 
 
 def one_line(text: str) -> str:

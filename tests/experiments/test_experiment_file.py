@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexid.errors import ExperimentError, FlexidError
-from flexid.experiments import frame, read_experiment
+from flexid.experiments import experiment as experiments
+from flexid.experiments import read_experiment
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.sampled import Sampling
 from flexid.studies.huang2003.table1 import PHYSICAL, TRUE, table1_loop
@@ -58,13 +59,13 @@ def pendulum(tmp_path: Path, examples: Path) -> Path:
 def test_a_file_is_checked_once(monkeypatch: pytest.MonkeyPatch):
     """Assert that reading a file holds it against its schema once, and each other value once."""
     kinds = []
-    known = frame.validated
+    known = experiments.validated
 
     def counted(*arguments):
         kinds.append(arguments)
         return known(*arguments)
 
-    monkeypatch.setattr(frame, "validated", counted)
+    monkeypatch.setattr(experiments, "validated", counted)
     experiment = read_experiment(FOLDER / "huang2003.toml")
     assert len(kinds) == 1
     experiment.with_values({"controller.k": 20.0})
@@ -78,7 +79,7 @@ def test_table_1_is_the_studies_loop():
     assert experiment.loop.parameters.tolist() == loop.parameters.tolist()
     assert experiment.loop.start_estimates.tolist() == loop.start_estimates.tolist()
     assert experiment.loop.initial_state == loop.initial_state
-    assert (experiment.mode, experiment.duration, experiment.sample_time) == (
+    assert (experiment.mode, experiment.settings.duration, experiment.settings.sample_time) == (
         "continuous",
         30.0,
         1e-3,
@@ -166,7 +167,8 @@ def test_every_law_can_be_named(law: str, parameters: dict[str, float], tmp_path
 
 
 FAULTS = {
-    "empty": ("", "controller", "add the table"),
+    "empty": ("", "plant", "add it"),
+    "no law": (TEXT.replace('law = "robust"', ""), "controller.law", "is missing"),
     "no table": (TEXT.replace("[run]", "[[run]]"), "run", "must be a table"),
     "name of two lines": (TEXT.replace("(2003), ", "(2003)\\n"), "name", "one line"),
     "unknown key": (TEXT.replace("k = 50", "kk = 50"), "controller.kk", "remove it"),
@@ -183,6 +185,8 @@ FAULTS = {
     "no duration": (TEXT.replace("= 30.0 #", "= -30.0 #"), "run.duration", "greater than 0"),
     "endless": (TEXT.replace("= 30.0 #", "= 1e9 #"), "run.duration", "samples"),
     "too short": (TEXT.replace("= 30.0 #", "= 1e-4 #"), "run.duration", "sample time"),
+    "no spring": (TEXT.replace("= 100.0", "= 0.0"), "plant.joint_stiffness", "positive"),
+    "pushing spring": (TEXT.replace("= 100.0", "= -100.0"), "plant.joint_stiffness", "positive"),
     "no inertia": (TEXT.replace("= 1.0 # kg", "= 0.0 # kg"), "plant.link_inertia", "positive"),
     "term": (TEXT.replace('"gravity"', '"gravitation"'), "model.terms.1", "take one of"),
     "term of fits": (TEXT.replace('"gravity"', '"backlash"'), "model.terms.1", "take one of"),
@@ -201,7 +205,7 @@ FAULTS = {
     ),
     "row": (TEXT.replace("link = 1.0", "lonk = 1.0"), "observer", "link, motor"),
     "state": (TEXT + "[initial_state]\nx7 = 1.0", "initial_state.x7", "x1, x2"),
-    "nominal": (TEXT.replace("= 75.0", "= 0.0"), "controller.nominal.joint_stiffness", "zero"),
+    "nominal": (TEXT.replace("= 75.0", "= 0.0"), "controller.nominal.joint_stiffness", "than 0"),
     "tolerance of a sampled loop": (TEXT + "[sampling]", "run.sample_time", "remove it"),
     "noise": (
         SAMPLED.replace("velocity_noise = 1e-3", "velocity_noise = -1"),

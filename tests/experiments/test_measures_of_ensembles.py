@@ -21,7 +21,7 @@ def sampled() -> tuple[Measures, Ensemble]:
     run = experiment.run()
     assert run.statistics["limited_samples"] > 10
     ensemble = simulate_sampled_ensemble(
-        [experiment.loop], experiment.duration, [experiment.sampling]
+        [experiment.loop], experiment.settings.duration, [experiment.sampling]
     )
     return measure(run), ensemble
 
@@ -30,11 +30,11 @@ def by_both(experiment: Experiment) -> tuple[Measures, Ensemble]:
     """Return both measures of a continuous experiment."""
     ensemble = simulate_ensemble(
         [experiment.loop],
-        experiment.duration,
-        experiment.sample_time,
-        experiment.relative_tolerance,
-        experiment.absolute_tolerance,
-        experiment.maximum_steps,
+        experiment.settings.duration,
+        experiment.settings.sample_time,
+        experiment.settings.relative_tolerance,
+        experiment.settings.absolute_tolerance,
+        experiment.settings.maximum_steps,
     )
     return measure(experiment.run()), ensemble
 

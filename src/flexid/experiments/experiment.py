@@ -2,128 +2,124 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, partial
 from numbers import Integral
+from pathlib import Path
 from typing import Any, Literal
 
-from flexid.errors import AccelerationError, ExperimentError
-from flexid.experiments.frame import Frame, RunSettings, checked
+from flexid.control.computed_torque import COEFFICIENTS, computed_torque
+from flexid.control.controller import Controller
+from flexid.control.pd_gravity import pd_gravity
+from flexid.control.references import Multisine, constant, sinusoid
+from flexid.control.robust import robust_law
+from flexid.errors import (
+    AccelerationError,
+    ExperimentError,
+    ExpressionError,
+    ModelError,
+    SettingError,
+)
+from flexid.experiments.coefficients import estimate_values, exact_coefficients, plant_values
+from flexid.experiments.tables import (
+    ComputedTorqueLaw,
+    ContinuousRun,
+    ContinuousTables,
+    FileModel,
+    JointModel,
+    Law,
+    Reference,
+    SampledTables,
+    Tables,
+)
 from flexid.experiments.variation import Variation
+from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.loop import ClosedLoop
 from flexid.simulation.run import Run
 from flexid.simulation.sampled import Sampling, simulate_sampled
+from flexid.toml_file import Refuse, validated
 
-Tables = Mapping[str, Any]
+MOST_SAMPLES = 10_000_000
+"""Most samples of one run."""
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """What an experiment file says."""
 
-    frame: Frame = field(repr=False)  # what the names in it decide
-    # the file's tables but the campaign's, complete with what it leaves to the defaults
-    tables: Tables = field(repr=False)
-    # model, true coefficients, controller, reference, observer and where they start
-    loop: ClosedLoop = field(repr=False)
-    settings: RunSettings
-    sampling: Sampling | None  # of a sampled loop; None for a continuous one
-    # the [campaign] part, if there is one
-    variation: Variation | None = field(default=None, repr=False)
-
-    @property
-    def path(self) -> str:
-        """The file."""
-        return self.frame.path
+    path: str  # the file
+    system: ParametricSystem = field(repr=False)  # the model, constants as its file declares them
+    tables: Tables = field(repr=False)  # but the campaign's; complete with what the file leaves out
+    loop: ClosedLoop = field(repr=False)  # everything with its values
+    variation: Variation | None = field(default=None, repr=False)  # the [campaign] part
 
     @property
     def name(self) -> str:
         """Title of the experiment, or the name of its file."""
-        return self.tables["name"] or self.path
+        return self.tables.name or self.path
 
     @property
     def mode(self) -> Literal["continuous", "sampled"]:
         """Whether controller and observer are sampled."""
-        return "continuous" if self.sampling is None else "sampled"
+        return "sampled" if isinstance(self.tables, SampledTables) else "continuous"
+
+    @cached_property
+    def settings(self) -> ContinuousRun:
+        """How long the loop runs, how far its samples are apart, and how it is integrated."""
+        return self.tables.settings
+
+    @cached_property
+    def sampling(self) -> Sampling | None:
+        """How the loop is sampled; None for a continuous one."""
+        if isinstance(self.tables, SampledTables):
+            return Sampling(**self.tables.sampling.model_dump())
+        return None
 
     @property
     def side_by_side(self) -> bool:
         """Whether runs of it go side by side: continuous ones that are not stiff."""
         return self.sampling is None and not self.settings.stiff
 
-    @property
-    def duration(self) -> float:
-        """Length of a run in s."""
-        return self.settings.duration
-
-    @property
-    def sample_time(self) -> float:
-        """Distance of the samples in s."""
-        return self.settings.sample_time
-
-    @property
-    def relative_tolerance(self) -> float:
-        """Error allowed per step of a continuous run, relative to the value."""
-        return self.settings.relative_tolerance
-
-    @property
-    def absolute_tolerance(self) -> float:
-        """The same in SI units."""
-        return self.settings.absolute_tolerance
-
-    @property
-    def maximum_steps(self) -> int:
-        """Steps after which a continuous run is given up."""
-        return self.settings.maximum_steps
-
     @cached_property
     def values(self) -> dict[str, float]:
         """Every number that can be set, by its dotted path; places in a list count from 1."""
-        return dict(_leaves(self.tables))
+        return dict(_leaves(self.tables.model_dump()))
 
     @cached_property
     def digest(self) -> str:
         """Hash of everything that decides the result of a run."""
-        decisive = {key: table for key, table in self.tables.items() if key != "name"}
         system = self.loop.system
+        decisive = self.tables.model_dump(exclude={"name"})
         content = [decisive, system.digest, list(system.constants.items())]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def with_values(self, values: Mapping[str, float]) -> "Experiment":
-        """Return the same experiment with other numbers in its file."""
-        known = self.values
-        tables: dict[str, Any] = dict(self.tables)
+        """The same experiment with other numbers, by dotted path, such as ``controller.k``."""
+        content = self.tables.model_dump()
         for path, value in values.items():
-            if path not in known:
-                raise ExperimentError(self.path, path, f"cannot be set: {suggestion(path, known)}")
-            number = int(value) if isinstance(value, Integral) else float(value)
-            _put(tables, path.split("."), number)
-        frame = self.frame
-        content = frame.completed(checked(tables, frame.kinds, frame.refuse))
-        return replace(
-            self,
-            tables=content,
-            settings=frame.settings(content),
-            loop=frame.loop(content, self.loop),
-            sampling=frame.sampling(content),
-        )
+            if path not in self.values:
+                remedy = suggestion(path, self.values)
+                raise ExperimentError(self.path, path, f"cannot be set: {remedy}")
+            _put(content, path, int(value) if isinstance(value, Integral) else float(value))
+        return declared_experiment(self.path, content, self)
 
     def run(self) -> Run:
         """Simulate the experiment."""
+        settings = self.settings
         if self.sampling is not None:
-            return simulate_sampled(self.loop, self.duration, self.sampling)
+            return simulate_sampled(self.loop, settings.duration, self.sampling)
         try:
             return simulate(
                 self.loop,
-                self.duration,
-                self.sample_time,
-                self.relative_tolerance,
-                self.absolute_tolerance,
-                self.maximum_steps,
-                stiff=self.settings.stiff,
+                settings.duration,
+                settings.sample_time,
+                settings.relative_tolerance,
+                settings.absolute_tolerance,
+                settings.maximum_steps,
+                stiff=settings.stiff,
             )
         except AccelerationError as error:
             raise ExperimentError(
@@ -134,13 +130,113 @@ class Experiment:
             ) from None
 
 
+def declared_experiment(
+    path: str, content: Mapping[str, Any], like: Experiment | None = None
+) -> Experiment:
+    """The experiment of a file's tables but the campaign's.
+
+    With another one of the same file it shares model and declaration, which only names decide.
+    """
+    refuse = partial(ExperimentError, path)
+    tables = _checked(content, refuse)
+    system = tables.model.system(Path(path).parent, refuse) if like is None else like.system
+    tables = _completed(tables, system, refuse)
+    loop = _loop(tables, system, refuse, None if like is None else like.loop)
+    return Experiment(path, system, tables, loop, None if like is None else like.variation)
+
+
+def _checked(content: Mapping[str, Any], refuse: Refuse) -> Tables:
+    schema = SampledTables if "sampling" in content else ContinuousTables
+    tables = validated(content, schema, refuse)
+    settings = tables.settings
+    if settings.duration < settings.sample_time:
+        raise refuse("run.duration", "is shorter than the sample time: lengthen it")
+    if settings.duration > MOST_SAMPLES * settings.sample_time:
+        raise refuse("run.duration", f"makes more than {MOST_SAMPLES} samples: shorten it")
+    return tables
+
+
+def _completed(tables: Tables, system: ParametricSystem, refuse: Refuse) -> Tables:
+    """The tables with what the file leaves to the model: constants, zeros at the start."""
+    state, states = tables.initial_state, system.states
+    for name in state:
+        if name not in states:
+            raise refuse(f"initial_state.{name}", f"is unknown: the states are {', '.join(states)}")
+    added: dict[str, Any] = {"initial_state": {name: state.get(name, 0.0) for name in states}}
+    if isinstance(tables.model, FileModel):
+        added["plant"] = {**system.constants, **tables.plant}
+    if set(tables.initial_estimates) <= set(system.coefficients):
+        zeros = dict.fromkeys(system.coefficients, 0.0)
+        added["initial_estimates"] = zeros | tables.initial_estimates
+    return tables.model_copy(update=added)
+
+
+def _loop(
+    tables: Tables, system: ParametricSystem, refuse: Refuse, like: ClosedLoop | None
+) -> ClosedLoop:
+    model, joint = tables.model, isinstance(tables.model, JointModel)
+    known = model.known if isinstance(model, JointModel) else system.constants
+    names = (*system.coefficients, *known)
+    values = plant_values(tables.plant, names, joint, refuse)
+    constants = {name: values[name] for name in system.constants if name in values}
+    if isinstance(model, JointModel) and "coulomb_velocity" in system.constants:
+        constants["coulomb_velocity"] = model.coulomb_velocity
+    parts = {
+        "coefficients": {name: values[name] for name in system.coefficients},
+        "observer_gains": tables.observer,
+        "initial_estimates": estimate_values(
+            tables.initial_estimates, system.coefficients, names, joint, refuse
+        ),
+        "initial_state": tuple(tables.initial_state.values()),
+        "reference": _reference(tables.reference, refuse),
+        "controller": _controller(tables.controller, refuse),
+    }
+    if like is not None:
+        return like.with_values(constants=constants, **parts)
+    try:
+        return ClosedLoop(system=system.with_constants(constants), **parts)
+    except SettingError as error:
+        raise refuse("observer", f"does not fit the model: {error.reason}") from None
+    except (ModelError, ExpressionError) as error:
+        raise refuse("controller", f"does not fit the model: {error}") from None
+
+
+_LAWS: dict[str, Callable[..., Controller]] = {
+    "robust": robust_law,
+    "pd-gravity": pd_gravity,
+    "computed-torque": computed_torque,
+    "expressions": partial(Controller, "own law"),
+}
+_REFERENCES: dict[str, Callable[..., Multisine]] = {
+    "sine": sinusoid,
+    "multisine": Multisine,
+    "constant": constant,
+}
+# Their arguments are called as the keys of their tables.
+
+
+def _controller(table: Law, refuse: Refuse) -> Controller:
+    values = table.model_dump(exclude={"law"})
+    if isinstance(table, ComputedTorqueLaw):
+        nominal = values["nominal"]
+        values["nominal"] = exact_coefficients("controller.nominal", nominal, COEFFICIENTS, refuse)
+    return _LAWS[table.law](**values)
+
+
+def _reference(table: Reference, refuse: Refuse) -> Multisine:
+    try:
+        return _REFERENCES[table.kind](**table.model_dump(exclude={"kind"}))
+    except ModelError as error:
+        raise refuse("reference", error.reason) from None
+
+
 def suggestion(path: str, known: Mapping[str, float]) -> str:
     """What to write instead of a path that there is not."""
     close = get_close_matches(path, known, n=3, cutoff=0.75)
     return f"write {' or '.join(close)}" if close else f"write one of {', '.join(known)}"
 
 
-def _leaves(table: Any, path: str = "") -> Any:
+def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted paths of all numbers; what has no value yet counts as one."""
     if isinstance(table, Mapping):
         for key, value in table.items():
@@ -152,16 +248,8 @@ def _leaves(table: Any, path: str = "") -> Any:
         yield path, table
 
 
-def _put(tables: dict[str, Any], keys: list[str], number: float) -> None:
-    """Replace a leaf; what holds it is copied, since other experiments share it."""
-    holder: Any = tables
-    for key in keys[:-1]:
-        inner = holder[int(key) - 1] if isinstance(holder, list) else holder[key]
-        inner = list(inner) if isinstance(inner, list) else dict(inner)
-        _set(holder, key, inner)
-        holder = inner
-    _set(holder, keys[-1], number)
-
-
-def _set(holder: Any, key: str, value: Any) -> None:
-    holder[int(key) - 1 if isinstance(holder, list) else key] = value
+def _put(content: Any, path: str, number: float) -> None:
+    *keys, last = path.split(".")
+    for key in keys:
+        content = content[int(key) - 1 if isinstance(content, list) else key]
+    content[int(last) - 1 if isinstance(content, list) else last] = number

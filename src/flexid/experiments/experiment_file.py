@@ -5,8 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from flexid.errors import ExperimentError
-from flexid.experiments.experiment import Experiment
-from flexid.experiments.frame import frame_of
+from flexid.experiments.experiment import Experiment, declared_experiment
 from flexid.experiments.variation_file import read_variation
 from flexid.toml_file import parse_toml, read_bytes
 
@@ -32,12 +31,9 @@ def read_experiment(path: str | Path) -> Experiment:
     """
     path = Path(path)
     refuse = partial(ExperimentError, str(path))
-    tables = parse_toml(read_bytes(path, "an experiment file in TOML", refuse), refuse)
-    campaign = tables.pop("campaign", None)
-    frame, content = frame_of(path, tables)
-    content = frame.completed(content)
-    settings = frame.settings(content)
-    experiment = Experiment(frame, content, frame.loop(content), settings, frame.sampling(content))
+    content = parse_toml(read_bytes(path, "an experiment file in TOML", refuse), refuse)
+    campaign = content.pop("campaign", None)
+    experiment = declared_experiment(str(path), content)
     if campaign is None:
         return experiment
     return replace(experiment, variation=read_variation(campaign, experiment))

@@ -1,6 +1,16 @@
 """Units of what an experiment sets and a campaign keeps, where the model is the flexible joint."""
 
+from typing import Any, get_args
+
 from flexid.errors import ExperimentError
+from flexid.experiments.tables import (
+    ContinuousRun,
+    JointModel,
+    Law,
+    Reference,
+    SamplingTable,
+    Table,
+)
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
 from flexid.toml_file import parse_toml
@@ -9,36 +19,6 @@ _TORQUE, _ANGLE, _VELOCITY, _TIME = "N m", "rad", "rad/s", "s"
 _PARAMETERS = {p.name: p.unit for p in physical_parameters(COEFFICIENT_UNITS, input_is_torque=True)}
 _COEFFICIENTS = {name: unit.format(input="(N m)") for name, unit in COEFFICIENT_UNITS.items()}
 _STATES = {"x1": _ANGLE, "x2": _VELOCITY, "x3": _ANGLE, "x4": _VELOCITY}
-
-_KEYS = {
-    "model.coulomb_velocity": _VELOCITY,
-    "run.duration": _TIME,
-    "run.sample_time": _TIME,
-    "sampling.sample_time": _TIME,
-    "sampling.input_limit": _TORQUE,
-    "sampling.position_resolution": _ANGLE,
-    "sampling.position_noise": _ANGLE,
-    "sampling.velocity_noise": _VELOCITY,
-}
-_GAINS = {
-    "k": "1/s",
-    "largest_link_inertia": "kg m^2",
-    "largest_motor_inertia": "kg m^2",
-    "smallest_joint_stiffness": "N m/rad",
-    "proportional": "N m/rad",
-    "derivative": "N m s/rad",
-    "poles": "1/s",
-}
-_REFERENCE = {
-    **dict.fromkeys(("amplitude", "amplitudes", "offset", "value", "phase", "phases"), _ANGLE),
-    **dict.fromkeys(("angular_frequency", "angular_frequencies"), _VELOCITY),
-}
-_BLOCKS = {
-    "plant": _PARAMETERS,
-    "controller.nominal": _PARAMETERS,
-    "initial_estimates": _COEFFICIENTS,
-    "initial_state": _STATES,
-}
 _RESULTS = {
     "reached": _TIME,
     "steps": "1",
@@ -51,10 +31,38 @@ _RESULTS = {
 }
 
 
+def _declared(path: str, *kinds: type[Table]) -> dict[str, str]:
+    """Units that stand beside the fields of tables, by dotted path."""
+    units: dict[str, str] = {}
+    for kind in kinds:
+        for name, field in kind.model_fields.items():
+            here = f"{path}.{name}"
+            for unit in field.metadata:
+                if isinstance(unit, str):
+                    units[here] = unit
+            if isinstance(field.annotation, type) and issubclass(field.annotation, Table):
+                units |= _declared(here, field.annotation)
+    return units
+
+
+_SET: dict[str, str] = {
+    **_declared("model", JointModel),
+    **_declared("controller", *get_args(Law)),
+    **_declared("reference", *get_args(Reference)),
+    **_declared("run", ContinuousRun),
+    **_declared("sampling", SamplingTable),
+    **{f"plant.{name}": unit for name, unit in _PARAMETERS.items()},
+    **{f"controller.nominal.{name}": unit for name, unit in _PARAMETERS.items()},
+    **{f"initial_estimates.{name}": unit for name, unit in _COEFFICIENTS.items()},
+    **{f"initial_state.{name}": unit for name, unit in _STATES.items()},
+}
+
+
 class Units:
-    """SI units by name; an empty text where flexid cannot know one."""
+    """SI units by name, of the experiment file with this text; empty where none can be known."""
 
     def __init__(self, text: str) -> None:
+        tables: dict[str, Any]
         try:
             tables = parse_toml(text.encode(), lambda key, reason: ExperimentError("", key, reason))
         except ExperimentError:
@@ -67,16 +75,11 @@ class Units:
 
     def of_value(self, path: str) -> str:
         """Unit of the number at a dotted path, such as ``plant.link_inertia``."""
-        table, _, key = path.partition(".")
-        if self._law and table in ("controller", "reference"):
-            found = (_GAINS if table == "controller" else _REFERENCE).get(key.partition(".")[0])
-            if found:
-                return found
-        block, _, name = path.rpartition(".")
-        if path in _KEYS:
-            timed = _KEYS[path] == _TIME
-            return _KEYS[path] if self._joint or timed else ""
-        return _BLOCKS.get(block, {}).get(name, "") if self._joint else ""
+        whole, _, place = path.rpartition(".")
+        unit = _SET.get(whole if place.isdecimal() else path, "")
+        following = path.startswith(("controller.", "reference."))
+        known = self._law if following else self._joint
+        return unit if known or unit == _TIME else ""
 
     def of_result(self, name: str) -> str:
         """Unit of a result that a campaign keeps, such as ``final_error.theta1``."""

@@ -44,7 +44,7 @@ class Distribution:
     second: float  # upper end, included for integers, or the standard deviation
 
     def quantile(self, shares: ArrayLike) -> NDArray[np.float64]:
-        """Values below which the given shares of all draws lie."""
+        """Values below which the given shares of all draws lie, each from 0 on and below 1."""
         shares = np.asarray(shares, dtype=float)
         first, second = self.first, self.second
         if self.kind == "uniform":
@@ -58,6 +58,10 @@ class Distribution:
         return np.floor(first + shares * (second - first + 1.0))
 
 
+Input = tuple[float, ...] | Distribution
+"""Values, each equally likely in draws, or a distribution of them."""
+
+
 @dataclass(frozen=True)
 class Variation:
     """The ``[campaign]`` part of an experiment."""
@@ -65,13 +69,11 @@ class Variation:
     kind: Plan  # every combination of the values, or draws; the last ones made for Sobol indices
     runs: int  # number of runs; of a grid the product of the numbers of values
     seed: int  # of the draws
-    # by dotted path of the experiment's file; of several values each is equally likely
-    inputs: Mapping[str, tuple[float, ...] | Distribution]
+    inputs: Mapping[str, Input]  # by dotted path of the experiment's file
     keep: tuple[Kept, ...]  # what is kept of each run
-    # how many runs share a file of the result; None leaves it to the campaign
-    runs_per_part: int | None
+    runs_per_part: int | None  # runs that share a file of the result; None: the campaign chooses
 
 
-def grid_size(inputs: Mapping[str, tuple[float, ...] | Distribution]) -> int:
+def grid_size(inputs: Mapping[str, Input]) -> int:
     """Number of combinations of all lists of values."""
     return prod(len(values) for values in inputs.values() if isinstance(values, tuple))

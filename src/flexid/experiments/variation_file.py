@@ -1,23 +1,67 @@
 """The ``[campaign]`` part of an experiment file, read and tried out."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Annotated, Any, get_args
+
+from pydantic import Field
 
 from flexid.errors import ExperimentError
 from flexid.experiments.experiment import Experiment, suggestion
-from flexid.experiments.variation import Distribution, Variation, grid_size
+from flexid.experiments.tables import Number, Positive, Table, Whole
+from flexid.experiments.variation import (
+    MEASURES,
+    MOST_RUNS,
+    Distribution,
+    Input,
+    Kept,
+    Kind,
+    Plan,
+    Variation,
+    grid_size,
+)
 from flexid.toml_file import validated
 
-_MOST_RUNS = 10_000_000
 _LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
 _INSIDE = 0.501  # share of the draws below the value inside a distribution that is tried
 
-Input = tuple[float, ...] | Distribution
+
+class CampaignTable(Table):
+    """What varies over many runs, and what is kept of each."""
+
+    kind: Plan
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
+    seed: Annotated[int, Field(ge=0, le=2**63)] = 0
+    keep: list[Kept] = Field(default=list(MEASURES))
+    runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    vary: Annotated[dict[str, Any], Field(min_length=1)]
+
+
+class ListedValues(Table):
+    """Several values of one number."""
+
+    values: Annotated[list[Number], Field(min_length=1, max_length=10_000)]
+
+
+class DistributionTable(Table):
+    """One distribution: a kind and two numbers."""
+
+    uniform: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    log_uniform: Annotated[list[Positive], Field(min_length=2, max_length=2)] | None = None
+    normal: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    integers: Annotated[list[Whole], Field(min_length=2, max_length=2)] | None = None
+
+    def distribution(self) -> Distribution | None:
+        """The one that is given, or nothing if it is not one."""
+        given = [
+            Distribution(kind, float(pair[0]), float(pair[1]))
+            for kind in get_args(Kind)
+            if (pair := getattr(self, kind)) is not None
+        ]
+        return given[0] if len(given) == 1 else None
 
 
 def read_variation(campaign: Any, experiment: Experiment) -> Variation:
     """Check a campaign against the experiment that it varies."""
-    from flexid.experiments.schema import CampaignTable
 
     def refuse(key: str, reason: str) -> ExperimentError:
         return ExperimentError(experiment.path, f"campaign.{key}" if key else "campaign", reason)
@@ -36,8 +80,8 @@ def read_variation(campaign: Any, experiment: Experiment) -> Variation:
         if runs is not None:
             raise refuse("runs", "is for draws: remove it, a grid has one run per combination")
         runs = grid_size(inputs)
-        if runs > _MOST_RUNS:
-            raise refuse("vary", f"makes {runs} combinations: give at most {_MOST_RUNS}")
+        if runs > MOST_RUNS:
+            raise refuse("vary", f"makes {runs} combinations: give at most {MOST_RUNS}")
     elif runs is None:
         raise refuse("runs", "is missing: add it")
     return Variation(
@@ -56,8 +100,6 @@ def _flat(vary: Mapping[str, Any], experiment: Experiment, path: str = "") -> It
 
 
 def _input(experiment: Experiment, path: str, value: Any) -> Input:
-    from flexid.experiments.schema import DistributionTable, ListedValues
-
     def refuse(key: str, reason: str) -> ExperimentError:
         place = f"campaign.vary.{path}" + (f".{key}" if key else "")
         return ExperimentError(experiment.path, place, reason)

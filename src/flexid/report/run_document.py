@@ -1,6 +1,5 @@
 """A simulated run as a plain document for JSON."""
 
-from dataclasses import asdict
 from typing import Any
 
 import flexid
@@ -38,7 +37,7 @@ def run_document(experiment: Experiment, run: Run, measures: Measures) -> dict[s
             "experiment": experiment.path,
             "experiment_digest": experiment.digest,
             "mode": experiment.mode,
-            "settings": asdict(experiment.settings),
-            "tables": experiment.tables,
+            "settings": experiment.settings.model_dump(),
+            "tables": experiment.tables.model_dump(),
         },
     }

@@ -1,0 +1,275 @@
+"""The tables of an experiment file: what may stand in each, in which unit, and what it makes.
+
+A text beside a type, as in ``Annotated[Positive, "rad/s"]``, is the number's SI unit where the
+model is the flexible joint.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+)
+
+from flexid.errors import ExpressionError, ModelError, SettingError
+from flexid.models.flexible_joint import PAPER_TERMS, TERMS, flexible_joint
+from flexid.models.model_file import read_model
+from flexid.models.parametric_system import ParametricSystem
+from flexid.models.terms import COULOMB_VELOCITY
+from flexid.toml_file import Refuse
+
+Name = Annotated[str, StringConstraints(min_length=1, max_length=60, pattern=r"^[\w-]+$")]
+
+SMALLEST = 1e-30
+LARGEST = 1e30
+"""Beyond these, powers of a number overflow, and no drive has one."""
+
+
+def _of_a_drive(value: float) -> float:
+    if value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
+        raise ValueError(f"a magnitude between {SMALLEST:g} and {LARGEST:g} is needed")
+    return value
+
+
+def _whole(value: Any) -> Any:
+    # A campaign draws whole numbers as floats
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("one line of printable text is needed")
+    return text
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_of_a_drive)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Negative = Annotated[Number, Field(lt=0)]
+Exponent = Annotated[float, Field(ge=-6, le=6)]
+Whole = Annotated[int, BeforeValidator(_whole)]
+Numbers = Annotated[list[Number], Field(max_length=50)]
+Values = Annotated[dict[Name, Number], Field(max_length=100)]
+Expressions = Annotated[dict[Name, str], Field(max_length=100)]
+Title = Annotated[str, StringConstraints(max_length=200), AfterValidator(_printable)]
+
+
+class Table(BaseModel):
+    """A table of the file: no unknown keys, no other types than those that stand here."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class JointModel(Table):
+    """The flexible joint with some terms."""
+
+    terms: list[Name] = list(PAPER_TERMS)
+    known: list[Name] = ["beta1"]
+    coulomb_velocity: Annotated[Positive, "rad/s"] = COULOMB_VELOCITY
+
+    def system(self, _folder: Path, refuse: Refuse) -> ParametricSystem:
+        """The model; known coefficients have the value 1."""
+        for place, term in enumerate(self.terms, start=1):
+            if term not in TERMS:
+                raise refuse(f"model.terms.{place}", f"is {term!r}: take one of {', '.join(TERMS)}")
+        try:
+            return flexible_joint(self.terms, dict.fromkeys(self.known, 1.0), self.coulomb_velocity)
+        except SettingError as error:
+            raise refuse("model.known", f"does not fit: {error.reason}") from None
+        except ModelError as error:
+            raise refuse("model", f"does not fit: {error.reason}") from None
+
+
+class FileModel(Table):
+    """A model in a file of its own."""
+
+    file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+
+    def system(self, folder: Path, refuse: Refuse) -> ParametricSystem:
+        """The model, with the constants that its file declares."""
+        try:
+            return read_model(folder / self.file)
+        except (ModelError, ExpressionError) as error:
+            raise refuse("model.file", f"names a model that cannot be used, {error}") from None
+
+
+class PdNominal(Table):
+    """What the law believes of the joint."""
+
+    gravity_torque: Annotated[Number, "N m"]
+    joint_stiffness: Annotated[Positive, "N m/rad"]
+
+
+class RobustNominal(Table):
+    """What the law believes of the joint."""
+
+    gravity_torque: Annotated[Number, "N m"]
+    link_inertia: Annotated[Number, "kg m^2"]
+    joint_stiffness: Annotated[Positive, "N m/rad"]
+    motor_inertia: Annotated[Number, "kg m^2"]
+    motor_viscous_friction: Annotated[Number, "N m s/rad"]
+
+
+class RobustLaw(Table):
+    """Huang (2003), eq. (11)."""
+
+    law: Literal["robust"]
+    k: Annotated[Positive, "1/s"]
+    exponents: Annotated[list[Exponent], Field(min_length=3, max_length=3)] = [1.0, 2.0, 3.0]
+    largest_link_inertia: Annotated[Positive, "kg m^2"]
+    largest_motor_inertia: Annotated[Positive, "kg m^2"]
+    smallest_joint_stiffness: Annotated[Positive, "N m/rad"]
+    nominal: RobustNominal
+
+
+class PdGravityLaw(Table):
+    """PD control on the motor with gravity compensation."""
+
+    law: Literal["pd-gravity"]
+    proportional: Annotated[NotNegative, "N m/rad"]
+    derivative: Annotated[NotNegative, "N m s/rad"]
+    nominal: PdNominal
+
+
+class ComputedTorqueLaw(Table):
+    """Feedback linearisation."""
+
+    law: Literal["computed-torque"]
+    poles: Annotated[list[Negative], Field(min_length=4, max_length=4), "1/s"]
+    nominal: Values
+
+
+class OwnLaw(Table):
+    """A law in expressions."""
+
+    law: Literal["expressions"]
+    tracked: Name
+    inputs: Annotated[dict[Name, str], Field(min_length=1, max_length=50)]
+    parameters: Values = {}
+    definitions: Expressions = {}
+    coordinates: Expressions = {}
+
+
+class SineReference(Table):
+    """One sine wave."""
+
+    kind: Literal["sine"]
+    amplitude: Annotated[Number, "rad"]
+    angular_frequency: Annotated[Number, "rad/s"]
+    phase: Annotated[Number, "rad"] = 0.0
+    offset: Annotated[Number, "rad"] = 0.0
+
+
+class MultisineReference(Table):
+    """Several sine waves."""
+
+    kind: Literal["multisine"]
+    amplitudes: Annotated[Numbers, "rad"]
+    angular_frequencies: Annotated[Numbers, "rad/s"]
+    phases: Annotated[Numbers, "rad"] = []
+    offset: Annotated[Number, "rad"] = 0.0
+
+
+class ConstantReference(Table):
+    """Standing still."""
+
+    kind: Literal["constant"]
+    value: Annotated[Number, "rad"]
+
+
+class ContinuousRun(Table):
+    """How long a loop runs and how closely it is integrated."""
+
+    duration: Annotated[Positive, "s"]
+    sample_time: Annotated[Positive, "s"] = 1e-3
+    relative_tolerance: Annotated[float, Field(ge=1e-13, le=0.1)] = 1e-6
+    absolute_tolerance: Positive | None = None  # a thousandth of the relative one
+    maximum_steps: Annotated[Whole, Field(ge=1, le=10**9)] = 1_000_000
+    stiff: bool = True
+
+    def settled(self) -> "ContinuousRun":
+        """The same with the absolute tolerance that follows from the relative one."""
+        if self.absolute_tolerance is not None:
+            return self
+        return self.model_copy(update={"absolute_tolerance": 1e-3 * self.relative_tolerance})
+
+
+class SampledRun(Table):
+    """How long a sampled loop runs."""
+
+    duration: Annotated[Positive, "s"]
+
+
+class SamplingTable(Table):
+    """What a drive's sensors and clock are like."""
+
+    sample_time: Annotated[Positive, "s"] = 1e-3
+    input_limit: Annotated[float, Field(gt=0), "N m"] = math.inf
+    position_resolution: Annotated[NotNegative, "rad"] = 0.0
+    position_noise: Annotated[NotNegative, "rad"] = 0.0
+    velocity_noise: Annotated[NotNegative, "rad/s"] = 0.0
+    seed: Annotated[Whole, Field(ge=0, le=2**63)] = 0
+
+
+def _kind_of_model(content: Any) -> str:
+    if isinstance(content, FileModel) or (isinstance(content, Mapping) and "file" in content):
+        return "a file"
+    return "a joint"
+
+
+Model = Annotated[
+    Annotated[JointModel, Tag("a joint")] | Annotated[FileModel, Tag("a file")],
+    Discriminator(_kind_of_model),
+]
+Law = RobustLaw | PdGravityLaw | ComputedTorqueLaw | OwnLaw
+Reference = SineReference | MultisineReference | ConstantReference
+
+
+class LoopTables(Table):
+    """What every experiment file holds."""
+
+    name: Title = ""
+    model: Model = JointModel()
+    plant: Annotated[Values, Field(min_length=1)]
+    controller: Annotated[Law, Field(discriminator="law")]
+    reference: Annotated[Reference, Field(discriminator="kind")]
+    observer: Annotated[dict[Name, NotNegative], Field(min_length=1, max_length=50)]
+    initial_estimates: Values = {}
+    initial_state: Values = {}
+
+
+class ContinuousTables(LoopTables):
+    """The file of a loop in continuous time."""
+
+    run: ContinuousRun
+
+    @property
+    def settings(self) -> ContinuousRun:
+        """How the loop runs."""
+        return self.run.settled()
+
+
+class SampledTables(LoopTables):
+    """The file of a loop that is sampled."""
+
+    run: SampledRun
+    sampling: SamplingTable
+
+    @property
+    def settings(self) -> ContinuousRun:
+        """How long the loop runs, and how far its samples are apart."""
+        return ContinuousRun(
+            duration=self.run.duration, sample_time=self.sampling.sample_time
+        ).settled()
+
+
+Tables = ContinuousTables | SampledTables
