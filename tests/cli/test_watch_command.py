@@ -158,7 +158,7 @@ def test_a_drive_that_does_not_move_exits_with_1():
         (("udp://127.0.0.1",), "is no address"),
         (("-", "--terms", "magic"), "'magic' is unknown"),
         (("-", "--hold", "cubic"), "give 'auto', 'linear' or 'zero'"),
-        (("-", "--sample-time", "-1"), "give 1e-06 to 0.5 s"),
+        (("-", "--sample-time", "0"), "0 s is outside 1e-06 to 0.5 s"),
         (("-", "--filter-rate", "1e6"), "give 0.04 to 125 1/s"),
         (("-", "--memory", "0.1"), "give more than"),
         (("-", "--every", "0"), "give seconds above 0"),

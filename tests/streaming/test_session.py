@@ -1,6 +1,7 @@
 """A session is the same however its stream is cut, and whenever it is saved."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 from moving_joint import LINK, MOTOR, OPTIONS, TORQUE, H, same, stream, watched
 
 from flexid.errors import SettingError
+from flexid.streaming import checkpoint
 from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
@@ -116,73 +118,41 @@ def test_any_samples_leave_a_state_that_is_finite_or_flagged(samples: np.ndarray
     assert set(session.excitation) == {"link", "motor"}
 
 
-class TestFile:
-    """What is refused of a checkpoint."""
+def changed(text: str, **content: object) -> str:
+    """A checkpoint with other content and the checksum of that."""
+    document = json.loads(text)
+    document["content"] |= content
+    return json.dumps(document | {"sha256": checkpoint._digest(document["content"])})
 
-    @pytest.fixture
-    def path(self, tmp_path: Path) -> Path:
-        """A checkpoint of a short stream."""
-        save_session(watched(stream(1.0)), tmp_path / "session.json")
-        return tmp_path / "session.json"
 
-    def change(self, path: Path, **changes) -> None:
-        """Write other values under the file's first keys."""
-        path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+FAR = {"time": 10**400, "row": "link", "times_worse": 1.0}
+OTHERS: dict[str, tuple[Callable[[str], str], str]] = {
+    "damaged": (lambda text: text.replace('"fed": 501', '"fed": 3'), "checksum is wrong"),
+    "cut": (lambda text: text[:5000], "no JSON"),
+    "another version": (lambda text: text.replace('"version": 2', '"version": 3'), "version 3"),
+    "something else": (lambda _: "{}", "something else"),
+    "too large": (lambda text: changed(text, changes=[FAR]), "not hold what it should"),
+}
+for name in ("guard_state", "now", "recent", "fed", "options", "changes"):
+    OTHERS[name] = (lambda text, name=name: changed(text, **{name: "AAAA"}), "checkpoint")
 
-    def test_damaged(self, path: Path):
-        """Assert that a number that was changed is noticed by the checksum."""
-        content = json.loads(path.read_text())["content"]
-        self.change(path, content=content | {"fed": 3})
-        with pytest.raises(SettingError, match="checksum is wrong"):
-            read_session(path)
 
-    def test_cut(self, path: Path):
-        """Assert that half a file is none."""
-        path.write_text(path.read_text()[:5000])
-        with pytest.raises(SettingError, match="no JSON"):
-            read_session(path)
-
-    def test_of_another_version(self, path: Path):
-        """Assert that a newer file is not guessed at."""
-        self.change(path, version=2)
-        with pytest.raises(SettingError, match="version 2"):
-            read_session(path)
-
-    @pytest.mark.parametrize("key", ["guard", "now", "recent", "fed", "options", "changes"])
-    def test_of_other_content(self, path: Path, key: str):
-        """Assert that a file with a right checksum and wrong content is refused."""
-        from flexid.streaming import checkpoint
-
-        content = json.loads(path.read_text())["content"] | {key: "AAAA"}
-        self.change(path, content=content, sha256=checkpoint._digest(content))
-        with pytest.raises(SettingError, match="checkpoint"):
-            read_session(path)
-
-    def test_a_number_that_no_float_is(self, path: Path):
-        """Assert that a number too large for any float is refused."""
-        from flexid.streaming import checkpoint
-
-        content = json.loads(path.read_text())["content"] | {"changes": [[10**400, "link", 1.0]]}
-        self.change(path, content=content, sha256=checkpoint._digest(content))
-        with pytest.raises(SettingError, match="does not hold what it should"):
-            read_session(path)
-
-    def test_something_else(self, tmp_path: Path):
-        """Assert that another JSON file is not taken for one."""
-        (tmp_path / "estimate.json").write_text("{}")
-        with pytest.raises(SettingError, match="something else"):
-            read_session(tmp_path / "estimate.json")
-
-    def test_missing(self, tmp_path: Path):
-        """Assert that a file that is not there is named."""
-        with pytest.raises(SettingError, match="no such file"):
-            read_session(tmp_path / "nothing.json")
+@pytest.mark.parametrize(("edit", "words"), OTHERS.values(), ids=OTHERS)
+def test_what_is_no_checkpoint(tmp_path: Path, edit: Callable[[str], str], words: str):
+    """Assert that a file that was damaged, or is of something else, is refused in a sentence."""
+    path = tmp_path / "session.json"
+    with pytest.raises(SettingError, match="no such file"):
+        read_session(path)
+    save_session(watched(stream(1.0)), path)
+    path.write_text(edit(path.read_text()))
+    with pytest.raises(SettingError, match=words):
+        read_session(path)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"sample_time": 0.0}, "sample time: 0 s is no drive's"),
+        ({"sample_time": 0.0}, "sample time: 0 s is outside"),
         ({"sample_time": 1e-320}, "sample time"),
         ({"sample_time": np.nan}, "sample time"),
         ({"sample_time": 0.51}, "sample time"),

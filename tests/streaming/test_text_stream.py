@@ -166,17 +166,18 @@ def test_a_last_line_without_its_end_is_no_sample(end: str, count: int):
 
 
 @pytest.mark.parametrize(
-    ("header", "words"),
+    ("first", "given", "words"),
     [
-        ("time,x,motor_position,y", "no motor_torque"),
-        ("time,foo,bar,motor_torque", "there is no"),
-        ("time,link_position [parsec],motor_position,motor_torque", "parsec"),
+        ("time,x,motor_position,y", None, "no motor_torque"),
+        ("time,foo,bar,motor_torque", None, "there is no"),
+        ("time,link_position [parsec],motor_position,motor_torque", None, "parsec"),
+        (HEADER, HEADER.replace("ms", "s"), "column names of its own.*: leave the header out"),
     ],
 )
-def test_columns_that_do_not_do(header: str, words: str):
-    """Assert that a stream that lacks something is refused as its log would be."""
+def test_columns_that_do_not_do(first: str, given: str | None, words: str):
+    """Assert that a stream that lacks something, or has two headers, is refused."""
     with pytest.raises(RecordingError, match=words):
-        samples_of("\n".join([header, *ROWS]))
+        samples_of("\n".join([first, *ROWS]), header=given)
 
 
 def test_a_line_without_an_end():

@@ -8,6 +8,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,24 @@ from flexid.atomic import write_atomically
 from flexid.errors import SettingError
 from flexid.files import read_bytes
 from flexid.streaming.options import WatchOptions
-from flexid.streaming.recent import CAUSES
-from flexid.streaming.session import Change, Memory, Session
+from flexid.streaming.session import Change, Session
 
 FORMAT = "flexid watch"
-VERSION = 1
+VERSION = 2
 """Of the files that this version writes, and the only one that it reads."""
+
+PARTS = (
+    "fed",
+    "n_read",
+    "guard_state",
+    "now",
+    "newer",
+    "older",
+    "recent",
+    "suspected",
+    "n_changes",
+)
+"""Attributes of a session that have the same kind and size in all of them."""
 
 LARGEST_FILE = 50_000_000  # bytes; the largest model makes some megabytes
 WANTED = "a checkpoint of flexid watch"
@@ -79,101 +92,55 @@ def _digest(content: Mapping[str, Any]) -> str:
 
 
 def _content(session: Session) -> dict[str, Any]:
-    recent = session.recent
-    memories = {"now": session.now, "newer": session.newer, "older": session.older}
+    parts = {name: _packed(getattr(session, name)) for name in PARTS}
     return {
         "options": session.options.document,
-        "fed": session.fed,
-        "n_read": session.n_read,
-        "first_read": _text(session.first_read.ravel()),
-        "guard": _text(session.guard_state),
-        "gear": _text(np.array(session.gear.state)),
-        **{
-            name: {
-                "fed": memory.fed,
-                "determined": memory.determined,
-                "states": [_text(state) for state in memory.states],
-            }
-            for name, memory in memories.items()
-        },
-        "recent": {
-            "errors": _text(recent.errors),
-            "equations": recent.equations,
-            "powers": _text(recent.powers),
-            "equations_before": recent.equations_before,
-            "usual": _text(recent.usual.ravel()),
-            "counts_before": _text(recent.counts_before),
-            "bad_share": recent.bad_share,
-            "bad_cause": recent.bad_cause,
-        },
-        "suspected": session.suspected,
-        "n_changes": session.n_changes,
-        "changes": [[change.time, change.row, change.times_worse] for change in session.changes],
+        "first_read": _packed(session.first_read),
+        "gear": _packed(np.array(session.gear.state)),
+        "changes": _packed(session.changes),
+        **parts,
     }
 
 
 def _session(content: Mapping[str, Any]) -> Session:
     session = Session(WatchOptions.of(content["options"]))
-    n_rows = len(session.learner.system.rows)
-    sizes = session.learner.sizes()
-    session.fed = _count(content["fed"])
-    session.n_read = _count(content["n_read"])
-    session.first_read = _rows(content["first_read"], session.options.width)
-    session.guard_state = _array(content["guard"], len(session.guard_state))
-    session.gear.state = _array(content["gear"], len(session.gear.state)).tolist()
-    session.now = _memory(content["now"], sizes)
-    session.newer = _memory(content["newer"], sizes)
-    session.older = _memory(content["older"], sizes)
-    stored = content["recent"]
-    recent = session.recent
-    recent.errors = _array(stored["errors"], n_rows)
-    recent.equations = _count(stored["equations"])
-    recent.powers = _array(stored["powers"], n_rows)
-    recent.equations_before = _count(stored["equations_before"])
-    recent.usual = _array(stored["usual"], 2 * n_rows).reshape(2, n_rows)
-    recent.counts_before = _array(stored["counts_before"], len(CAUSES) + 1)
-    recent.bad_share = float(stored["bad_share"])
-    recent.bad_cause = str(stored["bad_cause"])
-    session.suspected = bool(content["suspected"])
-    session.n_changes = _count(content["n_changes"])
-    session.changes = tuple(
-        Change(_finite(time), str(row), _finite(worse)) for time, row, worse in content["changes"]
-    )
+    for name in PARTS:
+        setattr(session, name, _unpacked(content[name], getattr(session, name)))
+    session.first_read = _numbers(content["first_read"]).reshape(-1, session.options.width)
+    gear = _unpacked(content["gear"], np.array(session.gear.state))
+    session.gear.state = gear.tolist()
+    like = Change(0.0, "", 0.0)
+    session.changes = tuple(_unpacked(change, like) for change in content["changes"])
     return session
 
 
-def _memory(stored: Mapping[str, Any], sizes: tuple[int, ...]) -> Memory:
-    states = [_array(text, size) for text, size in zip(stored["states"], sizes, strict=True)]
-    return Memory(_count(stored["fed"]), tuple(states), bool(stored["determined"]))
+def _packed(value: Any) -> Any:
+    """Numbers, arrays, tuples and data classes, ready for JSON."""
+    if isinstance(value, np.ndarray):
+        return base64.b64encode(np.asarray(value, dtype="<f8").tobytes()).decode("ascii")
+    if isinstance(value, tuple):
+        return [_packed(part) for part in value]
+    if is_dataclass(value):
+        return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
+    return value
 
 
-def _text(array: FloatArray) -> str:
-    return base64.b64encode(np.asarray(array, dtype="<f8").tobytes()).decode("ascii")
-
-
-def _array(text: str, size: int) -> FloatArray:
-    array = _numbers(text)
-    if array.shape != (size,):
-        raise ValueError("another size")
-    return array
-
-
-def _rows(text: str, width: int) -> FloatArray:
-    return _numbers(text).reshape(-1, width)
+def _unpacked(stored: Any, like: Any) -> Any:
+    """What was packed, of the same kind and size as another; a `ValueError` for anything else."""
+    if isinstance(like, np.ndarray):
+        return _numbers(stored).reshape(like.shape)
+    if isinstance(like, tuple):
+        return tuple(_unpacked(s, part) for s, part in zip(stored, like, strict=True))
+    if is_dataclass(like) and not isinstance(like, type):
+        parts = {f.name: _unpacked(stored[f.name], getattr(like, f.name)) for f in fields(like)}
+        return replace(like, **parts)
+    if type(stored) is not type(like) or (isinstance(like, float) and not isfinite(stored)):
+        raise ValueError("another type")
+    if type(like) is int and stored < 0:
+        raise ValueError("no count")
+    return stored
 
 
 def _numbers(text: str) -> FloatArray:
     raw = base64.b64decode(text, validate=True)
     return np.frombuffer(raw, dtype="<f8").astype(np.float64)
-
-
-def _count(value: object) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError("no count")
-    return value
-
-
-def _finite(value: object) -> float:
-    if not isinstance(value, int | float) or not isfinite(value):
-        raise ValueError("no number")
-    return float(value)

@@ -12,9 +12,18 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.recording.channel import Channel
+from flexid.recording.clock import is_stamp
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import read_channels
-from flexid.recording.layout import BLANK, LONGEST_LINE, Layout, header_separator, layout_of, split
+from flexid.recording.layout import (
+    BLANK,
+    LONGEST_LINE,
+    Layout,
+    header_separator,
+    is_number,
+    layout_of,
+    split,
+)
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
 from flexid.recording.table import EXAMPLE, Table
 from flexid.recording.text import UTF_16, as_utf_8, read_text
@@ -162,8 +171,10 @@ class LineReader:
         """What reads the rows, by the first lines, and those of them that hold numbers."""
         if self.before is not None and self._goes_on_with(lines):
             return self.before.rows.again(), lines
-        if self.header is not None and _is_part(*lines[1:3], header=self.header):
-            del lines[1]
+        if self.header is not None:
+            self._check_own_header(self.header, lines[1])
+            if _is_part(*lines[1:3], header=self.header):
+                del lines[1]
         text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
             raise RecordingError(self.source, "", "the text is in UTF-16: send it in UTF-8")
@@ -177,6 +188,19 @@ class LineReader:
         rows = RowReader(layout, mark_of(first, layout), before)
         return rows, text[layout.start :].split(b"\n")
 
+    def _check_own_header(self, header: str, first: bytes) -> None:
+        """Raise where the stream begins with names, though others are given."""
+        separator = _separator(header)
+        names = split(first.decode("utf-8", "replace"), separator)
+        numbers = sum(is_number(name) or is_stamp(name) or not name for name in names)
+        if len(names) == len(split(header, separator)) and not numbers:
+            raise RecordingError(
+                self.source,
+                "line 1",
+                f"it begins with column names of its own, {', '.join(names)}, and others are given "
+                f"as its header: leave the header out, or give the names in a column map",
+            )
+
     def _goes_on_with(self, lines: list[bytes]) -> bool:
         """Whether lines begin with a row of the text before: with no names where numbers stood."""
         if self.before is None:
@@ -187,12 +211,16 @@ class LineReader:
 
 def _is_part(line: bytes, following: bytes, *, header: str) -> bool:
     """Whether a line has fewer cells than the next: a stream without header, joined mid-line."""
-    separator = header_separator(header)
-    separator = separator if separator in header else BLANK
     first, second = (
-        len(split(text.decode("utf-8", "replace"), separator)) for text in (line, following)
+        len(split(text.decode("utf-8", "replace"), _separator(header)))
+        for text in (line, following)
     )
     return first < second
+
+
+def _separator(header: str) -> str:
+    separator = header_separator(header)
+    return separator if separator in header else BLANK
 
 
 def sample_time_of(source: str, time: FloatArray) -> float:
