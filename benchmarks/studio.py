@@ -1,7 +1,7 @@
 """Many windows of the studio at once: memory, and how long an answer takes.
 
 ``python -m benchmarks.studio`` opens twenty windows, sends each a log of thirty seconds, has all
-checked and identified, while another window goes on asking and another watches the simulated drive.
+checked and identified, while another window goes on asking.
 ``python -m benchmarks.studio --play 200`` moves the sliders of Play to as many places.
 """
 
@@ -85,27 +85,6 @@ class Visitor:
         self.wait(lambda message: message["kind"] == "address")
         return time.monotonic() - begun
 
-    def watch(self) -> None:
-        """Start a stream, and wait until its first samples are in."""
-        self.ask("room", target="live")
-        self.ask("live-start")
-        self.shown("live-table", "joint stiffness")
-
-    def watched(self) -> float:
-        """Seconds of the stream, which is stopped."""
-        self.ask("live-stop")
-        seconds = 0.0
-
-        def ended(message: dict[str, Any]) -> bool:
-            nonlocal seconds
-            text = message.get("text", "") if message.get("place") == "live-line" else ""
-            if text.startswith("Running: "):
-                seconds = float(text.split()[1])
-            return text.startswith("Stopped")
-
-        self.wait(ended)
-        return seconds
-
     def play_time(self, values: dict[str, str]) -> float:
         """Seconds until a place of the sliders is played."""
         begun = time.monotonic()
@@ -143,7 +122,6 @@ class Load:
     identified: float
     slowest_answer: float
     peak_memory: int
-    streamed: float
 
 
 def load(windows: int, identified: int) -> Load:
@@ -166,11 +144,10 @@ def load(windows: int, identified: int) -> Load:
             stack.enter_context(
                 connect(socket, origin=Origin(origin), max_size=None, max_queue=None)
             )
-            for _ in range(windows + 2)
+            for _ in range(windows + 1)
         ]
         visitors = [Visitor(address, connection) for connection in connections]
-        *visitors, asking, watching_live = visitors
-        watching_live.watch()
+        *visitors, asking = visitors
         begun = time.monotonic()
         for visitor in visitors:
             visitor.send(LOG)
@@ -184,7 +161,7 @@ def load(windows: int, identified: int) -> Load:
             visitor.shown("result", "Parameter")
             answers.append(asking.answer_time())
         spent = time.monotonic() - begun
-        return Load(checked, spent - checked, max(answers), peak[0], watching_live.watched())
+        return Load(checked, spent - checked, max(answers), peak[0])
 
 
 def play_times(places: int) -> list[float]:
@@ -231,7 +208,6 @@ def main() -> None:
     print(f"all identified       {found.identified:.1f} s")
     print(f"slowest answer       {found.slowest_answer:.2f} s")
     print(f"most memory          {found.peak_memory / 1e9:.2f} GB")
-    print(f"of a stream          {found.streamed:.0f} s")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import sync_playwright
 
 from benchmarks.studio import LOG, running
 
@@ -13,7 +13,7 @@ _CHROMIUM = "/usr/bin/chromium"
 
 
 def main(folder: Path) -> None:
-    """Open the studio with the example log, and picture what is found, Play and Live."""
+    """Open the studio with the example log, and picture what is found, and Play."""
     with running(LOG) as (_, address), sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=_CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1120, "height": 1000})
@@ -27,25 +27,7 @@ def main(folder: Path) -> None:
         page.evaluate("document.querySelector('#room-play .step').scrollIntoView()")
         page.wait_for_timeout(500)
         page.screenshot(path=folder / "studio-play.png")
-        page.goto(f"{address}?room=live&pace=4")
-        page.wait_for_selector("#live-controls select")
-        page.click("button[data-kind=live-start]")
-        _wait_for_health(page, "Converged")
-        page.wait_for_timeout(4000)
-        page.check("input[name=loaded]")
-        _wait_for_health(page, "Inconsistent")
-        _wait_for_health(page, "Converged")
-        page.wait_for_timeout(3000)
-        page.check("input[name=unplugged]")
-        _wait_for_health(page, "Sensor fault")
-        page.evaluate("document.querySelector('#room-live .step').scrollIntoView()")
-        page.wait_for_timeout(500)
-        page.screenshot(path=folder / "studio-live.png")
         browser.close()
-
-
-def _wait_for_health(page: Page, words: str) -> None:
-    page.wait_for_selector(f"#live-health .word:text-is('{words}')", timeout=300_000)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,6 @@ def page(browser, path):
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     page.watched = Watched(page)
     page.goto(path.as_uri())
-    page.wait_for_selector(".chart-plot canvas")
+    page.wait_for_selector(".chart svg")
     yield page
     page.close()

@@ -1,12 +1,17 @@
-"""A chart that is drawn with Matplotlib has what the chart has."""
+"""A chart that is drawn has what the chart has, in a file and in a page."""
+
+import re
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
+from flexid.report.charts.decimate import kept_samples
 from flexid.report.charts.description import Axis, Band, Chart, Level, Line, Panel, Points
-from flexid.report.charts.figure import draw, save_charts
+from flexid.report.charts.figure import NARROW, draw, laid_out, save_charts
 from flexid.report.charts.limits import whole_decades
+from flexid.report.charts.svg import chart_html, chart_svg
 from flexid.report.style import COLOURS
 
 X = np.array([1.0, 10.0, 100.0])
@@ -117,14 +122,16 @@ def test_stems_stand_on_the_bottom():
     assert ends == [[1e-3, x] for x in X]
 
 
-def test_a_long_line_keeps_its_spikes():
-    """Assert that a million samples are thinned, and the one that is different stays."""
+def test_a_long_line_keeps_its_spikes_and_gaps():
+    """Assert that a million samples are thinned, and the ones that are different stay."""
     time, still = np.arange(1e6), np.zeros(1_000_000)
-    still[123_456] = 1.0
-    (ax,) = draw(chart(panel(Line("", time, still)))).axes
+    still[123_456], still[600_000:600_010] = 1.0, np.nan
+    (ax,) = draw(chart(panel(Line("", time, still), Band("", time, still - 1.0, still)))).axes
     drawn = np.asarray(ax.lines[0].get_xydata())
-    assert len(drawn) < 10_000
+    assert len(drawn) < 3_000
     assert drawn[drawn[:, 1] == 1.0].tolist() == [[123_456.0, 1.0]]
+    assert np.isnan(drawn[:, 1]).any()
+    assert kept_samples([still[:11]], 11).tolist() == list(range(11))
 
 
 def test_text_is_no_formula():
@@ -137,6 +144,7 @@ def test_text_is_no_formula():
     lines = figure.get_suptitle().splitlines()
     assert lines[0].startswith(r"gain $\frac of $x, and")
     assert max(map(len, lines)) <= 82
+    ElementTree.fromstring(chart_svg(chart(formula, title=name)))
 
 
 def test_files_have_the_names_of_the_charts(tmp_path):
@@ -150,3 +158,38 @@ def test_whole_decades_hold_the_values():
     assert whole_decades(np.array([3.0, 4.0])) == (1.0, 10.0)
     assert whole_decades(np.array([10.0, 10.0])) == (10.0, 100.0)
     assert whole_decades(np.array([0.02, 1e3])) == (0.01, 1e3)
+
+
+@pytest.mark.parametrize("width", [7.2, NARROW])
+def test_a_page_draws_the_same_line(width):
+    """Assert that the points of a line in SVG are where Matplotlib has them, to a tenth."""
+    made = chart(panel(Line("", X, X**0.5), y=Axis("size", logarithmic=True)))
+    figure = laid_out(made, width)
+    (ax,) = figure.axes
+    pixels = ax.transData.transform(np.column_stack([X, X**0.5])) * 72.0 / figure.dpi
+    pixels[:, 1] = 72.0 * figure.get_figheight() - pixels[:, 1]
+    svg = ElementTree.fromstring(chart_svg(made, width))
+    paths = [path.get("d", "") for path in svg.iter("{http://www.w3.org/2000/svg}path")]
+    found = [np.array(re.findall(r"[-.\d]+", path), dtype=float) for path in paths]
+    assert any(len(f) == 6 and np.abs(f - pixels.ravel()).max() < 0.06 for f in found)
+
+
+def test_a_figure_of_a_page_has_its_words_colours_and_no_style():
+    """Assert that text is text, colours are the page's, and no style needs a permission."""
+    marks = Band("band", X, -X, X, "green"), Points("points", X, X, "grey", faint=True)
+    html = chart_html(chart(panel(*marks), title='<b> & "c"'))
+    assert html.count('aria-label="&lt;b&gt; &amp; &quot;c&quot;"') == html.count("<svg") == 2
+    assert ">time (s)<" in html
+    assert html.count('fill="var(--chart-grey)" fill-opacity="0.25"') == 4  # legend and panel
+    assert "style" not in html
+    assert not re.search("#[0-9a-f]{6}\\b", html)
+    assert chart_html(chart(panel(*marks), title='<b> & "c"')) == html
+
+
+def test_a_narrow_figure_has_one_panel_in_a_row():
+    """Assert that panels that stand beside each other stand below each other there."""
+    line = Line("", X, X)
+    made = chart(panel(line, span=2), panel(line), panel(line), columns=2)
+    boxes = [ax.get_position() for ax in laid_out(made, NARROW).axes]
+    assert [box.x0 for box in boxes] == pytest.approx([boxes[0].x0] * 3)
+    assert boxes[0].y0 > boxes[1].y1 > boxes[2].y1

@@ -53,7 +53,7 @@ def test_a_run_is_on_its_page(simulated):
     made = page_html(
         run_page(experiment, run, measures, charts, "flexid simulate x", "a b.parquet")
     )
-    assert made.count("data-chart=") == 2
+    assert made.count('class="chart wide"') == 2
     for text in ("theta1", "Tracking error:", "flexid simulate x", experiment.digest):
         assert text in made
     assert "flexid identify &#39;a b.parquet&#39;" in made
@@ -93,7 +93,7 @@ def test_a_campaign_is_on_its_page():
     summary = made_summary(results=(made_result([Correlation("controller.k", -0.9, True)]),))
     charts = campaign_charts(summary)
     made = page_html(campaign_page(summary, charts))
-    assert made.count("data-chart=") == len(charts)
+    assert made.count('class="chart wide"') == len(charts)
     for text in ("tracking_<wbr>rms", "controller.k -0.90", "flexid campaign --summary out"):
         assert text in made
 
@@ -109,5 +109,5 @@ def test_the_paper_is_on_its_page(reproduction):
     assert page.answers[1].word == "(1,2,3)"
     assert page.sections[-1].content[0] == Command("flexid reproduce")
     made = page_html(page)
-    assert made.count("data-chart=") == len(charts)
+    assert made.count('class="chart wide"') == len(charts)
     assert len(made) < 1_000_000

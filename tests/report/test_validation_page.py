@@ -76,4 +76,4 @@ def test_all_of_it_is_on_the_page():
     made = page_html(validation_page(with_fit(97.53, "beware"), charts, "flexid validate e.json"))
     for text in ("my log.csv", "97.53", ">beware<", "flexid validate e.json", ">ab<"):
         assert text in made
-    assert made.count("data-chart=") == 2
+    assert made.count('class="chart wide"') == 2

@@ -68,7 +68,7 @@ class Opened:
     sent: list[dict[str, Any]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        offer = Offer(None, self.workers, self.workers, self.workers, self.workers)
+        offer = Offer(None, self.workers, self.workers, self.workers)
         self.window = Window(offer, self._send)
         self.rooms = Rooms(self.window)
         self.room = self.rooms._identify
@@ -243,7 +243,7 @@ def test_a_bad_address_is_said_beside_the_log(short_log: Path):
 
     async def main() -> None:
         async with opened() as studio:
-            studio.window.offer = Offer(short_log, *[studio.workers] * 4)
+            studio.window.offer = Offer(short_log, *[studio.workers] * 3)
             await studio.room.open({"model": "nonsense"})
             await studio.idle()
             assert "is none of auto" in studio.shown("log-problem")
@@ -292,7 +292,7 @@ def test_the_log_of_the_command_line_is_kept(short_log: Path):
 
     async def main() -> None:
         async with opened() as studio:
-            own = Offer(short_log, *[studio.workers] * 4)
+            own = Offer(short_log, *[studio.workers] * 3)
             studio.window.offer = own
             await studio.room.open({})
             studio.upload("a.csv")
@@ -352,7 +352,7 @@ def test_play_goes_on_after_an_error(values: dict[str, str]):
     async def main() -> None:
         async with opened() as studio:
             broken = Broken(0)
-            studio.window.offer = Offer(None, *[broken] * 4)
+            studio.window.offer = Offer(None, *[broken] * 3)
             await PlayRoom(studio.window).change(values)
             await studio.idle()
             assert "problem" in studio.shown("play-problem")

@@ -74,7 +74,7 @@ class Session:
 
 def test_one_window_too_many_is_told():
     """Assert that the window says why it stays empty."""
-    offer = Offer(None, *[Workers(0)] * 4)
+    offer = Offer(None, *[Workers(0)] * 3)
     windows: dict[str, Any] = dict.fromkeys(map(str, range(server.MOST_WINDOWS)))
     session: Any = Session()
     server._server(offer, windows)(None, None, session)

@@ -23,6 +23,7 @@ INK, BLUE, ORANGE, GREEN, RED, GREY = (
     "#c0392b",
     "#8a939c",
 )
+GRID = "#e3e6e9"
 
 COLOURS: Mapping[Colour, str] = {
     "ink": INK,
@@ -45,9 +46,13 @@ STYLE: dict[RcKeyType, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "text.color": INK,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": "#e3e6e9",
+    "grid.color": GRID,
     "grid.linewidth": 0.6,
     "legend.frameon": False,
     "legend.fontsize": 8,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from flexid.studio.window import Window
 
 ROOM = "identify"
+_FILLED = ("columns", "check", "check-charts", "run", "run-state", "result", "result-charts")
 EXPORTS = {
     "c99": "the online estimator in C99",
     "fmu": "plant and estimator as FMUs",
@@ -157,10 +158,8 @@ class IdentifyRoom:
 
     async def _look(self, path: Path) -> None:
         window = self._window
-        for place in ("columns", "check", "run", "run-state", "result"):
+        for place in _FILLED:
             await window.show(place, "nothing.html")
-        await window.draw("check-charts", ())
-        await window.draw("result-charts", ())
         await window.show("log-state", "line.html", text=f"Reading {path.name} ...")
         found: FileOverview = await window.offer.short.run(
             jobs.look, path.name, folder=path.parent, said=window.saying("log-state")
@@ -213,7 +212,7 @@ class IdentifyRoom:
             )
         except FlexidError as error:
             self._problem = str(error)
-            await window.draw("check-charts", ())
+            await window.show("check-charts", "nothing.html")
             await window.show("run", "nothing.html")
             await window.show("check", "unread.html", text=self._problem)
             return
@@ -223,7 +222,7 @@ class IdentifyRoom:
             by_name=not self._choices.sources, open_question="",
         )  # fmt: skip
         await window.show("check", "check.html", survey=found.survey, found=found)
-        await window.draw("check-charts", (found.chart,))
+        await window.show("check-charts", "figures.html", figures=(found.figure,))
         await window.show(
             "run", "run.html", choices=self._choices, models=MODELS, holds=HOLDS, terms=ALL_TERMS
         )
@@ -255,7 +254,7 @@ class IdentifyRoom:
         await window.show(
             "result", "result.html", found=found, files=[*window.files], exports=EXPORTS
         )
-        await window.draw("result-charts", found.charts)
+        await window.show("result-charts", "figures.html", figures=found.figures)
         await self._mark()
         await window.address(ROOM, self._choices.query)
 

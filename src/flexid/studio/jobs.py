@@ -9,13 +9,14 @@ from __future__ import annotations
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from flexid.identification.vocabulary.evidence import ValueEstimate
     from flexid.identification.vocabulary.progress import Progress
     from flexid.recording.overview import FileOverview
     from flexid.recording.survey import LogSurvey
+    from flexid.report.charts.svg import Drawn
     from flexid.report.page.layout import Answer as PageAnswer
     from flexid.studio.choices import Choices
 
@@ -35,14 +36,14 @@ class Checked:
         What was mended, or looks odd.
     origins : mapping of str to str
         The columns of each channel.
-    chart : dict
-        Its channels over time, as a document.
+    figure : Drawn
+        Its channels over time.
     """
 
     survey: LogSurvey
     warnings: tuple[str, ...]
     origins: dict[str, str]
-    chart: dict[str, Any]
+    figure: Drawn
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,8 @@ class Answer:
         Terms of the model.
     hold : str
         The input between samples.
-    charts : tuple of dict
-        Documents of the figures.
+    figures : tuple of Drawn
+        What the report has too.
     sample_time : float
         Of the log, in s.
     """
@@ -107,7 +108,7 @@ class Answer:
     warnings: tuple[str, ...]
     terms: tuple[str, ...]
     hold: str
-    charts: tuple[dict[str, Any], ...]
+    figures: tuple[Drawn, ...]
     sample_time: float
 
 
@@ -122,19 +123,19 @@ def check(_: Progress, name: str, choices: Choices) -> Checked:
     """Read a log as it would be identified, and say what it shows."""
     from flexid.recording.read import read_log
     from flexid.recording.survey import survey
-    from flexid.report.charts.document import chart_document
+    from flexid.report.charts.svg import drawn
     from flexid.report.log_charts import log_chart
 
     log = read_log(Path(name), choices.column_map)
     origins = {channel: " + ".join(origin.columns) for channel, origin in log.columns.items()}
-    return Checked(survey(log), log.warnings, origins, chart_document(log_chart(log)))
+    return Checked(survey(log), log.warnings, origins, drawn(log_chart(log)))
 
 
 def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answer:
     """Identify a log, and leave estimate and report in a folder."""
     from flexid.library.identify import identify as run
     from flexid.recording.read import read_log
-    from flexid.report.charts.document import chart_document
+    from flexid.report.charts.svg import drawn
     from flexid.report.documents import write_document
     from flexid.report.identification_charts import identification_charts
     from flexid.report.page.identification_page import identification_page
@@ -157,7 +158,7 @@ def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answ
         result.warnings,
         result.choices.terms,
         result.choices.hold,
-        tuple(map(chart_document, charts)),
+        tuple(map(drawn, charts)),
         log.recordings[0].sample_time,
     )
 

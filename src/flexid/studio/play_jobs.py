@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
     from flexid.identification.vocabulary.progress import Progress
+    from flexid.report.charts.svg import Drawn
     from flexid.simulation.run import Run
     from flexid.studio.play_choices import PlayChoices
 
@@ -39,21 +40,21 @@ class PlayedRuns:
         What is measured, of the run and of the pinned one.
     problems : tuple of str
         Why a run has no figures.
-    chart : dict
-        Both, as a document.
+    figure : Drawn
+        Both.
     seconds : float
         How long it took.
     """
 
     rows: tuple[tuple[str, str, str], ...]
     problems: tuple[str, ...]
-    chart: dict[str, Any]
+    figure: Drawn
     seconds: float
 
 
 def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
     """Simulate a loop, and say what came of it beside a pinned one."""
-    from flexid.report.charts.document import chart_document
+    from flexid.report.charts.svg import drawn
 
     begun = perf_counter()
     runs: list[Played | None] = []
@@ -66,8 +67,8 @@ def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> Played
             why = error.reason.partition(":")[0]  # what it advises is not to be had here
             problems.append(f"{which} stops at {error.time:.3g} s: {why}. Move a slider back.")
     run, pin = runs
-    chart = chart_document(play_chart(run, pin))
-    return PlayedRuns(_rows(run, pin), tuple(problems), chart, perf_counter() - begun)
+    figure = drawn(play_chart(run, pin))
+    return PlayedRuns(_rows(run, pin), tuple(problems), figure, perf_counter() - begun)
 
 
 def _played(choices: PlayChoices) -> Played:

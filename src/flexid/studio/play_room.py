@@ -104,4 +104,4 @@ class PlayRoom:
         problems = (self._refused, *found.problems) if self._refused else found.problems
         await window.show("play-problem", "play_problems.html", problems=problems)
         await window.show("play-figures", "play_figures.html", found=found)
-        await window.draw("play-charts", (found.chart,))
+        await window.show("play-charts", "figures.html", figures=(found.figure,))

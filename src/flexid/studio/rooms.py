@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexid.errors import FlexidError
-from flexid.studio import identify_room, live_room, play_room
+from flexid.studio import identify_room, play_room
 from flexid.studio.identify_room import IdentifyRoom
-from flexid.studio.live_room import LiveRoom
 from flexid.studio.play_room import PlayRoom
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ class Rooms:
         self.window = window
         self._identify = IdentifyRoom(window)
         self._play = PlayRoom(window)
-        self._live = LiveRoom(window, self._identify)
 
     async def handle(self, request: Mapping[str, object]) -> None:
         """Do what the page asks for; what is not known is not done."""
@@ -58,14 +56,6 @@ class Rooms:
                     await self._play.unpin()
                 case "reset":
                     await self._play.reset()
-                case "live":
-                    await self._live.change(values)
-                case "live-start":
-                    await self._live.start()
-                case "live-pause":
-                    await self._live.pause()
-                case "live-stop":
-                    await self._live.stop()
                 case _:
                     pass
         except FlexidError:
@@ -78,22 +68,17 @@ class Rooms:
         room = values.get("room") if isinstance(values, Mapping) else None
         if isinstance(values, Mapping) and room == play_room.ROOM:
             await self._play.open(values)
-        elif isinstance(values, Mapping) and room == live_room.ROOM:
-            await self._live.open(values)
         await self._enter(room)
 
     async def _enter(self, room: object) -> None:
-        rooms = {play_room.ROOM: self._play, live_room.ROOM: self._live}
-        known = room if isinstance(room, str) and room in rooms else identify_room.ROOM
+        known = play_room.ROOM if room == play_room.ROOM else identify_room.ROOM
         await self.window.enter(known)
-        await rooms.get(known, self._identify).enter()
+        await (self._play if known == play_room.ROOM else self._identify).enter()
 
     def uploaded(self, path: Path) -> None:
         """Go on with a log that was sent."""
         self._identify.uploaded(path)
-        self._live.renewed()
 
     async def close(self) -> None:
         """End what runs for the window, and forget what it holds."""
-        self._live.close()
         await self.window.close()

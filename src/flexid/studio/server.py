@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flexid.studio.window import Offer
 
 MOST_WINDOWS = 40
-_LONG, _SHORT, _PLAY, _LIVE = 2, 1, 1, 1  # processes; Live keeps its streams in one
+_LONG, _SHORT, _PLAY = 2, 1, 1  # processes
 
 
 def need_packages() -> None:
@@ -61,7 +61,7 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
     from flexid.studio.workers import Workers
 
     log = log and log.absolute()  # each process changes its folder from job to job
-    processes = [Workers(most) for most in (_LONG, _SHORT, _PLAY, _LIVE)]
+    processes = [Workers(most) for most in (_LONG, _SHORT, _PLAY)]
     offer = Offer(log, *processes)
     windows: dict[str, Rooms] = {}
     page = Path(__file__).parent / "page" / "studio.html"

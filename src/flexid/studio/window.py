@@ -27,16 +27,14 @@ class Offer:
     ----------
     log : Path or None
         The log that was named on the command line.
-    long, short, play, live : Workers
-        Processes for identifications and exports, for looking at logs, for runs of Play, and the
-        one that keeps the streams of Live.
+    long, short, play : Workers
+        Processes for identifications and exports, for looking at logs, and for runs of Play.
     """
 
     log: Path | None
     long: Workers
     short: Workers
     play: Workers
-    live: Workers
 
 
 class Window:
@@ -69,10 +67,6 @@ class Window:
         """Fill a place of the page."""
         html = fragment(template, window=self.key, **content)
         await self._send({"kind": "show", "place": place, "html": html})
-
-    async def draw(self, place: str, charts: tuple[dict[str, Any], ...]) -> None:
-        """Draw figures in a place of the page."""
-        await self._send({"kind": "draw", "place": place, "charts": list(charts)})
 
     def saying(self, place: str) -> Callable[[str], None]:
         """A function that fills a place with a line on how far some work is."""

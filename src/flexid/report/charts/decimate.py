@@ -1,52 +1,27 @@
-"""Fewer samples that look the same: a line through a million has no more pixels than others."""
+"""Fewer samples with the same look: a line of a million samples has no more pixels than others."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
-from flexid.report.charts.description import Band, Level, Line, Mark, Points
+from flexid.report.charts.description import Level, Mark
 
 
-def thinned(marks: Iterable[Mark], most: int) -> tuple[Mark, ...]:
-    """Marks of a panel with about so many samples each, and no more than they have.
-
-    Marks that stand over the same places keep the same ones of them.
-    """
-    marks = tuple(marks)
-    groups: list[list[Line | Band | Points]] = []
-    for mark in marks:
-        if isinstance(mark, Level):
-            continue
-        alike = (group for group in groups if np.array_equal(group[0].x, mark.x, equal_nan=True))
-        group = next(alike, None)
-        if group is None:
-            groups.append([mark])
-        else:
-            group.append(mark)
-    found: dict[int, Mark] = {}
-    for group in groups:
-        kept = kept_samples([curve for mark in group for curve in _curves(mark)], most)
-        found |= {id(mark): _chosen(mark, kept) for mark in group}
-    return tuple(found.get(id(mark), mark) for mark in marks)
+def thinned(mark: Mark, most: int) -> Mark:
+    """A mark with about `most` samples, its extremes and gaps among them."""
+    if isinstance(mark, Level) or len(mark.x) <= most:
+        return mark
+    arrays = {f.name: getattr(mark, f.name) for f in fields(mark)}
+    arrays = {name: a for name, a in arrays.items() if isinstance(a, np.ndarray)}
+    kept = kept_samples([a for name, a in arrays.items() if name != "x"], most)
+    return replace(mark, **{name: a[kept] for name, a in arrays.items()})
 
 
 def peaks(time: FloatArray, values: FloatArray, width: int) -> tuple[FloatArray, FloatArray]:
-    """The largest value of each so many samples, for what passes zero all the time.
-
-    Parameters
-    ----------
-    time, values : (n,) ndarray
-        A size over time.
-    width : int
-        Samples of a stretch; those of a last one that is not whole are left out.
-
-    Returns
-    -------
-    places, largest : (n // width,) ndarray
-        The middle of each stretch's samples, and its largest value.
+    """Middle and largest value of each `width` samples, shape (n // width,) each.
 
     Examples
     --------
@@ -59,37 +34,11 @@ def peaks(time: FloatArray, values: FloatArray, width: int) -> tuple[FloatArray,
     return time[:kept].reshape(shape).mean(axis=1), values[:kept].reshape(shape).max(axis=1)
 
 
-def _curves(mark: Line | Band | Points) -> Iterator[FloatArray]:
-    if isinstance(mark, Band):
-        yield from (mark.low, mark.high)
-    else:
-        yield mark.y
-
-
-def _chosen(mark: Line | Band | Points, kept: NDArray[np.intp]) -> Mark:
-    if len(kept) == len(mark.x):
-        return mark
-    arrays = (f.name for f in fields(mark) if isinstance(getattr(mark, f.name), np.ndarray))
-    return replace(mark, **{name: getattr(mark, name)[kept] for name in arrays})
-
-
 def kept_samples(curves: Sequence[FloatArray], most: int) -> NDArray[np.intp]:
-    """Which samples of curves over one axis have to stay, so that the curves look the same.
+    """Places, ascending, of the samples without which curves over one axis would look different.
 
-    Of each of many short stretches, those where a curve is smallest and largest stay, and one where
-    a curve has a gap; with them the first and the last of all.
-
-    Parameters
-    ----------
-    curves : sequence of (n,) ndarray
-        Values of all curves at the same places.
-    most : int
-        About how many samples are wanted; curves that have no more keep all.
-
-    Returns
-    -------
-    (m,) ndarray of int
-        Their places, ascending.
+    Of each of many short stretches these are the smallest and the largest value of every curve, and
+    a gap; and the first and the last sample of all.
 
     Examples
     --------

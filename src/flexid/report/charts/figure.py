@@ -1,6 +1,9 @@
-"""A chart drawn with Matplotlib, for a file or a notebook."""
+"""A chart drawn with Matplotlib."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from math import inf, log10
 from pathlib import Path
 from textwrap import fill
 from typing import Literal
@@ -11,7 +14,15 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis as Ruler
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, MultipleLocator, NullFormatter, ScalarFormatter
+from matplotlib.ticker import (
+    FuncFormatter,
+    LogLocator,
+    MaxNLocator,
+    MultipleLocator,
+    NullFormatter,
+    NullLocator,
+    ScalarFormatter,
+)
 
 from flexid.report.charts.decimate import thinned
 from flexid.report.charts.description import (
@@ -27,41 +38,59 @@ from flexid.report.charts.description import (
 )
 from flexid.report.style import COLOURS, STYLE, new_figure, save
 
-WIDTH = 7.2  # inches, of every figure: that of a printed page
+WIDTH = 7.2  # inches, of a figure in a file: that of a printed page
+NARROW = 3.7  # inches: that of a telephone, with one panel in a row
 _ROW = 1.75  # inches, of a row of panels of height 1
 _EDGE = 0.3  # inches, that all panels together leave for labels
 _LINE = 0.2  # inches, of a line of the title or of the legend
-_MOST = 6000  # samples of a curve: the figure has some 1300 pixels
-_TITLE = 82  # characters in a line of the title
-_LEGEND = 110  # characters in a line of the legend
-_HANDLE = 11  # characters that the handle of an entry takes
-_FEW = 2.5  # panels beside each other, from which on their text is small
+_SAMPLES = 240  # of a curve in an inch, which has 200 pixels in a file
+_LETTERS = 11.4, 15.3  # in an inch of the title; of the legend and of the title of a small panel
+_HANDLE = 11  # letters that the handle of an entry takes
+_FEW = 2.5  # panels in a row, from which on their text is small
 _MARGIN = 0.06  # of what is shown, beside points
+_MINOR = 4  # decades of an axis that has marks between them
 _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def draw(chart: Chart) -> Figure:
-    """Draw a chart: its title above, a legend of all panels below.
+def draw(chart: Chart, width: float = WIDTH) -> Figure:
+    """Draw a chart with Matplotlib: its title above, a legend of all panels below.
 
-    Panels of one column share their x axis if the chart is linked, and panels beside each other
-    share a y axis that is the same, limits and all; what they share is labelled once. What is alone
-    in its panel needs no entry in the legend.
+    Panels of one column share their x axis if the chart is linked, and panels of one row share a y
+    axis that is the same, limits and all; a shared axis is labelled once. The only mark of a panel
+    needs no entry in the legend.
 
     Parameters
     ----------
     chart : Chart
         What is drawn.
+    width : float, optional
+        In inches; a narrow figure has one panel in a row.
 
     Returns
     -------
     Figure
-        A Matplotlib figure that pyplot knows nothing of, and that a notebook shows.
+        A Matplotlib figure that pyplot does not know, and that a notebook shows.
     """
+    if width <= NARROW and chart.columns > 1:
+        panels = tuple(replace(panel, span=1) for panel in chart.panels)
+        chart = replace(chart, columns=1, panels=panels, linked=False)
     with mpl.rc_context(STYLE):
-        figure = _new_figure(chart)
-        _fill_grid(figure, chart)
+        figure = _new_figure(chart, width)
+        _fill_grid(figure, chart, width)
         figure.align_ylabels()
-        _draw_legend(figure, chart)
+        _draw_legend(figure, chart, width)
+    return figure
+
+
+@lru_cache(maxsize=16)
+def laid_out(chart: Chart, width: float = WIDTH) -> Figure:
+    """The drawing of a chart for its file and its page, with the layout computed once."""
+    with mpl.rc_context(STYLE):
+        figure = draw(chart, width)
+        if (engine := figure.get_layout_engine()) is not None:
+            engine.execute(figure)
+        figure.set_layout_engine("none")
     return figure
 
 
@@ -70,7 +99,7 @@ def save_charts(
 ) -> None:
     """Write each chart as ``directory/name.format`` for each format."""
     for chart in charts:
-        save(draw(chart), directory, chart.name, formats)
+        save(laid_out(chart), directory, chart.name, formats)
 
 
 def _rows(chart: Chart) -> list[list[tuple[int, Panel]]]:
@@ -90,16 +119,16 @@ def _heights(chart: Chart) -> list[float]:
     return [max(panel.height for _, panel in row) for row in _rows(chart)]
 
 
-def _new_figure(chart: Chart) -> Figure:
+def _new_figure(chart: Chart, width: float) -> Figure:
     """A figure with a title, as high as its panels and its text need."""
-    title = fill(chart.title, _TITLE)
-    lines = len(title.splitlines()) + -(-len(_labels(chart)) // _legend_columns(chart))
-    figure = new_figure(WIDTH, _ROW * sum(_heights(chart)) + _LINE * lines + _EDGE)
+    title = fill(chart.title, round(_LETTERS[0] * width))
+    lines = len(title.splitlines()) + -(-len(_labels(chart)) // _legend_columns(chart, width))
+    figure = new_figure(width, _ROW * sum(_heights(chart)) + _LINE * lines + _EDGE)
     figure.suptitle(title, x=0.01, ha="left", fontsize=10, parse_math=False)
     return figure
 
 
-def _fill_grid(figure: Figure, chart: Chart) -> None:
+def _fill_grid(figure: Figure, chart: Chart, width: float) -> None:
     """Draw the panels where they belong, with axes that they share."""
     rows = _rows(chart)
     grid = figure.add_gridspec(len(rows), chart.columns, height_ratios=_heights(chart))
@@ -112,7 +141,7 @@ def _fill_grid(figure: Figure, chart: Chart) -> None:
             same = left[1] if left is not None and alike else None
             place = grid[i, column : column + panel.span]
             ax = figure.add_subplot(place, sharex=share, sharey=same)
-            _fill(ax, panel, chart.columns / panel.span)
+            _fill(ax, panel, chart.columns / panel.span, width)
             if share is not None:
                 _unlabel(share.xaxis)
             if same is not None:
@@ -125,20 +154,23 @@ def _fill_grid(figure: Figure, chart: Chart) -> None:
                 ax.xaxis.set_label_text("")
 
 
-def _fill(ax: Axes, panel: Panel, beside: float) -> None:
-    """Draw a panel that has so many of its width in a row."""
+def _fill(ax: Axes, panel: Panel, beside: float, width: float) -> None:
+    """Draw a panel of a figure that has room for so many of them in a row."""
     ax.margins(0.0 if _runs_along(panel) else _MARGIN, _MARGIN)
-    for mark in thinned(panel.marks, _MOST):
-        _draw(ax, mark)
-    _set_axis(ax, "x", panel.x, _numbers(beside))
+    for mark in panel.marks:
+        _draw(ax, thinned(mark, round(_SAMPLES * width)))
+    _set_axis(ax, "x", panel.x, _numbers(beside * WIDTH / width))
     _set_axis(ax, "y", panel.y, 5)
     for mark in panel.marks:
         if isinstance(mark, Points) and mark.stems:  # now that the panel has a bottom
             ax.vlines(mark.x, ax.get_ylim()[0], mark.y, color=COLOURS[mark.colour])
     if beside > _FEW:
         ax.xaxis.label.set_fontsize(8)
-    size = 10 if beside == 1.0 else 8
-    ax.set_title(panel.title, color=COLOURS[panel.colour], fontsize=size, parse_math=False)
+    big = beside == 1.0 and width > NARROW
+    letters = round(_LETTERS[0 if big else 1] * width / beside)
+    title = "\n".join(fill(line, letters) for line in panel.title.splitlines())
+    colour = COLOURS[panel.colour]
+    ax.set_title(title, color=colour, fontsize=10 if big else 8, parse_math=False, y=1.0)
 
 
 def _numbers(beside: float) -> int:
@@ -187,14 +219,30 @@ def _set_axis(ax: Axes, which: Literal["x", "y"], axis: Axis, labels: int) -> No
         limits = (count - 0.5, -0.5) if which == "y" else (-0.5, count - 0.5)
     elif axis.logarithmic:
         ax.set(**{f"{which}scale": "log"})
-        if limits is None or limits[1] >= 10.0 * limits[0]:
-            ruler.set_minor_formatter(NullFormatter())
+        _set_decades(ruler, limits, labels)
     else:
         several = MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
         ruler.set_major_locator(several if axis.step is None else MultipleLocator(axis.step))
         ruler.set_major_formatter(ScalarFormatter(useOffset=False))
     if limits is not None:
         ax.set(**{f"{which}lim": limits})
+
+
+def _set_decades(ruler: Ruler, limits: tuple[float, float] | None, labels: int) -> None:
+    """Numbers of a logarithmic axis: powers of ten, or others where there is less than a decade."""
+    decades = inf if limits is None else log10(limits[1] / limits[0])
+    ruler.set_major_locator(LogLocator(numticks=labels + 2))
+    ruler.set_major_formatter(FuncFormatter(_power))
+    if decades > _MINOR:
+        ruler.set_minor_locator(NullLocator())
+    few = FuncFormatter(lambda value, _: f"{value:g}")
+    ruler.set_minor_formatter(few if decades < 1.0 else NullFormatter())
+
+
+def _power(value: float, _: int) -> str:
+    """A power of ten as an axis has it."""
+    exponent = round(log10(value)) if value > 0.0 else 0
+    return f"{value:g}" if -1 <= exponent <= 3 else "10" + str(exponent).translate(_SUPERSCRIPTS)
 
 
 def _label(axis: Axis) -> str:
@@ -207,11 +255,12 @@ def _unlabel(ruler: Ruler) -> None:
     ruler.set_label_text("")
 
 
-def _legend_columns(chart: Chart) -> int:
+def _legend_columns(chart: Chart, width: float) -> int:
     """As many columns of entries as the figure is wide enough for."""
     lengths = [len(label) + _HANDLE for label in _labels(chart)]
     for columns in range(len(lengths), 1, -1):
-        if sum(int(part.max()) for part in np.array_split(lengths, columns)) <= _LEGEND:
+        widths = (int(part.max()) for part in np.array_split(lengths, columns))
+        if sum(widths) <= _LETTERS[1] * width:
             return columns
     return 1
 
@@ -226,7 +275,7 @@ def _labels(chart: Chart) -> list[str]:
     return list(found)
 
 
-def _draw_legend(figure: Figure, chart: Chart) -> None:
+def _draw_legend(figure: Figure, chart: Chart, width: float) -> None:
     handles: dict[str, Artist] = {}
     for ax in figure.axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
@@ -234,7 +283,11 @@ def _draw_legend(figure: Figure, chart: Chart) -> None:
     labels = _labels(chart)
     if not labels:
         return
-    place, columns = "outside lower left", _legend_columns(chart)
-    legend = figure.legend([handles[one] for one in labels], labels, loc=place, ncols=columns)
+    legend = figure.legend(
+        [handles[one] for one in labels],
+        [fill(one, round(_LETTERS[1] * width) - _HANDLE) for one in labels],
+        loc="outside lower left",
+        ncols=_legend_columns(chart, width),
+    )
     for text in legend.get_texts():
         text.set_parse_math(False)

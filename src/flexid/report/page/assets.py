@@ -1,4 +1,4 @@
-"""What a page has inside it: uPlot, which the package youplot brings, our script and our style."""
+"""The style sheets of a page and of the studio."""
 
 import base64
 import hashlib
@@ -6,56 +6,12 @@ from functools import cache
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-_PARTS = ("numbers", "marks", "ranges", "figure")
-
-
-@cache
-def plotting_script() -> str:
-    """uPlot."""
-    from youplot.vendor import uplot_js
-
-    return uplot_js()
-
-
-@cache
-def plotting_style() -> str:
-    """The style sheet of uPlot."""
-    from youplot.vendor import uplot_css
-
-    return uplot_css()
-
-
-@cache
-def drawing_script() -> str:
-    """uPlot and what draws a `chart_document` with it.
-
-    It makes three functions: ``flexid.draw(element, document)`` draws into an element,
-    ``flexid.update(element, document)`` shows other data there, and ``flexid.forget(element)``
-    ends what is drawn there before the element is removed.
-    """
-    parts = [_text(f"{name}.js") for name in _PARTS]
-    return "\n".join(
-        (
-            plotting_script(),
-            "const flexid = (() => {",
-            '"use strict";',
-            *parts,
-            "return { draw, update, forget };",
-            "})();",
-        )
-    )
 
 
 @cache
 def drawing_style() -> str:
-    """Style sheets of the figures: uPlot's, and ours with the colours by day and by night."""
-    return plotting_style() + "\n" + _text("chart.css")
-
-
-@cache
-def page_script() -> str:
-    """The script of a page: it draws the figures that stand in it."""
-    return f"{drawing_script()}\n{_text('start.js')}"
+    """The style sheet of figures, with the colours by day and by night."""
+    return _text("chart.css")
 
 
 @cache

@@ -9,8 +9,8 @@ from typing import Any
 
 import flexid
 from flexid.report.charts.description import Chart
-from flexid.report.charts.document import chart_document
-from flexid.report.page.assets import content_hash, page_script, page_style
+from flexid.report.charts.svg import chart_html
+from flexid.report.page.assets import content_hash, page_style
 from flexid.report.page.layout import Command, Facts, Folded, Link, Page, Points, Warned
 from flexid.report.style import GREEN, ORANGE, RED
 from flexid.report.terminal import Table
@@ -35,31 +35,20 @@ _TESTS = {
 
 
 def page_html(page: Page) -> str:
-    """The HTML of a page, with script, style and data inside.
+    """A whole document, with style and figures inside.
 
-    Parameters
-    ----------
-    page : Page
-        What it says.
-
-    Returns
-    -------
-    str
-        A whole document. Its Content-Security-Policy allows no request, and no script or style but
-        those that stand in it.
+    Its Content-Security-Policy allows no request, no script, and no style but its own.
     """
     from markupsafe import Markup
 
-    script, style = page_script(), page_style()
+    style = page_style()
     return (
         _environment()
         .get_template("page.html")
         .render(
             page=page,
             version=flexid.__version__,
-            script=Markup(script),
             style=Markup(style),
-            script_hash=Markup(content_hash(script)),
             style_hash=Markup(content_hash(style)),
         )
     )
@@ -73,7 +62,7 @@ def save_page(page: Page, directory: Path) -> None:
 @cache
 def _environment() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from jinja2.utils import htmlsafe_json_dumps
+    from markupsafe import Markup
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
@@ -88,9 +77,7 @@ def _environment() -> Any:
     environment.filters["typeset"] = lambda text: text.replace("^2", "²").replace("^3", "³")
     environment.filters["breakable"] = _breakable
     environment.filters["tone"] = lambda style: _TONES.get(str(style), "")
-    environment.filters["chart_json"] = lambda chart: htmlsafe_json_dumps(
-        chart_document(chart), allow_nan=False, separators=(",", ":")
-    )
+    environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))
     return environment
 
 

@@ -28,31 +28,6 @@
     if (id === "play-controls") target.querySelectorAll("input[type=range]").forEach(label);
   };
 
-  const newFigure = (target, name) => {
-    const figure = document.createElement("figure");
-    figure.className = "figure";
-    figure.dataset.name = name;
-    for (const kind of ["h3", "figcaption", "div"]) figure.append(document.createElement(kind));
-    target.append(figure);
-    return figure;
-  };
-
-  const draw = ({ place: id, charts }) => {
-    const target = place(id);
-    const there = new Map(Array.from(target.children, (child) => [child.dataset.name, child]));
-    for (const chart of charts) {
-      const figure = there.get(chart.name) ?? newFigure(target, chart.name);
-      there.delete(chart.name);
-      figure.querySelector("h3").textContent = chart.title;
-      figure.querySelector("figcaption").textContent = chart.says;
-      flexid.update(figure.lastChild, chart);
-    }
-    for (const child of there.values()) {
-      flexid.forget(child.lastChild);
-      child.remove();
-    }
-  };
-
   // The sliders: one run at a time, and after it the latest that was asked for.
   let playing = false;
   let waiting = false;
@@ -84,7 +59,7 @@
   };
 
   const enter = (room) => {
-    for (const name of ["identify", "play", "live"]) {
+    for (const name of ["identify", "play"]) {
       place(`room-${name}`).hidden = name !== room;
       document.querySelector(`nav [data-target=${name}]`).setAttribute("aria-pressed", name === room);
     }
@@ -98,7 +73,6 @@
       place("file").disabled = false;
     },
     show,
-    draw,
     say: ({ place: id, text }) => { if (place(id)) place(id).textContent = text; },
     address: ({ query }) => history.replaceState(null, "", query ? `?${query}` : location.pathname),
   };
@@ -144,7 +118,6 @@
       event.target.closest("tr")?.classList.toggle(
         "unused", !event.target.closest("tr").querySelector("select").value);
       if (form.classList.contains("settings")) ask(form.dataset.kind, { values: values() });
-      if (form.dataset.kind === "live") ask("live", { values: Object.fromEntries(new FormData(form)) });
     });
     document.addEventListener("submit", (event) => {
       event.preventDefault();

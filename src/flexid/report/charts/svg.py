@@ -1,0 +1,106 @@
+"""A chart as SVG that stands in a page: its colours are those of the page, by day and by night.
+
+A page with a strict policy allows no style of an element, so that what Matplotlib writes there
+becomes attributes; numbers lose digits that nobody could see.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+
+from flexid.report.charts.description import Chart
+from flexid.report.charts.figure import NARROW, WIDTH, laid_out
+from flexid.report.style import COLOURS, GRID, STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
+_SHADES = {shade: f"var(--chart-{name})" for name, shade in COLOURS.items()}
+_SHADES[GRID] = "var(--chart-grid)"
+_LEFT_OUT = re.compile(r"<metadata>.*?</metadata>|<style.*?</style>|(?<=>)\s+(?=<)", re.DOTALL)
+_TAG = re.compile(r"<[^>]*>")
+_OWN_NAME = re.compile(r'(?<=<g) id="[^"]*"|(?<=<svg).*?(?= viewBox)|(?<=<use )xlink:(?=href)')
+_ATTRIBUTE = re.compile(r' (d|style|x|y|transform)="([^"]*)"')
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{2,}")
+_MARKERS = re.compile(
+    r'<g([^>]*)>(<use href="[^"]*" x="[^"]*" y="[^"]*"([^>]*)/>(?:<use[^>]*\3/>)*)</g>'
+)
+_COMMAND = re.compile(r"\s*([MLCQz]|$)\s*")
+
+
+def chart_svg(chart: Chart, width: float = WIDTH) -> str:
+    """An ``<svg>`` element without the chart's title, in which text is text."""
+    figure = laid_out(chart, width)
+    title, *_ = figure.texts
+    title.set_visible(False)
+    own: dict[RcKeyType, Any] = {"svg.fonttype": "none", "svg.hashsalt": f"{chart.name} {width}"}
+    with mpl.rc_context({**STYLE, **own}), io.StringIO() as file:
+        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
+        text = file.getvalue()
+    title.set_visible(True)
+    text = _TAG.sub(_compact, _LEFT_OUT.sub("", text[text.index("<svg") :]))
+    return _MARKERS.sub(_together, text)
+
+
+def chart_html(chart: Chart) -> str:
+    """The drawings for a wide and for a narrow window, one of which a page shows."""
+    title = escape(chart.title)
+    return "".join(
+        f'<div class="chart {name}" role="img" aria-label="{title}">{chart_svg(chart, width)}</div>'
+        for name, width in (("wide", WIDTH), ("narrow", NARROW))
+    )
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A chart as the studio shows it."""
+
+    title: str
+    says: str
+    html: str
+
+
+def drawn(chart: Chart) -> Drawn:
+    """A chart, drawn for the studio."""
+    return Drawn(chart.title, chart.says, chart_html(chart))
+
+
+def _compact(tag: re.Match[str]) -> str:
+    """A tag without names and styles; a marker, which many points use, keeps its digits."""
+    text = _OWN_NAME.sub("", tag[0])
+    digits = 2 if text.startswith("<path id") else 1
+
+    def rounded(numbers: str) -> str:
+        return _LONG_NUMBER.sub(lambda one: f"{round(float(one[0]), digits):g}", numbers)
+
+    def attribute(found: re.Match[str]) -> str:
+        name, value = found.groups()
+        if name == "style":
+            return _attributes(value)
+        return f' {name}="{_path(rounded(value)) if name == "d" else rounded(value)}"'
+
+    return _ATTRIBUTE.sub(attribute, text)
+
+
+def _together(markers: re.Match[str]) -> str:
+    """A group of alike markers, whose look is said once."""
+    place, uses, look = markers.groups()
+    return f"<g{place}{look}>{uses.replace(look, '')}</g>"
+
+
+def _path(commands: str) -> str:
+    text = _COMMAND.sub(r"\1", commands)
+    return text if {"C", "Q"} & {*text} else text.replace("L", " ")  # a point ends a line
+
+
+def _attributes(style: str) -> str:
+    pairs = (part.split(":", 1) for part in style.split(";") if ":" in part)
+    named = {name.strip(): value.strip() for name, value in pairs}
+    named.pop("font-family", None)
+    return "".join(f' {name}="{_SHADES.get(value, value)}"' for name, value in named.items())
