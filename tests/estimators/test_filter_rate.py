@@ -27,16 +27,19 @@ def test_the_fastest_filter_is_about_the_fastest_that_noise_allows():
     assert error(4.0 * FASTEST) > 10.0 * error(FASTEST)
 
 
-@pytest.mark.parametrize("rate", [0.0099, 501.0, -1.0, float("nan")])
-def test_filters_that_do_not_suit(rate):
-    """Assert that the sentence says which do, and that these do."""
-    with pytest.raises(SettingError, match=r"give 0\.01 to 500 1/s"):
-        check_filter_rate(rate, 1e-3)
+@pytest.mark.parametrize(
+    ("rate", "beside", "words"),
+    [
+        (0.0099, {}, r"give 0\.01 to 500 1/s"),
+        (501.0, {}, r"give 0\.01 to 500 1/s"),
+        (-1.0, {}, r"give 0\.01 to 500 1/s"),
+        (float("nan"), {}, r"give 0\.01 to 500 1/s"),
+        (126.0, {"slowest": 0.25, "fastest": 4.0}, r"give 0\.04 to 125 1/s"),
+    ],
+)
+def test_filters_that_do_not_suit(rate: float, beside: dict[str, float], words: str):
+    """Assert that the sentence says which do, also of several side by side, and that these do."""
+    with pytest.raises(SettingError, match=words):
+        check_filter_rate(rate, 1e-3, **beside)
     check_filter_rate(0.0101, 1e-3)
     check_filter_rate(499.0, 1e-3)
-
-
-def test_filters_beside_it_count():
-    """Assert that neither the slowest nor the fastest of several may be beyond the limits."""
-    with pytest.raises(SettingError, match=r"give 0\.04 to 125 1/s"):
-        check_filter_rate(126.0, 1e-3, slowest=0.25, fastest=4.0)

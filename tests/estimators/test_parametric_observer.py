@@ -60,30 +60,6 @@ def continuous_estimates(gain, duration, h):
     return samples, z[-1, 4:]
 
 
-def test_replay_is_the_step():
-    """Assert that replay equals stepping, bit for bit, also when taken up in the middle."""
-    observer = parametric_observer(JOINT, GAINS, 1e-3)
-    samples = packed(joint_samples(0))[:400]
-    state = observer.init(START)
-    history = observer.replay(state, samples)
-    for place, sample in enumerate(samples):
-        state, info = observer.step(state, sample)
-        assert np.array_equal(observer.coefficients(state), history.coefficients[place])
-        assert np.array_equal(info[:-1], history.innovations[place], equal_nan=True)
-    assert np.array_equal(state, history.state)
-    first = observer.replay(observer.init(START), samples[:150])
-    second = observer.replay(first.state, samples[150:])
-    assert np.array_equal(second.coefficients[-1], history.coefficients[-1])
-
-
-def test_step_leaves_the_state_alone():
-    """Assert that a step is pure: the state given to it is still the state before."""
-    observer = parametric_observer(JOINT, GAINS, 1e-3)
-    state = observer.init(START)
-    observer.step(state, packed(joint_samples(0))[0])
-    assert np.array_equal(state, observer.init(START))
-
-
 def test_second_order_in_the_sample_time():
     """Assert that the sampled observer approaches the continuous one as h²."""
     samples, expected = continuous_estimates(0.2, 1.6, 2e-3)
@@ -169,20 +145,10 @@ def test_suggested_gains_converge_at_their_rate():
     assert last == pytest.approx(2.0 * (1.0 - np.exp(-rate * time[-1])), rel=1e-5)
 
 
-def test_velocities_are_needed():
-    """Assert that positions alone are refused in one sentence."""
-    with pytest.raises(SettingError, match="velocities"):
-        packed(replace(joint_samples(), velocities=None))
-
-
 @pytest.mark.parametrize("gains", [{"link": 1.0}, {"link": 1.0, "motor": -1.0}])
-def test_gains_that_are_none(gains):
-    """Assert that a missing or a negative gain is refused."""
+def test_what_is_refused(gains):
+    """Assert that a missing or negative gain is refused, and a record without velocities."""
     with pytest.raises(SettingError, match="gains"):
         parametric_observer(JOINT, gains, 1e-3)
-
-
-def test_unknown_initial_estimate():
-    """Assert that an initial estimate of no coefficient is refused."""
-    with pytest.raises(SettingError, match="theta9"):
-        parametric_observer(JOINT, GAINS, 1e-3).init({"theta9": 1.0})
+    with pytest.raises(SettingError, match="velocities"):
+        packed(replace(joint_samples(), velocities=None))

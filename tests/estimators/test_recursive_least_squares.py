@@ -101,18 +101,13 @@ def test_no_deviation_before_there_are_blocks():
     assert np.all(freedom == 0.0)
 
 
-def test_noise_at_rest_excites_nothing():
-    """Assert that a joint at rest, seen through noisy encoders, is never called excited."""
-    noise = 1e-4 * np.random.default_rng(1).standard_normal((20_000, 2))
-    samples = Samples(noise, None, np.zeros((20_000, 1)), SAMPLE_TIME)
-    history, _ = replayed(samples)
-    assert np.all(history.status == Status.STARTING)
-
-
-def test_a_motion_that_excites_is_called_so():
-    """Assert that the noisy joint counts as excited from 0.7 s on."""
+def test_what_excites_is_called_so():
+    """Assert that the noisy joint counts as excited from 0.7 s on, and one at rest never does."""
     history, _ = replayed(encoders(0))
     assert np.all(history.status[700:] == Status.USED)
+    noise = 1e-4 * np.random.default_rng(1).standard_normal((20_000, 2))
+    still, _ = replayed(Samples(noise, None, np.zeros((20_000, 1)), SAMPLE_TIME))
+    assert np.all(still.status == Status.STARTING)
 
 
 def test_the_gain_stays_bounded():
@@ -160,24 +155,19 @@ def test_coulomb_friction_with_velocities_of_its_own():
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    ("sample_time", "settings", "message"),
     [
-        ({"filter_rate": 0.0}, "filter rate"),
-        ({"memory_time": 1e-3}, "memory time"),
-        ({"memory_time": float("nan")}, "memory time"),
-        ({"least_information": 1.5}, "least information"),
+        (0.0, {}, "sample time"),
+        (SAMPLE_TIME, {"filter_rate": 0.0}, "filter rate"),
+        (SAMPLE_TIME, {"memory_time": 1e-3}, "memory time"),
+        (SAMPLE_TIME, {"memory_time": float("nan")}, "memory time"),
+        (SAMPLE_TIME, {"least_information": 1.5}, "least information"),
     ],
 )
-def test_settings_that_are_none(settings, message):
+def test_settings_that_are_refused(sample_time, settings, message):
     """Assert that a setting out of its range is refused in one sentence."""
     with pytest.raises(SettingError, match=message):
-        recursive_least_squares(JOINT, SAMPLE_TIME, **settings)
-
-
-def test_a_sample_time_that_is_none():
-    """Assert that a sample time that is not positive is refused."""
-    with pytest.raises(SettingError, match="sample time"):
-        recursive_least_squares(JOINT, 0.0)
+        recursive_least_squares(JOINT, sample_time, **settings)
 
 
 def _motion_of(truth: dict[str, float], duration: float = 30.0, noise: float = 0.0) -> Samples:

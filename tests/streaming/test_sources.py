@@ -71,6 +71,8 @@ def test_a_file_that_is_replaced(tmp_path: Path):
     assert source.read() == LINES[0]
     path.rename(tmp_path / "log.1")
     assert source.read() == b""  # there is none yet
+    path.touch()
+    assert (source.read(), source.begins) == (b"", False)  # nor anything in it
     with (tmp_path / "log.1").open("ab") as file:
         file.write(LINES[1])
     assert (source.read(), source.begins) == (LINES[1], False)
@@ -79,24 +81,6 @@ def test_a_file_that_is_replaced(tmp_path: Path):
     with path.open("ab") as file:
         file.write(LINES[2])
     assert (source.read(), source.begins) == (LINES[2], False)
-    source.close()
-
-
-@pytest.mark.usefixtures("at_once")
-def test_a_recorder_that_goes_on_in_the_file_that_was_renamed(tmp_path: Path):
-    """Assert that an empty file in its place, or one with a beginning, takes nothing from it."""
-    path = tmp_path / "log.csv"
-    path.write_bytes(LINES[0])
-    source = open_source(str(path))
-    assert source.read() == LINES[0]
-    path.rename(tmp_path / "log.1")
-    path.touch()
-    assert (source.read(), source.begins) == (b"", False)
-    with (tmp_path / "log.1").open("ab") as file:
-        file.write(LINES[1])
-    assert (source.read(), source.begins) == (LINES[1], False)
-    path.write_bytes(LINES[2])
-    assert (source.read(), source.begins) == (LINES[2], True)
     source.close()
 
 
@@ -261,16 +245,12 @@ def test_what_is_no_source(text: str, error: type[Exception], words: str):
         open_source(text)
 
 
-def test_a_port_that_is_taken():
-    """Assert that two cannot listen to the same."""
+def test_ports():
+    """Assert that two cannot listen to the same, and one open to the network is warned of."""
     first = Datagrams("udp://127.0.0.1:0")
     with pytest.raises(SettingError, match="another port"):
         Datagrams(f"udp://127.0.0.1:{first.port}")
     first.close()
-
-
-def test_a_port_that_is_open_to_others_is_warned_of():
-    """Assert that whoever opens one to the network is told so."""
     follower = Follower("udp://0.0.0.0:0", {})
     turns = follower.turns(1.0)
     next(turns)
