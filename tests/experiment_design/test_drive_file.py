@@ -8,6 +8,8 @@ import pytest
 from flexid.errors import SettingError
 from flexid.experiment_design.drive_file import read_drive
 from flexid.models.physical import lumped_coefficients, physical_parameters
+from flexid.report.documents import identification_document, to_json
+from made_estimates import TRUE, exact
 
 PARAMETERS = {
     "gravity_torque": 5.0,
@@ -74,36 +76,49 @@ def test_encoder_bits_are_noise(text, written):
     assert drive.position_noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12))
 
 
-def test_an_estimate_replaces_beliefs(examples, tmp_path):
+@pytest.fixture
+def stored(tmp_path):
+    """Write the estimate of Table I's joint with some parameters changed, and return its path."""
+
+    def write(terms=("gravity", "motor_viscous"), **changed):
+        document = json.loads(to_json(identification_document(exact(TRUE, "a log"))))
+        of_any = document["parameters"]["joint_stiffness"]
+        for name, changes in changed.items():
+            own = document["parameters"].get(name, of_any)
+            document["parameters"][name] = {**own, **changes}
+        document["choices"]["terms"] = terms
+        path = tmp_path / "estimate.json"
+        path.write_text(json.dumps(document))
+        return path
+
+    return write
+
+
+def test_an_estimate_replaces_beliefs(examples, stored):
     """Assert that estimates take the place of parameters of the same name, and no others."""
-    path = tmp_path / "estimate.json"
-    estimates = {"link_inertia": {"value": 1.5}, "joint_damping": {"value": 0.1}}
-    path.write_text(json.dumps({"format_version": 1, "parameters": estimates}))
+    path = stored(link_inertia={"value": 1.5}, joint_damping={"value": 0.1})
     file = read_drive(examples / "drive.toml", path)
-    assert file.drive.parameters == {**PARAMETERS, "link_inertia": 1.5}
+    assert file.drive.parameters == pytest.approx({**PARAMETERS, "link_inertia": 1.5})
     assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
     (warning,) = file.warnings
     assert "joint_damping" in warning
 
 
-def test_what_an_estimate_cannot_give_is_said(examples, tmp_path):
+def test_what_an_estimate_cannot_give_is_said(examples, stored):
     """Assert that shapes, guesses and missing values are named; no value changes nothing."""
-    path = tmp_path / "estimate.json"
-    estimates = {
-        "link_inertia": {"value": None, "verdict": "undetermined"},
-        "joint_stiffness": {"value": 90.0, "verdict": "undetermined"},
-    }
-    terms = ["gravity", "motor_stribeck"]
-    path.write_text(
-        json.dumps({"format_version": 1, "parameters": estimates, "choices": {"terms": terms}})
+    undetermined = {"verdict": "undetermined"}
+    path = stored(
+        ("gravity", "motor_stribeck"),
+        link_inertia={"value": None, **undetermined},
+        joint_stiffness={"value": 90.0, **undetermined},
     )
     file = read_drive(examples / "drive.toml", path)
-    assert file.drive.parameters == {**PARAMETERS, "joint_stiffness": 90.0}
-    shape, value, guess = file.warnings
+    assert file.drive.parameters == pytest.approx({**PARAMETERS, "joint_stiffness": 90.0})
+    shape, *others = file.warnings
     assert "motor_stribeck" in shape
     assert "gravity" not in shape
-    assert "link_inertia" in value
-    assert "joint_stiffness" in guess
+    assert {word.split()[1] for word in others} == {"link_inertia", "joint_stiffness"}
+    assert {word.split(": ")[1].split()[2] for word in others} == {"no", "undetermined"}
 
 
 @pytest.mark.parametrize(
@@ -140,19 +155,13 @@ def test_bad_files_are_one_sentence(text, written, old, new, complaint):
     assert "\n" not in str(caught.value)
 
 
-def test_each_file_answers_for_its_own_values(examples, tmp_path):
+def test_each_file_answers_for_its_own_values(text, written, stored):
     """Assert that a value that no drive has is laid to the file that it stands in."""
-    drive = tmp_path / "drive.toml"
-    text = (examples / "drive.toml").read_text(encoding="utf-8")
-    path = tmp_path / "estimate.json"
-    estimates = {"joint_stiffness": {"value": -100.0}}
-    path.write_text(json.dumps({"format_version": 1, "parameters": estimates}))
-    drive.write_text(text, encoding="utf-8")
+    path = stored(joint_stiffness={"value": -100.0})
     with pytest.raises(SettingError, match=r"estimate\.json.*joint_stiffness' is -100.0, which no"):
-        read_drive(drive, path)
-    drive.write_text(text.replace("= 100.0", "= -100.0"), encoding="utf-8")
+        read_drive(written(text), path)
     with pytest.raises(SettingError, match=r"drive\.toml: the key 'parameters\.joint_stiffness'"):
-        read_drive(drive, path)
+        read_drive(written(text.replace("= 100.0", "= -100.0")), path)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from flexid.symmetric import eigen
 class Information:
     """What positions tell about k coefficients."""
 
-    names: tuple[str, ...]  # the coefficients
+    names: tuple[str, ...]  # the coefficients, then delays that are sought
     values: FloatArray  # where it was computed
     matrix: FloatArray  # Fisher information, the initial states unknown
     covariance: FloatArray  # its inverse; infinite variance marks what the motion leaves free
@@ -102,4 +102,4 @@ def information_at(problem: SegmentedMotion, point: Point) -> Information:
     covariance = reduced.inverse.copy()
     covariance[reduced.free, :] = covariance[:, reduced.free] = 0.0
     covariance[reduced.free, reduced.free] = np.inf
-    return Information(problem.unknowns.names, point.values, reduced.information, covariance)
+    return Information(problem.names, point.values, reduced.information, covariance)

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from flexid.errors import SettingError
 from flexid.experiment_design.drive import HIGHEST, Drive, Limits
 from flexid.models.flexible_joint import SHAPE_TERMS
-from flexid.stored_estimates.estimate_file import EstimateFile, read_estimate
+from flexid.stored_estimates.estimate_file import EstimateFile, read_estimate, stored_identification
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
 if TYPE_CHECKING:
@@ -61,50 +62,41 @@ def _refusing(path: Path) -> Refuse:
 
 
 def _take_over(content: dict[str, Any], file: EstimateFile) -> list[str]:
-    """Replace parameters by estimates of the same name; returns what is to be said of them."""
-    from flexid.experiment_design.drive_schema import EstimateContent, Parameters
+    """Replace parameters by estimates of the same name; returns warnings."""
+    from flexid.experiment_design.drive_schema import Parameters
 
-    path = file.name
-    estimate = validated(file.content, EstimateContent, file.refuse)
-    warnings = []
+    estimate = stored_identification(file)
+    believed = content["parameters"]
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
+    missing = [n for n in estimate.parameters if n in Parameters.model_fields and n not in believed]
+    warnings = []
     if shapes:
-        warnings.append(
-            f"{path}: a design knows nothing of {', '.join(shapes)}, so what it predicts leaves "
-            f"that out"
-        )
-    parameters = content.get("parameters")
-    if not isinstance(parameters, dict):
-        return warnings
-    missing = [
-        n for n in estimate.parameters if n in Parameters.model_fields and n not in parameters
-    ]
+        warnings.append(f"a design does not model {', '.join(shapes)}, so its predictions omit it")
     if missing:
         warnings.append(
-            f"{path}: {', '.join(missing)} is no parameter of the drive file, so the design leaves "
-            f"it out: add the key, with any value, to heed it"
+            f"{', '.join(missing)} is no parameter of the drive file, so the design leaves it out: "
+            f"add the key with any value to use it"
         )
     for name, parameter in estimate.parameters.items():
-        if name not in parameters:
+        if name not in believed:
             continue
-        if parameter.value is None:
-            warnings.append(f"{path}: {name} has no value there, so that of the drive file stays")
+        if not isfinite(parameter.value):
+            warnings.append(f"{name} has no value there, so that of the drive file stays")
             continue
-        parameters[name] = parameter.value
+        believed[name] = parameter.value
         if parameter.verdict == "undetermined":
             warnings.append(
-                f"{path}: {name} is undetermined there, so the design rests on a guess: check its "
-                f"largest deviations"
+                f"{name} is undetermined there, so the design rests on a guess: check its largest "
+                f"deviations"
             )
-    validated(parameters, Parameters, lambda key, _: _no_drive(file, key))
-    return warnings
+    validated(believed, Parameters, lambda key, _: _no_drive(file, key, believed))
+    return [f"{file.name}: {warning}" for warning in warnings]
 
 
-def _no_drive(file: EstimateFile, name: str) -> Exception:
-    value = file.content["parameters"].get(name, {}).get("value")
+def _no_drive(file: EstimateFile, name: str, values: Mapping[str, float]) -> Exception:
     return file.refuse(
         f"parameters.{name}",
-        f"is {value}, which no drive has: identify it again, on a log that determines it",
+        f"is {values[name]}, which no drive has: identify a log that determines it",
     )
 
 
@@ -116,24 +108,19 @@ def _checked(path: Path, content: dict[str, Any]) -> "DriveContent":
 
 def _drive(path: Path, content: dict[str, Any]) -> Drive:
     checked = _checked(path, content)
-    wanted, sensors = checked.experiment, checked.sensors
+    wanted, sensors = checked.experiment.model_dump(), checked.sensors
     noise = sensors.position_noise
     if noise is None:
         noise = 2.0 * np.pi / 2.0 ** (sensors.encoder_bits or 0) / np.sqrt(12.0)
+    if wanted["ramp"] is None:
+        wanted["ramp"] = _RAMP * wanted["duration"]
     try:
         drive = Drive(
             checked.parameters.model_dump(exclude_none=True),
             tuple(checked.known),
             Limits(**checked.limits.model_dump()),
             float(noise),
-            wanted.duration,
-            wanted.sample_time,
-            wanted.kind,
-            wanted.criterion,
-            wanted.harmonics,
-            wanted.highest_frequency,
-            _RAMP * wanted.duration if wanted.ramp is None else wanted.ramp,
-            wanted.bandwidth,
+            **wanted,
         )
         _check(drive)
     except SettingError as error:

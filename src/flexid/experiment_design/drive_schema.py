@@ -72,27 +72,3 @@ class DriveContent(_Table):
     limits: LimitsTable
     sensors: Sensors
     experiment: Experiment
-
-
-class _Estimate(BaseModel):
-    model_config = ConfigDict(extra="ignore", strict=True)
-
-
-class EstimatedParameter(_Estimate):
-    """A parameter of an identification; one that the data leave free may have no value."""
-
-    value: Number | None
-    verdict: str = "determined"
-
-
-class EstimatedChoices(_Estimate):
-    """What an identification chose."""
-
-    terms: list[str] = []
-
-
-class EstimateContent(_Estimate):
-    """What of an ``estimate.json`` a design takes over; the rest of the file may be anything."""
-
-    parameters: dict[str, EstimatedParameter]
-    choices: EstimatedChoices = EstimatedChoices()

@@ -13,19 +13,20 @@ from functools import cached_property
 
 import numpy as np
 
+from flexid.analysis.information import information_at
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide, first_states
+from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.full_model.model import Data
+from flexid.identification.full_model.starting import least_squares_start
 from flexid.identification.judgement.verdict import verdict
 from flexid.identification.result.identification import Identification
 from flexid.identification.structure.following import following_states
 from flexid.identification.vocabulary.evidence import CoefficientEstimate, Verdict
 from flexid.identification.vocabulary.intervals import interval
 from flexid.stored_estimates.rebuilt import Rebuilt
-
-_SLACK = 1.05  # on a standard deviation that must not grow
 
 
 @dataclass(frozen=True)
@@ -142,13 +143,17 @@ class Rehearsal:
         segments = divide([replace(self.record, inputs=inputs)], self._duration)
         problem, point = self.model.motion(segments, self.noise, self.data, self.result.fit.names)
         point = replace(point, initial_states=states)
-        equations = problem.equations(point)
-        if not np.isfinite(equations.cost):
-            raise SimulationError("the model's motion diverges within a segment", 0.0)
-        reduced = problem.solve(equations)
-        variances = np.where(reduced.free, np.inf, np.diag(reduced.inverse)) / self.repeats
-        deviations = dict(zip(problem.names, np.sqrt(variances).tolist(), strict=True))
-        return {name: deviations[name] for name in self.model.unknowns.names}
+        information = information_at(problem, point)
+        deviations = information.standard_deviations / np.sqrt(self.repeats)
+        by_name = dict(zip(information.names, deviations.tolist(), strict=True))
+        return {name: by_name[name] for name in self.model.unknowns.names}
+
+    @cached_property
+    def _sizes(self) -> dict[str, float]:
+        """What each coefficient that may be absent does to its row in the log."""
+        joint, rate = self.model.joint, self.result.choices.filter_rate
+        sizes = row_sizes(least_squares_start(self.model.structure, self.data, rate)[1].rows)
+        return {name: size for name, size in sizes.items() if name in joint.optional}
 
     def _judged(self, deviations: Mapping[str, float]) -> Outlook:
         fit = self.result.fit
@@ -159,9 +164,8 @@ class Rehearsal:
             now = self._estimate(name)
             of_fit = freedom.get(now.name, least)
             ends = interval(now.value, std, of_fit if of_fit > 0.0 else least)
-            # What is as small as it is stays so while it is determined as well.
-            small = now.verdict == "determined" and std <= _SLACK * now.std
-            verdicts[name], _ = verdict(now.value, ends, 0.0 if small else np.inf)
             half = 0.5 * (ends[1] - ends[0])
+            effect = half * self._sizes[name] if name in self._sizes else np.inf
+            verdicts[name], _ = verdict(now.value, ends, effect)
             widths[name] = half / abs(now.value) if now.value else np.inf
         return Outlook(widths, verdicts)

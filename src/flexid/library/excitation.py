@@ -1,14 +1,16 @@
 """What a log can say, and what to add: `flexid.excitation`."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import Answer, html_figure
 from flexid.library.entrance import entrance
+from flexid.library.identify import identify
 from flexid.library.joint_estimate import JointEstimate
 from flexid.library.logs import all_logs
 from flexid.library.options import joint_settings
+from flexid.library.shared_options import options_of
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from flexid.experiment_design.assessment import CoefficientAssessment
     from flexid.experiment_design.excitation_report import ExcitationReport
     from flexid.library.logs import Columns, Logs
-    from flexid.library.options import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
+    from flexid.library.options import JointOptions
     from flexid.report.terminal import Part
 
 
@@ -94,60 +96,22 @@ class LogExcitation(Answer):
 
 @entrance
 @in_one_thread
+@options_of(identify, "stream", "thresholds")
 def excitation(
     logs: "Logs",
     *,
     columns: "Columns | None" = None,
-    known: "Known | None" = None,
-    bounds: "Bounds | None" = None,
-    model: "AutoModel" = "auto",
-    terms: "Terms" = "auto",
-    hold: "AutoHold" = "auto",
-    input_delay: "AutoNumber" = "auto",
-    link_delay: "AutoNumber" = "auto",
-    coulomb_velocity: "AutoNumber" = "auto",
-    filter_rate: "AutoNumber" = "auto",
-    segment_duration: "AutoNumber" = "auto",
-    validation_share: float = 1 / 3,
     progress: Progress = silent,
+    **options: "Unpack[JointOptions]",
 ) -> LogExcitation:
     """Say how well a log determines each coefficient, which are confounded, and what to add.
 
-    The log is identified as `flexid.identify` does it, with the same answers.
+    The log is identified as `flexid.identify` does it, with the same options and the same answers.
 
     Parameters
     ----------
     logs : log or list of logs
         Of one drive, as `flexid.identify` takes them.
-    columns : path or mapping, optional
-        A column map, which renames, scales and combines raw columns: a TOML file, or what it would
-        hold, such as ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
-    known : mapping of str to float or (float, float), optional
-        Physical parameters or coefficients that are known, with their standard deviation if they
-        have one.
-    bounds : mapping of str to (float, float), optional
-        Lower and upper end of physical parameters or coefficients, None where there is none.
-    model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint: flexible; the link alone, driven by the measured motor position, without the
-        input; or rigid, from the motor's encoder alone. What the log shows, if not given.
-    terms : iterable of str, optional
-        Terms of the model beside the joint spring: see `flexid.TERMS`.
-    hold : {"auto", "zero", "linear", "cubic"}, optional
-        The input between samples: held, on straight lines, or smooth.
-    input_delay : float, optional
-        Seconds by which the input acts later than recorded.
-    link_delay : float, optional
-        Seconds by which the link's encoder lags behind the motor's.
-    coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes sign; ``"auto"``: at once.
-    filter_rate : float, optional
-        Rate in 1/s of the filter of least squares.
-    segment_duration : float, optional
-        Length in s of the segments of the prediction error.
-    validation_share : float, optional
-        Share of each log, at its end, that is kept out of the fit and predicted.
-    progress : callable, optional
-        Called with each step in words, for example ``print``.
 
     Returns
     -------
@@ -167,18 +131,5 @@ def excitation(
     """
     from flexid.experiment_design.excitation_report import examine
 
-    settings = joint_settings(
-        "excitation",
-        known=known,
-        bounds=bounds,
-        model=model,
-        terms=terms,
-        hold=hold,
-        input_delay=input_delay,
-        link_delay=link_delay,
-        coulomb_velocity=coulomb_velocity,
-        filter_rate=filter_rate,
-        segment_duration=segment_duration,
-        validation_share=validation_share,
-    )
+    settings = joint_settings("excitation", **options)
     return LogExcitation(examine(all_logs("excitation", logs, columns), settings, progress))

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict
 
 from flexid.errors import ArgumentError
 from flexid.library.checks import kind_of
@@ -30,6 +30,21 @@ if TYPE_CHECKING:
 
     AutoNumber: TypeAlias = float | Literal["auto"]
     """A number, or "auto"."""
+
+    class JointOptions(TypedDict, total=False):
+        """Options of an identification, as `flexid.identify` takes them."""
+
+        known: Known | None
+        bounds: Bounds | None
+        model: AutoModel
+        terms: Terms
+        hold: AutoHold
+        input_delay: AutoNumber
+        link_delay: AutoNumber
+        coulomb_velocity: AutoNumber
+        filter_rate: AutoNumber
+        segment_duration: AutoNumber
+        validation_share: float
 
 
 def joint_settings(
