@@ -1,19 +1,28 @@
-"""A small synthetic log, and ways to write it."""
+"""A small synthetic log, ways to write and read it, and what is said where it is refused."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
+from flexid.recording import Log
+from flexid.recording.frame import table_of_arrays
+from flexid.recording.read import log_of_table
+from flexid.recording.recording import CHANNELS
 
 Columns = Mapping[str, FloatArray]
+Change = Callable[[str], str]
 
 
 def joint_columns(count: int = 400, sample_time: float = 0.005) -> dict[str, FloatArray]:
-    """Return canonical columns of a smooth, plausible motion, in SI units."""
+    """Canonical columns of a smooth, plausible motion, in SI units."""
     time = sample_time * np.arange(count, dtype=np.float64)
     motor = np.sin(2.0 * time) + 0.4 * np.sin(5.3 * time + 0.5)
     motor_velocity = 2.0 * np.cos(2.0 * time) + 2.12 * np.cos(5.3 * time + 0.5)
@@ -28,8 +37,13 @@ def joint_columns(count: int = 400, sample_time: float = 0.005) -> dict[str, Flo
     }
 
 
+def without(columns: Columns, *words: str) -> dict[str, FloatArray]:
+    """The columns whose names hold none of some words."""
+    return {name: v for name, v in columns.items() if not any(word in name for word in words)}
+
+
 def csv_text(columns: Columns) -> str:
-    """Return columns as CSV text with all digits."""
+    """Columns as CSV text with all digits."""
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     return "\n".join(lines) + "\n"
@@ -40,3 +54,36 @@ def write_csv(folder: Path, columns: Columns, name: str = "log.csv") -> Path:
     path = folder / name
     path.write_text(csv_text(columns), encoding="utf-8")
     return path
+
+
+def read_columns(columns: Mapping[str, Any], column_map: Any = None) -> Log:
+    """The log that columns in memory are."""
+    return log_of_table(table_of_arrays(columns), column_map)
+
+
+def refused(read: Callable[..., object], *arguments: Any) -> str:
+    """The one line with which something is refused."""
+    with pytest.raises(RecordingError) as caught:
+        read(*arguments)
+    message = str(caught.value)
+    assert message.startswith(caught.value.file)
+    assert "\n" not in message
+    return message
+
+
+def assert_words(words: str, message: str) -> None:
+    """Assert that a message has some words, as a pattern, in their order."""
+    assert re.search(words, message), message
+
+
+def assert_equal_logs(one: Log, other: Log, rtol: float = 0.0) -> None:
+    """Assert that two logs hold the same recordings."""
+    for a, b in zip(one.recordings, other.recordings, strict=True):
+        assert a.sample_time == pytest.approx(b.sample_time, rel=1e-12)
+        assert a.start_time == pytest.approx(b.start_time, rel=1e-12)
+        assert a.input_unit == b.input_unit
+        for name in CHANNELS:
+            left, right = getattr(a, name), getattr(b, name)
+            assert (left is None) == (right is None)
+            if left is not None:
+                np.testing.assert_allclose(left, right, rtol=rtol, atol=rtol)

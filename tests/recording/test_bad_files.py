@@ -6,6 +6,7 @@ import gzip
 import io
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import polars as pl
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from joint_log import csv_text, joint_columns
+from joint_log import assert_words, csv_text, joint_columns, refused
 
 from flexid.errors import RecordingError
 from flexid.recording import limits, read_log, series
@@ -24,18 +25,8 @@ LINES = GOOD.decode().splitlines()
 Edit = Callable[[list[str]], list[str]]
 
 
-def refusal(path: Path, columns: Path | None = None) -> str:
-    """Return the message with which a file is refused."""
-    with pytest.raises(RecordingError) as caught:
-        read_log(path, columns)
-    message = str(caught.value)
-    assert message.startswith(caught.value.file)
-    assert "\n" not in message
-    return message
-
-
 def cell(line: int, column: int, text: str) -> Edit:
-    """Return an edit that replaces one cell; lines count from 1."""
+    """Replace one cell; lines count from 1."""
 
     def edit(lines: list[str]) -> list[str]:
         cells = lines[line - 1].split(",")
@@ -46,12 +37,22 @@ def cell(line: int, column: int, text: str) -> Edit:
 
 
 def header(old: str, new: str) -> Edit:
-    """Return an edit of the header."""
+    """Change the header."""
     return lambda lines: [lines[0].replace(old, new), *lines[1:]]
 
 
+def line(number: int, *texts: str) -> Edit:
+    """Put other lines in the place of one, which counts from 1."""
+    return lambda lines: [*lines[: number - 1], *texts, *lines[number:]]
+
+
+def added(number: int, *texts: str) -> Edit:
+    """Insert lines before one, which counts from 1."""
+    return lambda lines: [*lines[: number - 1], *texts, *lines[number - 1 :]]
+
+
 def without(name: str) -> Edit:
-    """Return an edit that removes a column."""
+    """Remove a column."""
 
     def edit(lines: list[str]) -> list[str]:
         index = lines[0].split(",").index(name)
@@ -61,207 +62,135 @@ def without(name: str) -> Edit:
     return edit
 
 
-TEXT_CASES: dict[str, tuple[Edit, list[str]]] = {
-    "header only": (lambda lines: lines[:1], ["line 1", "no samples", "export the log again"]),
-    "two samples": (
-        lambda lines: lines[:3],
-        ["2 samples", "20 are the fewest that are read, and 75", "record for longer"],
-    ),
-    "no header": (lambda lines: lines[1:], ["line 1", "begins with numbers", "write a header"]),
-    "missing column": (
-        without("motor_position"),
-        ["line 1", "no motor_position", "found 'time', 'link_position'", "column map"],
-    ),
-    "misspelt": (
-        header("motor_position", "motor_positon"),
-        ["no motor_position (did you mean 'motor_positon'?)"],
-    ),
-    "unknown unit": (
+TEXTS: list[tuple[Edit, str]] = [
+    (lambda lines: lines[:1], "line 1: no samples follow .* export the log again"),
+    (lambda lines: lines[:2], "there is 1 sample where 20"),
+    (lambda lines: lines[:3], "2 samples where 20 are the fewest that are read, and 75 .* longer"),
+    (lambda lines: lines[1:], "line 1: the file begins with numbers: write a header"),
+    (without("motor_position"), "line 1: .*no motor_position.*; found 'time', 'link_.*column map"),
+    (header("motor_position", "motor_positon"), "no motor_position .did you mean 'motor_positon'"),
+    (
         header("link_position", "link_position [furlong!]"),
-        ["line 1, column 'link_position [furlong!]'", "not known", "[rad], [deg]"],
+        r"line 1, column 'link_position \[furlong!\]'.*not known: write \[rad\], \[deg\]",
     ),
-    "encoder counts": (
-        header("link_position", "link_position [count]"),
-        ["[count] does not measure", "write [rad], [deg]"],
-    ),
-    "rate as position": (
-        header("link_position", "link_position [rad/s]"),
-        ["[rad/s] does not measure", "write [rad], [deg]"],
-    ),
-    "column twice": (header("motor_velocity", "time"), ["line 1", "'time' stands there twice"]),
-    "channel twice": (
-        header("motor_velocity", "time [ms]"),
-        ["'time' and 'time [ms]' are both time", "rename or remove one"],
-    ),
-    "nan": (cell(7, 2, "nan"), ["line 7, column 'motor_position'", "nan is not a finite number"]),
-    "a burst": (
+    (header("link_position", "link_position [count]"), r"\[count\] does not measure.*\[deg\]"),
+    (header("link_position", "link_position [rad/s]"), r"\[rad/s\] does not measure"),
+    (header("motor_velocity", "time"), "line 1: the column 'time' stands there twice"),
+    (header("motor_velocity", "time [ms]"), r"'time' and 'time \[ms\]' are both time: rename or"),
+    (header("motor_velocity", "Time"), "line 1: the columns 'time' and 'Time' are both time"),
+    (cell(7, 2, "nan"), "line 7, column 'motor_position': nan is not a finite number"),
+    (
         lambda lines: cell(9, 1, "")(cell(8, 1, "nan")(cell(7, 1, "nan")(lines))),
-        ["line 7", "remove the row, and 2 more of the column"],
+        "line 7.*remove the row, and 2 more of the column",
     ),
-    "infinite": (cell(7, 2, "-inf"), ["line 7", "-inf is not a finite number", "remove the row"]),
-    "too large": (cell(7, 2, "1e999"), ["line 7", "1e999 is not a finite number"]),
-    "absurd": (cell(7, 2, "1e99"), ["column 'motor_position'", "reaches 1e+99 rad", "correct"]),
-    "empty cell": (cell(9, 1, ""), ["line 9, column 'link_position'", "empty", "fill it in"]),
-    "text cell": (cell(9, 1, "oops"), ["line 9", "'oops' is not a number", "correct it"]),
-    "unit row": (cell(2, 0, "s"), ["line 2, column 'time'", "'s' is not a number"]),
-    "date": (cell(9, 0, "2024-05-01 12:00:00.5"), ["line 9", "a date", "or stamps such as"]),
-    "time repeats": (
+    (cell(7, 2, "-inf"), "line 7.* -inf is not a finite number: remove the row"),
+    (cell(7, 2, "1e999"), "line 7.* 1e999 is not a finite number"),
+    (cell(7, 2, "1e99"), r"column 'motor_position': .*reaches 1e\+99 rad: correct"),
+    (cell(9, 1, ""), "line 9, column 'link_position': the cell is empty: fill it in"),
+    (cell(9, 1, "oops"), "line 9.*'oops' is not a number: correct it"),
+    (cell(2, 0, "s"), "line 2, column 'time': 's' is not a number"),
+    (cell(9, 0, "2024-05-01 12:00:00.5"), "line 9.* is a date .* or stamps such as"),
+    (
         lambda lines: [*lines[:31], lines[30], *lines[31:]],
-        ["line 32, column 'time'", "time repeats (0.145 s)", "remove the repeated row"],
+        r"line 32, column 'time': time repeats \(0.145 s\): remove the repeated row",
     ),
-    "time backwards": (
+    (
         lambda lines: [*lines[:30], *lines[10:]],
-        ["line 31, column 'time'", "runs backwards (from 0.14 s to 0.045 s)", "sort the rows"],
+        r"line 31, column 'time': .*backwards \(from 0.14 s to 0.045 s\): sort the rows",
     ),
-    "short row": (
-        lambda lines: [*lines[:9], "0.04,1.0", *lines[10:]],
-        ["line 10", "2 cells where the header has 6", "complete or remove"],
+    (line(10, "0.04,1.0"), "line 10: the row has 2 cells where the header has 6: complete or remo"),
+    (line(3, "0.04,1.0"), "line 3: the row has 2 cells where the header has 6"),
+    (lambda lines: [lines[0], *(["1,2,3"] * 30)], "line 2: the row has 3 cells where"),
+    (line(10, LINES[9] + ",1"), "line 10: the row has 7 cells where the header has 6"),
+    (added(10, ""), "line 10: the line is blank: remove it"),
+    (line(2, LINES[1].replace("0.0", '"0,0"', 1)), "line 2, column 'time': '0,0' has a comma.*poi"),
+    (
+        lambda lines: [lines[0], *(one.replace(".", ",") for one in lines[1:])],
+        "line 2: the row has 12 cells where the header has 6.*another separator",
     ),
-    "short row at the beginning": (
-        lambda lines: [*lines[:2], "0.04,1.0", *lines[3:]],
-        ["line 3", "2 cells where the header has 6"],
-    ),
-    "short rows": (lambda lines: [lines[0], *(["1,2,3"] * 30)], ["line 2", "3 cells where"]),
-    "long row": (
-        lambda lines: [*lines[:9], lines[9] + ",1", *lines[10:]],
-        ["line 10", "7 cells where the header has 6"],
-    ),
-    "blank line": (lambda lines: [*lines[:9], "", *lines[9:]], ["line 10", "blank", "remove it"]),
-    "a decimal comma among points": (
-        lambda lines: [*lines[:1], lines[1].replace("0.0", '"0,0"', 1), *lines[2:]],
-        ["line 2, column 'time'", "'0,0' has a comma", "decimal points"],
-    ),
-    "decimal commas between commas": (
-        lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])],
-        ["line 2", "12 cells where the header has 6", "another separator"],
-    ),
-    "open quote": (
-        cell(9, 1, '"1.0'),
-        ["line 9", "a quotation mark opens on this line and does not close on it", "remove it"],
-    ),
-    "quote over lines": (
+    (cell(9, 1, '"1.0'), "line 9: a quotation mark opens on this line and does not close on it"),
+    (
         lambda lines: cell(12, 1, '1.0"')(cell(9, 1, '"1.0')(lines)),
-        ["line 9", "a quotation mark opens on this line and does not close on it"],
+        "line 9: a quotation mark opens on this line and does not close on it: remove it",
     ),
-    "open quote in the last row": (cell(61, 5, '"1.0'), ["line 61", "a quotation mark opens"]),
-    "quote within a cell": (cell(9, 1, '"1"0'), ["line 9", "follows a quotation mark"]),
-    "open quote in the header": (header("time", '"time'), ["line 1", "quotation mark opens"]),
-    "comment between samples": (
-        lambda lines: [*lines[:9], "# paused", *lines[9:]],
-        ["line 10", "a comment between samples: remove it"],
+    (cell(61, 5, '"1.0'), "line 61: a quotation mark opens"),
+    (cell(9, 1, '"1"0'), "line 9: text follows a quotation mark"),
+    (header("time", '"time'), "line 1: a quotation mark opens in the header"),
+    (added(10, "# paused"), "line 10: the line is a comment between samples: remove it"),
+    (added(2, "Sensors: A, B"), "line 2: .* between the column names and the numbers.*mend or rem"),
+    (lambda lines: ["# " + one for one in lines], "nothing but comments"),
+    (
+        lambda lines: added(2, "ms,rad,rad,rad/s,rad/s,Nm")(header("time", "time [s]")(lines)),
+        r"line 2, column 'time \[s\]': the unit below the name is \[ms\]: .*agree",
     ),
-    "text below the header": (
-        lambda lines: [lines[0], "Sensors: A, B", *lines[1:]],
-        ["line 2", "between the column names and the numbers", "mend or remove it"],
+    (
+        lambda lines: [
+            one + "," + ",".join(f"{k}" if n else f"c{k}" for k in range(10_000))
+            for n, one in enumerate(lines[:4])
+        ],
+        "10006 columns of 3 rows, more than are read at once",
     ),
-    "only comments": (lambda lines: ["# " + line for line in lines], ["nothing but comments"]),
-    "other unit below the name": (
-        lambda lines: [lines[0].replace("time", "time [s]"), "ms,rad,rad,rad/s,rad/s,Nm",
-                       *lines[1:]],
-        ["line 2, column 'time [s]'", "the unit below the name is [ms]", "agree"],
+    (lambda lines: [",".join(lines) * 300], "line 1: the line has more than 1000000"),
+    (
+        lambda lines: [lines[0], *(f"{k},{r.split(',', 1)[1]}" for k, r in enumerate(lines[1:]))],
+        r"column 'time': the sample time would be 1 s, .*\[ms\]",
     ),
-    "two of a name but for letters": (
-        header("motor_velocity", "Time"),
-        ["line 1", "'time' and 'Time' are both time", "rename or remove one"],
-    ),
-    "too many columns": (
-        lambda lines: [line + "," + ",".join(f"{k}" if n else f"c{k}" for k in range(10_000))
-                       for n, line in enumerate(lines[:4])],
-        ["10006 columns of 3 rows, more than are read at once"],
-    ),
-    "one endless line": (lambda lines: [",".join(lines) * 300], ["line 1", "more than 1000000"]),
-    "milliseconds": (
-        lambda lines: [lines[0], *(f"{k},{line.split(',', 1)[1]}" for k, line in
-                                   enumerate(lines[1:]))],
-        ["column 'time'", "sample time would be 1 s", "[ms]"],
-    ),
-}  # fmt: skip
+]
 
 
-@pytest.mark.parametrize("name", TEXT_CASES)
-def test_bad_text(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("edit", "words"), TEXTS, ids=[words[:40] for _, words in TEXTS])
+def test_bad_text(edit: Edit, words: str, tmp_path: Path) -> None:
     """Assert that the message names the place and the remedy."""
-    edit, words = TEXT_CASES[name]
     path = tmp_path / "log.csv"
     path.write_text("\n".join(edit(list(LINES))) + "\n", encoding="utf-8")
-    message = refusal(path)
-    for word in words:
-        assert word in message
+    assert_words(words, refused(read_log, path))
 
 
-BYTES_CASES = {
-    "empty": (b"", "log.csv", ["empty", "export the log again"]),
-    "blank": (b"\n \n", "log.csv", ["empty"]),
-    "binary": (bytes(range(256)) * 20, "log.csv", ["binary file", "export the log as CSV"]),
-    "gzip": (gzip.compress(GOOD), "log.csv.gz", ["packed by gzip", "unpack it"]),
-    "workbook": (b"PK\x03\x04" + b"\0" * 99, "log.xlsx", ["workbooks", "save the sheet as CSV"]),
-    "parquet named csv": (b"PAR1....PAR1", "log.csv", ["Parquet", "rename it", ".parquet"]),
-    "csv named parquet": (
-        GOOD,
-        "log.parquet",
-        ["no Parquet file that can be read", "name it .csv"],
-    ),
-    "torn parquet": (
-        b"PAR1" + b"\1" * 50 + b"PAR1",
-        "log.parquet",
-        ["no Parquet file that can be read"],
-    ),
-    "torn utf-16": (b"\xff\xfe" + b"\x00\xdc" * 9, "log.csv", ["damaged UTF-16", "as UTF-8"]),
-    "latin-1": (
-        GOOD.replace(b"\n0.005,", b"\n\xb5,"),
-        "log.csv",
-        ["line 3", "'µ' is not a number"],
-    ),
-    "column map as log": (b'time = "t"', "columns.toml", ["TOML file", "--columns"]),
-    "estimate as log": (b"{}", "estimate.json", ["JSON file", "export the log"]),
-}
-
-
-@pytest.mark.parametrize("name", BYTES_CASES)
-def test_bad_bytes(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("content", "name", "words"),
+    [
+        (b"", "log.csv", "the file is empty: export the log again"),
+        (b"\n \n", "log.csv", "empty"),
+        (bytes(range(256)) * 20, "log.csv", "binary file, not text: export the log as CSV"),
+        (gzip.compress(GOOD), "log.csv.gz", "packed by gzip: unpack it"),
+        (b"PK\x03\x04" + b"\0" * 99, "log.xlsx", "workbooks are: .*save the sheet as CSV"),
+        (b"PAR1....PAR1", "log.csv", "this is a Parquet file: rename it .*.parquet"),
+        (GOOD, "log.parquet", "no Parquet file that can be read: .*name it .csv"),
+        (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", "no Parquet file that can be read"),
+        (b"nonsense", "log.parquet", "no Parquet file that can be read"),
+        (b"\xff\xfe" + b"\x00\xdc" * 9, "log.csv", "damaged UTF-16: save the file as UTF-8"),
+        (GOOD.replace(b"\n0.005,", b"\n\xb5,"), "log.csv", "line 3.*'µ' is not a number"),
+        (b'time = "t"', "columns.toml", "this is a TOML file.*--columns"),
+        (b"{}", "estimate.json", "this is a JSON file.*export the log"),
+    ],
+)
+def test_bad_bytes(content: bytes, name: str, words: str, tmp_path: Path) -> None:
     """Assert that a file that is not what its name says is refused."""
-    content, file, words = BYTES_CASES[name]
-    path = tmp_path / file
+    path = tmp_path / name
     path.write_bytes(content)
-    message = refusal(path)
-    for word in words:
-        assert word in message
+    assert_words(words, refused(read_log, path))
 
 
-def test_missing_file(tmp_path: Path) -> None:
-    """Assert that a missing file is named."""
-    path = tmp_path / "nowhere.csv"
-    assert refusal(path).startswith(f"{path}: there is no such file: check the spelling")
+def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
+    """Assert that blank lines before the header count."""
+    path = tmp_path / "log.csv"
+    path.write_text("\n\n" + "\n".join(cell(21, 0, "oops")(LINES)))
+    assert "line 23, column 'time'" in refused(read_log, path)
 
 
-def test_folder(tmp_path: Path) -> None:
-    """Assert that a folder is told from a file."""
-    assert "this is a folder: give the path of a log in it" in refusal(tmp_path)
-
-
-def test_links(tmp_path: Path) -> None:
-    """Assert that links that lead nowhere, or in a circle, are known for what they are."""
+def test_paths_that_lead_to_no_file(tmp_path: Path) -> None:
+    """Assert that links, pipes, folders and impossible names are known for what they are."""
+    assert_words("there is no such file: check the spelling", refused(read_log, tmp_path / "a.csv"))
+    assert "this is a folder: give the path of a log in it" in refused(read_log, tmp_path)
     (tmp_path / "a.csv").symlink_to("b.csv")
-    assert "a link to a file that is not there" in refusal(tmp_path / "a.csv")
+    assert "a link to a file that is not there" in refused(read_log, tmp_path / "a.csv")
     (tmp_path / "b.csv").symlink_to("a.csv")
-    assert "a link that leads back to itself" in refusal(tmp_path / "a.csv")
-
-
-def test_pipe(tmp_path: Path) -> None:
-    """Assert that a pipe is refused rather than waited for."""
+    assert "a link that leads back to itself" in refused(read_log, tmp_path / "a.csv")
     os.mkfifo(tmp_path / "pipe.csv")
-    assert "no ordinary file" in refusal(tmp_path / "pipe.csv")
-
-
-def test_path_with_a_line_break(tmp_path: Path) -> None:
-    """Assert that a message stays on one line whatever the file is called."""
-    assert r"two\nlines.csv: there is no such file" in refusal(tmp_path / "two\nlines.csv")
-
-
-def test_impossible_path() -> None:
-    """Assert that a path that no file can have is refused."""
-    refusal(Path("a\0b.csv"))
-    refusal(Path("x" * 5000 + ".csv"))
+    assert "no ordinary file" in refused(read_log, tmp_path / "pipe.csv")
+    assert r"two\nlines.csv: there is no such file" in refused(read_log, Path("two\nlines.csv"))
+    refused(read_log, Path("a\0b.csv"))
+    refused(read_log, Path("x" * 5000 + ".csv"))
 
 
 def test_huge_file(tmp_path: Path) -> None:
@@ -269,9 +198,7 @@ def test_huge_file(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     with path.open("wb") as file:
         file.truncate(1_000_000_000)  # a hole: no block is written
-    message = refusal(path)
-    assert "larger than 500 MB, the most that is read" in message
-    assert "cut the log" in message
+    assert_words("larger than 500 MB, the most that is read.*cut the log", refused(read_log, path))
 
 
 def test_too_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,9 +206,7 @@ def test_too_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(series, "MOST_ROWS", 1000)
     path = tmp_path / "log.parquet"
     pl.DataFrame(joint_columns(5000)).write_parquet(path)
-    message = refusal(path)
-    assert "5000 rows, more than the 1000" in message
-    assert "--stream" in message
+    assert_words("5000 rows, more than the 1000 .*--stream", refused(read_log, path))
 
 
 @pytest.mark.parametrize(("most", "columns", "rows"), [(10**9, 10_006, 1), (299, 6, 50)])
@@ -294,12 +219,11 @@ def test_parquet_of_more_than_memory_holds(
     more = {f"c{k}": np.zeros(50) for k in range(columns - 6)}
     pl.DataFrame({**joint_columns(50), **more}).write_parquet(path)
     words = f"there are {columns} columns of {rows} rows, more than are read at once"
-    assert words in refusal(path)
-    with pytest.raises(RecordingError, match=words):
-        Replay(path, None, at_once=True)
+    assert words in refused(read_log, path)
+    assert words in refused(lambda: Replay(path, None, at_once=True))
     text = path.with_suffix(".csv")
     pl.read_parquet(path).write_csv(text)
-    assert f"there are {columns} columns of 50 rows, more than are read" in refusal(text)
+    assert f"there are {columns} columns of 50 rows, more than are read" in refused(read_log, text)
 
 
 def test_columns_that_are_not_read(tmp_path: Path) -> None:
@@ -313,43 +237,38 @@ def test_columns_that_are_not_read(tmp_path: Path) -> None:
 def test_a_page_that_promises_too_much(count: int, tmp_path: Path) -> None:
     """Assert that a page that promises 2^61 values, which ends Polars, ends nothing here."""
     path = tmp_path / "log.parquet"
-    names = ("time", "motor_position", "motor_torque")
     draw = np.random.default_rng(1)
+    names = ("time", "motor_position", "motor_torque")
     pl.DataFrame({name: draw.normal(size=100) for name in names}).write_parquet(path)
-    number = bytes([0xC8, 0x01])  # 100, as Thrift writes it
-    value = (count << 1) ^ (count >> 63)
+    value = (count << 1) ^ (count >> 63)  # as Thrift writes it, in the place of 100
     other = bytes([value & 127 | 128, value >> 7 & 127])
-    path.write_bytes(path.read_bytes().replace(number, other, 1))
-    words = "the file cannot be read on from there"
-    assert words in refusal(path)
-    with pytest.raises(RecordingError, match=words):
-        Replay(path, None, at_once=True)
+    path.write_bytes(path.read_bytes().replace(bytes([0xC8, 0x01]), other, 1))
+    assert "the file cannot be read on from there" in refused(read_log, path)
+    assert "the file cannot be read on from there" in refused(lambda: Replay(path, None, at_once=True))
 
 
 def test_parquet_types(tmp_path: Path) -> None:
     """Assert that text, dates and missing values in Parquet are named with column and row."""
     frame = pl.DataFrame(joint_columns(60))
-    path = tmp_path / "log.parquet"
-    frame.with_columns(pl.col("link_position").cast(pl.String)).write_parquet(path)
-    assert "column 'link_position': it holds values of type String" in refusal(path)
-    frame.with_columns((pl.col("motor_torque") * 1e6).cast(pl.Datetime("us"))).write_parquet(path)
-    assert "column 'motor_torque': it holds dates" in refusal(path)
     missing = pl.when(pl.col("time") > 0.0).then("motor_torque").alias("motor_torque")
-    frame.with_columns(missing).write_parquet(path)
-    assert "row 1, column 'motor_torque': the cell is empty" in refusal(path)
-    frame.head(0).write_parquet(path)
-    assert "no samples" in refusal(path)
+    for changed, words in (
+        (pl.col("link_position").cast(pl.String), "column 'link_position': it holds values of typ"),
+        ((pl.col("motor_torque") * 1e6).cast(pl.Datetime("us")), "'motor_torque': it holds dates"),
+        (missing, "row 1, column 'motor_torque': the cell is empty"),
+    ):
+        frame.with_columns(changed).write_parquet(tmp_path / "log.parquet")
+        assert words in refused(read_log, tmp_path / "log.parquet")
+    frame.head(0).write_parquet(tmp_path / "log.parquet")
+    assert "no samples" in refused(read_log, tmp_path / "log.parquet")
 
 
 def read_or_refuse(folder: Path, name: str, content: bytes) -> None:
     """Read a file; anything but a log or a `RecordingError` fails."""
     path = folder / name
     path.write_bytes(content)
-    try:
+    with suppress(RecordingError):
         recordings = read_log(path).recordings
-    except RecordingError:
-        return
-    assert all(np.isfinite(recording.motor_position).all() for recording in recordings)
+        assert all(np.isfinite(recording.motor_position).all() for recording in recordings)
 
 
 FUZZ = settings(
@@ -396,9 +315,8 @@ def test_any_mutation(tmp_path: Path, data: st.DataObject) -> None:
 def test_any_number(tmp_path: Path, cells: list[tuple[int, int, float]]) -> None:
     """Assert that any number in any cell raises nothing but a `RecordingError`."""
     columns = joint_columns(60)
-    names = list(columns)
     for row, column, value in cells:
-        columns[names[column]][row] = value
+        columns[[*columns][column]][row] = value
     read_or_refuse(tmp_path, "log.csv", csv_text(columns).encode())
 
 

@@ -1,16 +1,17 @@
-"""Columns that are recognised by the names that they usually have."""
+"""Columns that are recognised by the names that they usually have, and the units in them."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from math import pi
 
 import numpy as np
 import pytest
-from joint_log import joint_columns, write_csv
+from hypothesis import given
+from hypothesis import strategies as st
+from joint_log import joint_columns, read_columns, refused, without
 
-from flexid.errors import RecordingError
-from flexid.recording import read_log
 from flexid.recording.names import usual_channel
+from flexid.recording.units import EXAMPLES, UnitError, scale_to_si
 
 USUAL = {
     "time": ("t", "t_s", "Time_ms", "timestamp"),
@@ -29,12 +30,11 @@ STRANGE = (
 )
 
 
-@pytest.mark.parametrize(("channel", "name"), [(c, n) for c, names in USUAL.items() for n in names])
-def test_usual_names(channel: str, name: str) -> None:
-    """Assert that the name is known for the channel it usually is."""
-    found = usual_channel(name)
-    assert found is not None
-    assert found[0] == channel
+@pytest.mark.parametrize("channel", USUAL)
+def test_usual_names(channel: str) -> None:
+    """Assert that a name is known for the channel it usually is."""
+    found = [usual_channel(name) for name in USUAL[channel]]
+    assert [one and one[0] for one in found] == [channel] * len(found)
 
 
 @pytest.mark.parametrize("name", STRANGE)
@@ -43,41 +43,40 @@ def test_other_names(name: str) -> None:
     assert usual_channel(name) is None
 
 
-def test_a_log_with_usual_names(tmp_path: Path) -> None:
+def test_a_log_with_usual_names() -> None:
     """Assert that it is read, in the units in its names, and that what was taken is said."""
     columns = joint_columns()
-    expected = read_log(write_csv(tmp_path, columns)).recordings[0]
-    usual = {
-        "t_ms": columns["time"] * 1e3,
-        "theta_m_deg": np.degrees(columns["motor_position"]),
-        "q_l": columns["link_position"],
-        "tau_mNm": columns["motor_torque"] * 1e3,
-        "mode": 0.0 * columns["time"],
-    }
-    log = read_log(write_csv(tmp_path, usual, "usual.csv"))
+    log = read_columns(
+        {
+            "t_ms": columns["time"] * 1e3,
+            "theta_m_deg": np.degrees(columns["motor_position"]),
+            "q_l": columns["link_position"],
+            "tau_mNm": columns["motor_torque"] * 1e3,
+            "mode": 0.0 * columns["time"],
+        }
+    )
     (recording,) = log.recordings
     assert recording.sample_time == pytest.approx(0.005)
-    np.testing.assert_allclose(recording.motor_position, expected.motor_position, rtol=1e-12)
-    np.testing.assert_allclose(recording.needed_input, expected.needed_input, rtol=1e-12)
+    np.testing.assert_allclose(recording.motor_position, columns["motor_position"], rtol=1e-12)
+    np.testing.assert_allclose(recording.needed_input, columns["motor_torque"], rtol=1e-12)
     taken, unused = log.warnings
     for words in ("'t_ms' for time in ms", "'theta_m_deg' for motor_position in deg", "check"):
         assert words in taken
     assert "'mode' not used" in unused
 
 
-def test_own_names_come_first(tmp_path: Path) -> None:
+def test_own_names_come_first() -> None:
     """Assert that a usual name counts for nothing beside the channel's own."""
     columns = joint_columns()
-    columns["tau"] = 2.0 * columns["motor_torque"]
-    columns["current"] = 3.0 * columns["motor_torque"]
-    columns["theta_m"] = 4.0 * columns["motor_position"]
-    log = read_log(write_csv(tmp_path, columns))
-    np.testing.assert_array_equal(log.recordings[0].input, columns["motor_torque"])
-    np.testing.assert_array_equal(log.recordings[0].motor_position, columns["motor_position"])
+    tau, motor = columns["motor_torque"], columns["motor_position"]
+    others = {"tau": 2.0 * tau, "current": 3.0 * tau, "theta_m": 4.0 * motor}
+    log = read_columns(columns | others)
+    np.testing.assert_array_equal(log.recordings[0].input, tau)
+    np.testing.assert_array_equal(log.recordings[0].motor_position, motor)
     assert "'tau', 'current', 'theta_m' not used" in log.warnings[0]
 
 
-def test_one_encoder(tmp_path: Path) -> None:
+def test_one_encoder() -> None:
     """Assert that a position without a side is the motor's where there is no other."""
     columns = joint_columns()
     single = {
@@ -86,31 +85,76 @@ def test_one_encoder(tmp_path: Path) -> None:
         "velocity": columns["motor_velocity"],
         "torque": columns["motor_torque"],
     }
-    (recording,) = read_log(write_csv(tmp_path, single)).recordings
+    (recording,) = read_columns(single).recordings
     np.testing.assert_array_equal(recording.motor_position, columns["motor_position"])
     assert recording.motor_velocity is not None
     single["link_position"] = columns["link_position"]
-    with pytest.raises(RecordingError, match="there is no motor_position"):
-        read_log(write_csv(tmp_path, single))
+    assert "there is no motor_position" in refused(read_columns, single)
 
 
-def test_two_usual_names(tmp_path: Path) -> None:
+def test_two_usual_names() -> None:
     """Assert that of two columns neither is taken, and both are named."""
-    columns = joint_columns()
-    columns["theta_m"] = columns.pop("motor_position")
-    columns["motor_angle"] = 2.0 * columns["theta_m"]
-    with pytest.raises(
-        RecordingError, match="'theta_m', 'motor_angle' could each be motor_position"
-    ):
-        read_log(write_csv(tmp_path, columns))
+    motor = joint_columns()["motor_position"]
+    columns = without(joint_columns(), "motor_position")
+    columns |= {"theta_m": motor, "motor_angle": 2.0 * motor}
+    words = "'theta_m', 'motor_angle' could each be motor_position"
+    assert words in refused(read_columns, columns)
 
 
-def test_a_map_leaves_nothing_to_guess(tmp_path: Path) -> None:
+def test_a_map_leaves_nothing_to_guess() -> None:
     """Assert that with a column map only a channel's own name is taken."""
     columns = joint_columns()
     columns["tau"] = columns.pop("motor_torque")
-    path = tmp_path / "columns.toml"
-    path.write_text('time = "time"')
-    log = read_log(write_csv(tmp_path, columns), path)
+    log = read_columns(columns, {"time": "time"})
     assert log.recordings[0].input is None
-    assert any("name 'tau' in the column map" in warning for warning in log.warnings)
+    assert any("name 'tau' in columns" in warning for warning in log.warnings)
+
+
+@pytest.mark.parametrize(
+    ("text", "factor", "si_unit"),
+    [
+        ("deg", pi / 180, "rad"),
+        ("°", pi / 180, "rad"),
+        ("turn", 2 * pi, "rad"),
+        ("deg/s", pi / 180, "rad/s"),
+        ("rpm", pi / 30, "rad/s"),
+        ("rad s^-1", 1.0, "rad/s"),
+        ("Nm", 1.0, "N m"),
+        ("N·m", 1.0, "N m"),
+        ("N\u22c5m", 1.0, "N m"),
+        ("mNm", 1e-3, "N m"),
+        ("kN m", 1e3, "N m"),
+        ("mV", 1e-3, "V"),
+        ("mA", 1e-3, "A"),
+        ("ms", 1e-3, "s"),
+        ("us", 1e-6, "s"),
+        ("µs", 1e-6, "s"),
+    ],
+)
+def test_units(text: str, factor: float, si_unit: str) -> None:
+    """Assert that a unit has its factor and its SI unit."""
+    assert scale_to_si(text, tuple(EXAMPLES)) == (pytest.approx(factor, rel=1e-12), si_unit)
+
+
+@pytest.mark.parametrize("text", ["count", "Hz", "percent", "1/s", "N m/rad", "m", "rad^2", ""])
+def test_units_of_other_quantities(text: str) -> None:
+    """Assert that what has the dimension of an angle or a rate by accident is refused."""
+    with pytest.raises(UnitError, match="does not measure"):
+        scale_to_si(text, tuple(EXAMPLES))
+
+
+@pytest.mark.parametrize("text", ["furlongs!", "9^9^9", "km^9999", "km²³²³²³", "rad/", "__x", "("])
+def test_unknown_units(text: str) -> None:
+    """Assert that no unit text does more than fail."""
+    with pytest.raises(UnitError, match=r"is not known: write \[rad\], \[deg\]"):
+        scale_to_si(text, ("rad",))
+
+
+@given(st.text(max_size=30))
+def test_any_unit(text: str) -> None:
+    """Assert that any text is converted or refused."""
+    try:
+        factor, _ = scale_to_si(text, tuple(EXAMPLES))
+    except UnitError:
+        return
+    assert factor > 0.0

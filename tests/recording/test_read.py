@@ -1,101 +1,78 @@
-"""Reading logs that can be used."""
+"""Reading logs that can be used: channels, units, inputs, and the grid of their times."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
-from joint_log import csv_text, joint_columns, write_csv
+from joint_log import (
+    assert_equal_logs,
+    assert_words,
+    csv_text,
+    joint_columns,
+    read_columns,
+    refused,
+    without,
+    write_csv,
+)
 
-from flexid.errors import RecordingError
+from flexid.arrays import FloatArray
 from flexid.recording import Log, read_log
 
-CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity", "input")
+CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity")
 
 
-def assert_equal_logs(a: Log, b: Log, rtol: float = 0.0) -> None:
-    """Assert that two logs hold the same recordings, up to `rtol`."""
-    assert len(a.recordings) == len(b.recordings)
-    for one, other in zip(a.recordings, b.recordings, strict=True):
-        assert one.sample_time == pytest.approx(other.sample_time, rel=1e-12)
-        assert one.start_time == pytest.approx(other.start_time, rel=1e-12)
-        assert one.input_unit == other.input_unit
-        for name in CHANNELS:
-            np.testing.assert_allclose(
-                getattr(one, name), getattr(other, name), rtol=rtol, atol=rtol
-            )
-
-
-def test_canonical_csv(tmp_path: Path) -> None:
-    """Assert that every channel arrives bit for bit, with the file's name and digest."""
+def test_canonical_columns(tmp_path: Path) -> None:
+    """Assert that every channel arrives bit for bit, from CSV and from Parquet."""
     columns = joint_columns()
     path = write_csv(tmp_path, columns)
     log = read_log(path)
-    assert log.warnings == ()
-    assert log.source == str(path)
+    assert (log.warnings, log.source) == ((), str(path))
     assert log.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     (recording,) = log.recordings
     assert recording.sample_time == pytest.approx(0.005, rel=1e-12)
-    assert recording.start_time == 0.0
-    assert recording.input_unit == "N m"
+    assert (recording.start_time, recording.input_unit) == (0.0, "N m")
     np.testing.assert_array_equal(recording.input, columns["motor_torque"])
-    for name in CHANNELS[:-1]:
+    for name in CHANNELS:
         np.testing.assert_array_equal(getattr(recording, name), columns[name])
-
-
-def test_parquet_equals_csv(tmp_path: Path) -> None:
-    """Assert that a Parquet file and a CSV file with the same columns give the same log."""
-    columns = joint_columns()
     pl.DataFrame(columns).write_parquet(tmp_path / "log.parquet")
-    assert_equal_logs(read_log(tmp_path / "log.parquet"), read_log(write_csv(tmp_path, columns)))
+    assert_equal_logs(read_log(tmp_path / "log.parquet"), log)
 
 
 def test_integer_parquet(tmp_path: Path) -> None:
     """Assert that integers with a unit are read as numbers."""
-    columns = joint_columns()
-    frame = pl.DataFrame(columns).with_columns(
-        pl.Series("time [ms]", 5 * np.arange(len(columns["time"])))
-    )
-    frame.drop("time").write_parquet(tmp_path / "log.parquet")
+    columns = {"time [ms]": 5 * np.arange(400), **without(joint_columns(), "time")}
+    pl.DataFrame(columns).write_parquet(tmp_path / "log.parquet")
     assert read_log(tmp_path / "log.parquet").recordings[0].sample_time == pytest.approx(0.005)
 
 
-def test_degrees_equal_radians(tmp_path: Path) -> None:
+def test_degrees_equal_radians() -> None:
     """Assert that the unit in the header makes degrees and milliseconds equal to SI."""
     columns = joint_columns()
-    degrees = {
-        "time [ms]": columns["time"] * 1e3,
-        "link_position [deg]": np.degrees(columns["link_position"]),
-        "motor_position [deg]": np.degrees(columns["motor_position"]),
-        "link_velocity [deg/s]": np.degrees(columns["link_velocity"]),
-        "motor_velocity [rpm]": columns["motor_velocity"] * 30.0 / np.pi,
-        "motor_torque [mN m]": columns["motor_torque"] * 1e3,
-    }
-    in_degrees = read_log(write_csv(tmp_path, degrees, "degrees.csv"))
-    assert in_degrees.warnings == ()
-    assert_equal_logs(in_degrees, read_log(write_csv(tmp_path, columns)), rtol=1e-12)
+    log = read_columns(
+        {
+            "time [ms]": columns["time"] * 1e3,
+            "link_position [deg]": np.degrees(columns["link_position"]),
+            "motor_position [deg]": np.degrees(columns["motor_position"]),
+            "link_velocity [deg/s]": np.degrees(columns["link_velocity"]),
+            "motor_velocity [rpm]": columns["motor_velocity"] * 30.0 / np.pi,
+            "motor_torque [mN m]": columns["motor_torque"] * 1e3,
+        }
+    )
+    assert log.warnings == ()
+    assert_equal_logs(log, read_columns(columns), rtol=1e-12)
 
 
-def test_deflection_gives_the_link_position(tmp_path: Path) -> None:
+def test_deflection_gives_the_link_position() -> None:
     """Assert that link = motor + deflection where the link is not measured."""
-    columns = joint_columns()
-    link = columns.pop("link_position")
+    columns = without(joint_columns(), "link_position")
+    link = joint_columns()["link_position"]
     columns["deflection"] = link - columns["motor_position"]
-    (recording,) = read_log(write_csv(tmp_path, columns)).recordings
+    (recording,) = read_columns(columns).recordings
     np.testing.assert_allclose(recording.needed_link_position, link, atol=1e-15)
-
-
-def test_velocities_may_be_missing(tmp_path: Path) -> None:
-    """Assert that a velocity that was not measured is None."""
-    columns = joint_columns()
-    del columns["link_velocity"]
-    (recording,) = read_log(write_csv(tmp_path, columns)).recordings
-    assert recording.link_velocity is None
-    assert recording.motor_velocity is not None
 
 
 @pytest.mark.parametrize(
@@ -109,21 +86,22 @@ def test_velocities_may_be_missing(tmp_path: Path) -> None:
         ("motor_voltage", "V"),
     ],
 )
-def test_kinds_of_input(tmp_path: Path, header: str, unit: str) -> None:
-    """Assert that the input's name and unit say what kind it is."""
-    columns = joint_columns()
-    columns[header] = columns.pop("motor_torque")
-    assert read_log(write_csv(tmp_path, columns)).recordings[0].input_unit == unit
+def test_kinds_of_input(header: str, unit: str) -> None:
+    """Assert that the input's name and unit say what kind it is, and a velocity may be missing."""
+    columns = without(joint_columns(), "torque", "link_velocity")
+    (recording,) = read_columns({**columns, header: joint_columns()["motor_torque"]}).recordings
+    assert recording.input_unit == unit
+    assert recording.link_velocity is None
+    assert recording.motor_velocity is not None
 
 
-def test_torque_is_preferred_to_current(tmp_path: Path) -> None:
+def test_torque_is_preferred_to_current() -> None:
     """Assert that of two inputs the torque is used and the other is named in a warning."""
     columns = joint_columns()
-    columns["motor_current"] = 2.0 * columns["motor_torque"]
-    log = read_log(write_csv(tmp_path, columns))
+    log = read_columns({**columns, "motor_current": 2.0 * columns["motor_torque"]})
     np.testing.assert_array_equal(log.recordings[0].input, columns["motor_torque"])
-    assert len(log.warnings) == 1
-    assert "motor_current is not used" in log.warnings[0]
+    (warning,) = log.warnings
+    assert "motor_current is not used" in warning
 
 
 def test_unused_columns_are_named(tmp_path: Path) -> None:
@@ -131,89 +109,146 @@ def test_unused_columns_are_named(tmp_path: Path) -> None:
     text = csv_text(joint_columns()).splitlines()
     path = tmp_path / "log.csv"
     path.write_text("\n".join([text[0] + ",note", *(line + ",idle" for line in text[1:])]))
-    log = read_log(path)
-    assert len(log.warnings) == 1
-    assert "'note' not used" in log.warnings[0]
+    (warning,) = read_log(path).warnings
+    assert "'note' not used" in warning
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda text: text.replace(",", ";"),
-        lambda text: text.replace(",", "\t"),
-        lambda text: text.replace(",", " , "),
-        lambda text: text.replace("\n", "\r\n"),
-        lambda text: text.replace("\n", "\r"),
-        lambda text: "\ufeff" + text,
-        lambda text: "\n\n" + text,
-        lambda text: text + "\n\n\n",
-        lambda text: '"' + text.replace("\n", '"\n"').replace(",", '","').removesuffix('"'),
-    ],
-    ids=["semicolons", "tabs", "spaces", "crlf", "cr", "bom", "blank before", "after", "quotes"],
-)
-def test_dialects(tmp_path: Path, change: Callable[[str], str]) -> None:
-    """Assert that other separators, line ends and quotes change nothing."""
+def test_xarray() -> None:
+    """Assert that a data set's coordinate is a column, and its attributes are units."""
+    xarray = pytest.importorskip("xarray")
     columns = joint_columns()
-    path = tmp_path / "other.csv"
-    path.write_bytes(change(csv_text(columns)).encode())
-    assert_equal_logs(read_log(path), read_log(write_csv(tmp_path, columns)))
+    channels = {name: ("time", values) for name, values in columns.items() if name != "time"}
+    degrees = np.degrees(columns["link_position"])
+    channels["link_position"] = ("time", degrees, {"units": "deg"})
+    data = xarray.Dataset(channels, coords={"time": columns["time"], "rig": 7})
+    assert_equal_logs(read_columns(data), read_columns(columns), rtol=1e-12)
 
 
-def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
-    """Assert that blank lines before the header count."""
-    lines = csv_text(joint_columns()).splitlines()
-    lines[20] = "oops" + lines[20]
-    path = tmp_path / "log.csv"
-    path.write_text("\n\n" + "\n".join(lines))
-    with pytest.raises(RecordingError, match="line 23, column 'time'"):
-        read_log(path)
+def rows(kept: FloatArray) -> dict[str, FloatArray]:
+    """Some samples of all columns."""
+    return {name: values[kept] for name, values in joint_columns().items()}
 
 
-def read_real(tmp_path: Path, log: Path, column_map: str) -> Log:
-    """Read a log with a column map given as text."""
-    map_path = tmp_path / "columns.toml"
-    map_path.write_text(column_map)
-    return read_log(log, map_path)
+def test_a_gap_gives_two_recordings() -> None:
+    """Assert that both sides of a gap are what two files would have given."""
+    log = read_columns(rows(np.r_[0:150, 190:400]))
+    assert "missing from 0.745 s to 0.95 s" in log.warnings[0]
+    assert "2 recordings: record without gaps" in log.warnings[0]
+    parts = [read_columns(rows(np.r_[a:b])).recordings[0] for a, b in ((0, 150), (190, 400))]
+    assert_equal_logs(log, Log(tuple(parts), (), "", ""))
 
 
-def test_flexible_arm(tmp_path: Path, shared_data: Path) -> None:
-    """Assert that a rig's raw sensor columns become angles without a warning."""
-    log = read_real(
-        tmp_path,
-        shared_data / "ist-flexible-arm" / "ist_square_1p5V.csv",
-        """
-        time = {column = "t_s", unit = "s"}
-        motor_position = {column = "pot_V", scale = 35.32, unit = "deg"}
-        deflection = {column = "strain_V", scale = 1.34, unit = "deg"}
-        motor_voltage = {column = "u_V", unit = "V"}
-        """,
-    )
+def test_lost_samples() -> None:
+    """Assert that one cuts the log, and that fewer than 20 between two gaps are dropped."""
+    log = read_columns(rows(np.delete(np.arange(400), 100)))
+    assert [len(recording) for recording in log.recordings] == [100, 299]
+    log = read_columns(rows(np.r_[0:200, 210:220, 230:400]))
+    assert [len(recording) for recording in log.recordings] == [200, 170]
+    assert "1.05 s to 1.095 s were dropped, since fewer than 20" in log.warnings[1]
+    kept = np.concatenate([np.arange(start, start + 19) for start in range(0, 380, 25)])
+    words = "(20 samples in a row|vary between).*record"
+    assert_words(words, refused(read_columns, rows(kept)))
+
+
+def jittered(share: float, count: int = 2000) -> dict[str, FloatArray]:
+    """A motion sampled at times that are off an even grid by up to `share` of a step."""
+    offset = share * 0.005 * np.random.default_rng(7).uniform(-1.0, 1.0, count)
+    time = 0.005 * np.arange(count) + offset
+    motor = np.sin(2.0 * time)
+    link = {"link_position": motor + 0.05 * np.sin(9.0 * time), "motor_position": motor}
+    return {"time": time, **link, "motor_torque": np.cos(3.0 * time)}
+
+
+def test_rounded_time_is_even() -> None:
+    """Assert that a time printed with few digits changes no sample and gives no warning."""
+    columns = jittered(0.0005)
+    log = read_columns(columns)
     assert log.warnings == ()
+    np.testing.assert_array_equal(log.recordings[0].link_position, columns["link_position"])
+    assert log.recordings[0].sample_time == pytest.approx(0.005, rel=1e-6)
+
+
+def test_jitter_is_interpolated() -> None:
+    """Assert that jitter is removed to 1e-7 rad, where taking it as even would cost 5e-4 rad."""
+    columns = jittered(0.08)
+    log = read_columns(columns)
+    words = "column 'time': .*interpolated to even times: record at a fixed rate"
+    assert_words(words, log.warnings[0])
     (recording,) = log.recordings
-    assert len(recording) == 2001
+    exact = np.sin(2.0 * recording.time) + 0.05 * np.sin(9.0 * recording.time)
+    assert np.abs(recording.needed_link_position - exact).max() < 1e-7
+    assert np.abs(columns["link_position"][: len(exact)] - exact).max() > 5e-4
+
+
+def test_a_switched_input_does_not_overshoot() -> None:
+    """Assert that interpolation leaves a two-level input between its levels, however small."""
+    columns = jittered(0.08)
+    columns["motor_torque"] = np.sign(columns["motor_torque"])
+    assert np.abs(read_columns(columns).recordings[0].needed_input).max() <= 1.0
+    columns["motor_torque"][5:9] = [0.0, 5e-324, 1e-323, 1.5e-323]
+    assert np.isfinite(read_columns(columns).recordings[0].needed_input).all()
+
+
+@pytest.mark.parametrize("rate", [300.0, 400.0, 450.0, 600.0, 900.0])
+def test_whole_milliseconds_are_even(rate: float) -> None:
+    """Assert that times that fit an even grid but for their last digit are taken for even.
+
+    No sample is changed; interpolated to even times, positions would be 1e-3 rad off.
+    """
+    columns = joint_columns(sample_time=1.0 / rate)
+    columns["time"] = np.round(columns["time"], 3)
+    log = read_columns(columns)
+    (recording,) = log.recordings
+    assert recording.sample_time == pytest.approx(1.0 / rate, rel=1e-4)
+    np.testing.assert_array_equal(recording.link_position, columns["link_position"])
+    (warning,) = log.warnings
+    assert_words("rounded to 1 ms; they fit even steps.*write the time with more digits", warning)
+
+
+def test_uneven_time() -> None:
+    """Assert that more jitter, and a time too coarse to tell samples apart, are refused."""
+    columns = jittered(0.22)
+    words = "column 'time': the time steps vary between .* ms: .*write the time with more digits"
+    assert_words(words, refused(read_columns, columns))
+    columns["time"] = np.round(columns["time"], 3)
+    assert_words(words, refused(read_columns, columns))
+    columns = joint_columns(sample_time=1.0 / 2000.0)
+    columns["time"] = np.round(columns["time"], 3)
+    assert "write the time with more digits" in refused(read_columns, columns)
+
+
+def test_flexible_arm(shared_data: Path) -> None:
+    """Assert that a rig's raw sensor columns become angles without a warning."""
+    log = read_log(
+        shared_data / "ist-flexible-arm" / "ist_square_1p5V.csv",
+        {
+            "time": {"column": "t_s", "unit": "s"},
+            "motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"},
+            "deflection": {"column": "strain_V", "scale": 1.34, "unit": "deg"},
+            "motor_voltage": {"column": "u_V", "unit": "V"},
+        },
+    )
+    (recording,) = log.recordings
+    assert (log.warnings, recording.input_unit, len(recording)) == ((), "V", 2001)
     assert recording.sample_time == pytest.approx(0.01)
-    assert recording.input_unit == "V"
     assert recording.motor_position[0] == pytest.approx(np.radians(35.32 * 2.128906))
     assert recording.deflection[0] == pytest.approx(np.radians(1.34 * -0.1123047))
 
 
 @pytest.mark.parametrize("axis", [1, 2, 3])
 @pytest.mark.parametrize("file", ["kr300_A.csv", "kr300_B.csv"])
-def test_industrial_robot(tmp_path: Path, shared_data: Path, file: str, axis: int) -> None:
+def test_industrial_robot(shared_data: Path, file: str, axis: int) -> None:
     """Assert that an axis with its velocities reads without a warning."""
-    log = read_real(
-        tmp_path,
-        shared_data / "kr300" / file,
-        f"""
-        time = "t_s"
-        link_position = {{column = "a{axis}_q_link_deg", unit = "deg"}}
-        link_velocity = {{column = "a{axis}_qd_link_deg_s", unit = "deg/s"}}
-        motor_position = {{column = "a{axis}_q_mot_deg", unit = "deg"}}
-        motor_velocity = {{column = "a{axis}_qd_mot_deg_s", unit = "deg/s"}}
-        motor_torque = {{column = "a{axis}_tau_mot_Nm", unit = "N m"}}
-        """,
-    )
-    assert log.warnings == ()
-    assert len(log.recordings[0]) == 2501
-    assert log.recordings[0].sample_time == pytest.approx(0.004)
-    assert log.recordings[0].link_velocity is not None
+    column_map: dict[str, object] = {
+        "time": "t_s",
+        "link_position": {"column": f"a{axis}_q_link_deg", "unit": "deg"},
+        "link_velocity": {"column": f"a{axis}_qd_link_deg_s", "unit": "deg/s"},
+        "motor_position": {"column": f"a{axis}_q_mot_deg", "unit": "deg"},
+        "motor_velocity": {"column": f"a{axis}_qd_mot_deg_s", "unit": "deg/s"},
+        "motor_torque": {"column": f"a{axis}_tau_mot_Nm", "unit": "N m"},
+    }
+    log = read_log(shared_data / "kr300" / file, column_map)
+    (recording,) = log.recordings
+    assert (log.warnings, len(recording)) == ((), 2501)
+    assert recording.sample_time == pytest.approx(0.004)
+    assert recording.link_velocity is not None

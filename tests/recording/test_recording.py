@@ -1,46 +1,57 @@
-"""The data that reading returns."""
+"""The data that reading returns, with or without a link's encoder and an input."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from joint_log import assert_words, joint_columns, read_columns, refused, without
 
 from flexid.errors import RecordingError
-from flexid.recording import Log, Recording
+from flexid.estimators.samples import link_samples, rigid_samples, samples_of_recording
+from flexid.recording import Log, Recording, read_log, with_velocities
+
+PENDULUM_MAP = {
+    "motor_position": {"column": "position", "unit": "rad"},
+    "motor_velocity": {"column": "velocity", "unit": "rad/s"},
+    "motor_torque": {"column": "torque", "unit": "N·m"},
+}
+MOTION = without(joint_columns(), "torque")
+ONE_ENCODER = without(joint_columns(), "link")
 
 
 @pytest.fixture
 def recording() -> Recording:
-    """Return ten samples without link velocity."""
+    """Ten samples without link velocity."""
     ramp = np.arange(10.0)
     return Recording(0.1, 5.0, ramp, 2.0 * ramp, -ramp, "V", motor_velocity=ramp + 1.0)
 
 
-def test_time(recording: Recording) -> None:
-    """Assert that time counts from the start in sample times."""
+@pytest.fixture
+def alone() -> Recording:
+    """A motor's motion without a link."""
+    time = 0.01 * np.arange(300)
+    return Recording(0.01, 2.0, None, np.sin(time), np.cos(time), "N m", source="arm.csv")
+
+
+def test_what_it_holds(recording: Recording) -> None:
+    """Assert that time counts in sample times, and the deflection is link minus motor."""
     np.testing.assert_allclose(recording.time, 5.0 + 0.1 * np.arange(10))
     assert len(recording) == 10
-
-
-def test_deflection(recording: Recording) -> None:
-    """Assert that the deflection is link minus motor."""
     np.testing.assert_array_equal(recording.deflection, -np.arange(10.0))
 
 
 def test_window(recording: Recording) -> None:
-    """Assert that a window keeps the clock and shares memory."""
+    """Assert that a window keeps the clock and shares memory, and lies within."""
     part = recording.window(3, 7)
     np.testing.assert_allclose(part.time, recording.time[3:7])
     assert np.shares_memory(part.motor_velocity, recording.motor_velocity)
     assert part.link_velocity is None
     assert part.input_unit == "V"
-
-
-@pytest.mark.parametrize(("start", "stop"), [(-1, 3), (3, 3), (4, 2), (0, 11)])
-def test_window_beyond_the_recording(recording: Recording, start: int, stop: int) -> None:
-    """Assert that a window that does not lie within is refused."""
-    with pytest.raises(RecordingError, match="choose 0 <= start < stop <= 10"):
-        recording.window(start, stop)
+    for start, stop in ((-1, 3), (3, 3), (4, 2), (0, 11)):
+        message = refused(recording.window, start, stop)
+        assert "choose 0 <= start < stop <= 10" in message
 
 
 def test_channels_of_different_length() -> None:
@@ -52,8 +63,91 @@ def test_channels_of_different_length() -> None:
 
 def test_a_log_fits_a_line(recording: Recording) -> None:
     """Assert that a recording and a log show what they hold, and not their samples."""
-    shown = repr(recording)
-    assert "10 samples every 0.1 s" in shown
-    assert "input (V)" in shown
-    assert "link_velocity" not in shown
+    assert_words(r"10 samples every 0\.1 s.*input \(V\), motor_velocity>", repr(recording))
     assert repr(Log((recording, recording), (), "a.csv", "")) == "<Log a.csv: 1 s, 1 s>"
+
+
+def test_motion_alone() -> None:
+    """Assert that two positions are a log without a fault, whose input is the motor's motion."""
+    log = read_columns(MOTION)
+    (recording,) = log.recordings
+    assert (recording.input, recording.input_unit, log.warnings) == (None, "", ())
+    assert with_velocities(recording).window(10, 20).input is None
+    samples = link_samples(recording)
+    assert recording.motor_velocity is not None
+    np.testing.assert_array_equal(samples.inputs[:, 0], recording.motor_position)
+    np.testing.assert_array_equal(samples.inputs[:, 1], recording.motor_velocity)
+    np.testing.assert_array_equal(samples.positions[:, 0], recording.link_position)
+    (derived,) = read_columns(without(MOTION, "motor_velocity")).recordings
+    inner = slice(20, -20)
+    np.testing.assert_allclose(
+        link_samples(derived).inputs[inner, 1], recording.motor_velocity[inner], atol=0.05
+    )
+    assert_words("input: .*identify the link alone", refused(samples_of_recording, recording))
+
+
+def test_motor_alone() -> None:
+    """Assert that a log of the motor alone is read, and what it is good for is said."""
+    log = read_columns(ONE_ENCODER)
+    (recording,) = log.recordings
+    assert recording.link_position is None
+    np.testing.assert_array_equal(recording.motor_position, ONE_ENCODER["motor_position"])
+    (warning,) = log.warnings
+    assert_words("no link_position.*only the rigid joint.*in a column map", warning)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({**MOTION, "motor_torqe": joint_columns()["motor_torque"]}, "did you mean 'motor_torqe'"),
+        ({**ONE_ENCODER, "lnk_position": MOTION["link_position"]}, "did you mean 'lnk_position'"),
+        ({**ONE_ENCODER, "link_velocity": MOTION["link_velocity"]}, "link_velocity is not used"),
+    ],
+)
+def test_names_that_are_pointed_out(columns: dict[str, np.ndarray], words: str) -> None:
+    """Assert that a column that looks like a channel, or is of no use, is named."""
+    log = read_columns(columns)
+    assert words in " ".join(log.warnings)
+    assert "link_position" in columns or log.recordings[0].link_velocity is None
+
+
+def test_one_encoder_refused() -> None:
+    """Assert that one position alone is refused, and one in degrees without a unit."""
+    words = "no link_position .*, no motor_torque"
+    assert_words(words, refused(read_columns, without(ONE_ENCODER, "torque")))
+    fast = without(ONE_ENCODER, "velocity")
+    fast["motor_position"] = np.degrees(fast["motor_position"])
+    assert_words(r"faster than a joint.*motor_position \[deg\]", refused(read_columns, fast))
+
+
+def test_no_deflection(alone: Recording) -> None:
+    """Assert that whoever asks for the link is told what is missing, in which file."""
+    words = r"arm\.csv: link_position: .*log it, or identify the rigid joint"
+    assert_words(words, refused(lambda: alone.deflection))
+    assert_words(words, refused(samples_of_recording, alone))
+
+
+def test_samples_of_the_rigid_joint(alone: Recording) -> None:
+    """Assert that it has the motor's position alone, and its velocity where that is derived."""
+    part = with_velocities(alone).window(100, 200)
+    assert part.link_position is None
+    assert part.link_velocity is None
+    assert part.motor_velocity is not None
+    np.testing.assert_allclose(part.motor_velocity, np.cos(part.time - 2.0), atol=1e-6)
+    samples = rigid_samples(alone)
+    assert samples.velocities is None
+    np.testing.assert_array_equal(samples.positions, alone.motor_position[:, np.newaxis])
+    velocities = rigid_samples(with_velocities(alone)).velocities
+    assert velocities is not None
+    assert velocities.shape == (300, 1)
+
+
+def test_rigid_pendulum(shared_data: Path) -> None:
+    """Assert that the pendulum of DFKI is read, with a middle dot in its torque's unit."""
+    log = read_log(shared_data / "dfki-pendulum" / "ddp.csv", PENDULUM_MAP)
+    (recording,) = log.recordings
+    assert not any("did you mean" in warning for warning in log.warnings)  # position is taken
+    assert recording.sample_time == pytest.approx(0.002, rel=2e-3)
+    assert recording.input_unit == "N m"
+    assert recording.link_position is None
+    assert recording.motor_velocity is not None

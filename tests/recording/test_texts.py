@@ -1,0 +1,357 @@
+"""Text as loggers, spreadsheets and NumPy write it, as a log and as a stream."""
+
+from __future__ import annotations
+
+import re
+from contextlib import closing
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from joint_log import (
+    Change,
+    assert_equal_logs,
+    assert_words,
+    csv_text,
+    joint_columns,
+    read_columns,
+    refused,
+    without,
+)
+
+from flexid.recording import read_log
+from flexid.recording.layout import layout_of
+from flexid.streaming.incoming import TextSamples
+from flexid.streaming.sources import GrowingFile
+from flexid.streaming.text_stream import LineReader
+
+COLUMNS = without(joint_columns(500), "velocity")
+TEXT = csv_text(COLUMNS)
+UNITS = "s,rad,rad,N m"
+PREAMBLE = "Logger 3000\nRecorded: 2024-05-01, 12:00\nChannels, 6\n\n"
+
+
+def rows(change: Change) -> Change:
+    """Change each row of numbers."""
+
+    def changed(text: str) -> str:
+        header, *lines = text.splitlines()
+        return "\n".join([header, *map(change, lines)]) + "\n"
+
+    return changed
+
+
+def cells(change: Change, separator: str = ",") -> Change:
+    """Change each cell of each row, and what stands between them."""
+    return rows(lambda line: separator.join(map(change, line.split(","))))
+
+
+def ending(cell: str, header: str = "") -> Change:
+    """Add a cell to each row, and perhaps one to the header."""
+    return lambda text: rows(lambda line: line + cell)(text.replace("\n", header + "\n", 1))
+
+
+def german(text: str) -> str:
+    """Decimal commas, between semicolons."""
+    return text.replace(",", ";").replace(".", ",")
+
+
+def fortran(cell: str) -> str:
+    """A number as Fortran writes double precision."""
+    return f"{float(cell):.17E}".replace("E", "D")
+
+
+def grouped(mark: str, decimal: str = ".") -> Change:
+    """Torques in mN m with marks between thousands, others with six decimals."""
+
+    def changed(line: str) -> str:
+        *others, torque = line.split(",")
+        text = f"{1e3 * float(torque):,.1f}".replace(".", "!").replace(",", mark)
+        return ";".join([*(o.replace(".", decimal) for o in others), text.replace("!", decimal)])
+
+    return lambda text: rows(changed)(text).replace(",", ";", 3)
+
+
+def scaled(line: str) -> str:
+    """A row whose time is in microseconds."""
+    time, _, others = line.partition(",")
+    return f"{1e6 * float(time):.0f},{others}"
+
+
+def whole(line: str) -> str:
+    """A row of whole numbers, with commas between thousands."""
+    return ";".join(f"{round(1e4 * float(cell)):,}" for cell in line.split(","))
+
+
+def below(line: str) -> Change:
+    """Add a line below the header."""
+    return lambda text: text.replace("\n", f"\n{line}\n", 1)
+
+
+def named(**names: str) -> Change:
+    """Rename columns."""
+
+    def change(text: str) -> str:
+        header, _, body = text.partition("\n")
+        for old, new in names.items():
+            header = header.replace(old, new)
+        return f"{header}\n{body}"
+
+    return change
+
+
+def tabbed(text: str) -> str:
+    """Tabs for commas."""
+    return text.replace(",", "\t")
+
+
+READ: dict[str, Change] = {
+    "semicolons": lambda text: text.replace(",", ";"),
+    "tabs": tabbed,
+    "blanks around commas": lambda text: text.replace(",", " , "),
+    "blanks around tabs": lambda text: text.replace(",", " \t ").replace("\n", " \n "),
+    "blanks": lambda text: text.replace(",", " "),
+    "aligned by blanks": lambda text: "  " + text.replace(",", "   ").replace("\n", " \n  "),
+    "bars": lambda text: text.replace(",", "|"),
+    "carriage returns and line feeds": lambda text: text.replace("\n", "\r\n"),
+    "mixed ends of lines": lambda text: text.replace("1\n", "1\r\n"),
+    "a byte-order mark": lambda text: "\N{ZERO WIDTH NO-BREAK SPACE}" + text,
+    "blank lines before": lambda text: "\n\n" + text,
+    "blank lines after": lambda text: text + "\n\n\n",
+    "all quoted": lambda text: (
+        '"' + text.replace("\n", '"\n"').replace(",", '","').removesuffix('"')
+    ),
+    "quoted": cells(lambda cell: f'"{cell}"'),
+    "quoted, with decimal commas": cells(lambda cell: '"' + cell.replace(".", ",") + '"'),
+    "decimal commas": german,
+    "tabs and decimal commas": lambda text: tabbed(text).replace(".", ","),
+    "rows end with a separator": ending(","),
+    "all lines end with a separator": lambda text: text.replace("\n", ",\n"),
+    "tabs at the ends of rows": lambda text: tabbed(ending(",")(text)),
+    "tabs at the ends of lines": lambda text: tabbed(text.replace("\n", ",\n")),
+    "tabs at the ends, and none below": lambda text: (
+        tabbed(text.replace("\n", ",\r\n")) + "  \r\n\r\n"
+    ),
+    "an empty first column": lambda text: tabbed("n," + rows(lambda line: "," + line)(text)),
+    "an empty last column": lambda text: tabbed(ending(",", ",spare")(text)),
+    "an empty column": ending(",", ",spare"),
+    "a column of words": ending(",true", ",enabled"),
+    "exponents of Fortran": cells(fortran),
+    "a Fortran table": lambda text: "# " + cells(fortran, "   ")(text).replace(",", " "),
+    "a minus sign": lambda text: text.replace("-", "\N{MINUS SIGN}"),
+    "plus signs": cells(lambda cell: f"+{cell}".replace("+-", "-")),
+    "Latin-1": lambda text: rows(scaled)(text.replace("time", "time [\N{MICRO SIGN}s]")),
+    "commented header, as numpy.savetxt writes it": lambda text: "# " + text,
+    "the same with blanks": lambda text: "# " + text.replace(",", " "),
+    "comments before the header": lambda text: "# made by hand, at 200 Hz\n%\n// x\n" + text,
+    "comment below the header": below("# now the numbers"),
+    "units below the names": below(UNITS),
+    "units in brackets below the names": below("[s],(rad),(rad),(Nm)"),
+    "units in a comment": below("# " + UNITS),
+    "only the units that matter": below("s,,,Nm"),
+    "units in semicolons": lambda text: german(below(UNITS)(text)),
+    "units in round brackets": named(
+        time="time (s)", link_position="link_position(rad)", motor_torque="motor_torque (N m)"
+    ),
+    "capitals": named(time="TIME", link_position="Link_Position", motor_position="MotorPosition"),
+    "blanks in names": named(link_position="Link position", motor_torque="Motor-Torque (Nm)"),
+    "capitals in units": named(link_position="link_position [RAD]"),
+}
+
+
+def written(folder: Path, text: str, encoding: str = "utf-8") -> Path:
+    """A text as a file."""
+    path = folder / "log.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def streamed(path: Path) -> np.ndarray:
+    """Samples of the same as of a stream."""
+    found = []
+    with closing(GrowingFile(path, stop_at_end=True)) as source:
+        samples = TextSamples(source, LineReader(str(path)), None)
+        while (part := samples.read(last=False)) is not None:
+            if len(part):
+                found.append(part)
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("name", READ)
+def test_read(tmp_path: Path, name: str) -> None:
+    """Assert that log and stream hold the numbers that the text means."""
+    path = written(tmp_path, READ[name](TEXT), "latin-1" if name == "Latin-1" else "utf-8")
+    log = read_log(path)
+    assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
+    assert all("not used" in warning for warning in log.warnings)
+    np.testing.assert_allclose(streamed(path), np.column_stack([*COLUMNS.values()]), rtol=1e-12)
+
+
+def test_carriage_returns_alone(tmp_path: Path) -> None:
+    """Assert that they end lines, too."""
+    log = read_log(written(tmp_path, TEXT.replace("\n", "\r")))
+    assert_equal_logs(log, read_columns(COLUMNS))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "latin-1", "utf-16"])
+def test_encodings(encoding: str, tmp_path: Path) -> None:
+    """Assert that degrees are degrees in every encoding in which a ° is written."""
+    degrees = {**COLUMNS, "link_position [°]": np.degrees(COLUMNS["link_position"])}
+    del degrees["link_position"]
+    log = read_log(written(tmp_path, csv_text(degrees), encoding))
+    assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
+
+
+def test_preamble(tmp_path: Path) -> None:
+    """Assert that lines before the names are left out, and said to be; lines count as they do."""
+    text = PREAMBLE + below(UNITS)(TEXT)
+    log = read_log(written(tmp_path, text))
+    assert_equal_logs(log, read_columns(COLUMNS))
+    (warning,) = log.warnings
+    assert "lines 1 to 3 were not read, since the column names stand in line 5" in warning
+    lines = text.split("\n")
+    lines[20] = "oops" + lines[20]
+    assert "line 21, column 'time" in refused(read_log, written(tmp_path, "\n".join(lines)))
+
+
+def test_units_below_the_names(tmp_path: Path) -> None:
+    """Assert that a row of units converts, and one that is none of the column's is refused."""
+    text = csv_text({**COLUMNS, "time": 1e3 * COLUMNS["time"]})
+    log = read_log(written(tmp_path, below("ms,rad,rad,N m")(text)))
+    assert_equal_logs(log, read_columns(COLUMNS), 1e-12)
+    path = written(tmp_path, below("V,rad,rad,N m")(text))
+    assert "'time [V]': the unit [V] does not measure" in refused(read_log, path)
+
+
+REFUSED: dict[str, tuple[Change, str]] = {
+    "the header once more": (
+        lambda text: "\n".join([*text.splitlines()[:300], text]),
+        "line 301, column 'time': the header stands here once more",
+    ),
+    "apostrophes between thousands": (grouped("'"), '"[^"]*\'[^"]*" has marks between its thou'),
+    "blanks between thousands": (grouped(" "), r"'-?\d+ \d+\.\d' has marks between its thousands"),
+    "commas between thousands": (grouped(","), r"'-?\d+,\d+\.\d' has marks between its thousands"),
+    "points between thousands": (grouped(".", ","), r"'-?\d+\.\d+,\d' has marks between its thous"),
+    "whole thousands": (
+        lambda text: rows(whole)(text).replace(",", ";", 3),
+        "has a comma, and it cannot be known whether",
+    ),
+    "hexadecimal": (cells(lambda cell: hex(int(1e4 * float(cell)))), "'0x0' is not a number"),
+    "words for numbers": (
+        rows(lambda line: ",".join([*line.split(",")[:-1], str(line[-1] > "5")])),
+        "'(True|False)' is not a number: correct it, or remove the row, and",
+    ),
+    "numbers in parentheses": (
+        cells(lambda cell: f"({cell[1:]})" if cell.startswith("-") else cell),
+        r"'\(0\.\d+\)' is not a number",
+    ),
+    "a name too many": (
+        lambda text: "Log\n" + text.replace("\n", ",comment\n", 1),
+        "line 3: the row has 4 cells where the header has 5: let the names in line 2 be as many",
+    ),
+    "JSON": (
+        lambda text: "".join(f'{{"time": {line}}}\n' for line in text.splitlines()),
+        "line 1: this is JSON: write a header",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(tmp_path: Path, name: str) -> None:
+    """Assert that a log says where and why, and a stream of nothing else the same."""
+    change, words = REFUSED[name]
+    path = written(tmp_path, change(TEXT))
+    assert_words(words, refused(read_log, path))
+    if name not in ("the header once more", "numbers in parentheses"):  # few lines are no rows
+        assert_words(words, refused(streamed, path))
+
+
+def test_a_file_that_was_not_closed(tmp_path: Path) -> None:
+    """Assert that null bytes at its end are named, and cost a stream no sample."""
+    path = written(tmp_path, TEXT + "\0" * 4096)
+    assert "line 502: null bytes stand there" in refused(read_log, path)
+    assert len(streamed(path)) == 500
+
+
+@pytest.mark.parametrize("cell", ["1.#IND", "inf", "-1.#QNAN0", "#N/A", "", "1,5", "1_000"])
+def test_one_bad_cell(tmp_path: Path, cell: str) -> None:
+    """Assert that a log refuses it with its line, and a stream loses that sample alone."""
+    lines = [line.replace(",", ";") for line in TEXT.splitlines()]
+    lines[300] = ";".join([*lines[300].split(";")[:-1], cell])
+    path = written(tmp_path, "\n".join(lines) + "\n")
+    assert "line 301, column 'motor_torque': " in refused(read_log, path)
+    samples = streamed(path)
+    assert np.flatnonzero(~np.isfinite(samples[:, 3])).tolist() == [299]
+    assert np.isfinite(samples[:, :3]).all()
+
+
+def test_a_stream_that_begins_without_numbers_is_waited_for(tmp_path: Path) -> None:
+    """Assert that empty cells and numbers that are not finite are no reason to refuse it."""
+    lines = TEXT.splitlines()
+    for k in range(1, 250):
+        lines[k] = ",".join([*lines[k].split(",")[:-1], "" if k % 2 else "nan"])
+    samples = streamed(written(tmp_path, "\n".join(lines) + "\n"))
+    assert np.isnan(samples[:249, 3]).all()
+    assert np.isfinite(samples[249:]).all()
+
+
+@pytest.mark.parametrize("parts", [1, 3, 200])
+def test_a_decimal_mark_is_that_of_the_first_lines(parts: int) -> None:
+    """Assert that thousands are no decimals, whatever comes with which, and however it is cut."""
+    lines = ["time [ms];motor_position;motor_torque", *(f"{k};{k % 7};{k % 5}" for k in range(250))]
+    lines += ["250;1,234;1", "251;0,5;1", "252;\N{MINUS SIGN}1,234;1", "253;1.5;1"]
+    raw = ("\n".join(lines) + "\n").encode()
+    reader = LineReader("stream")
+    edges = np.linspace(0, len(raw), parts + 1).astype(int)
+    found = [reader.cells(raw[a:b], ended=b == len(raw)) for a, b in pairwise(edges)]
+    numbers = np.concatenate([part for part in found if part is not None])
+    np.testing.assert_array_equal(numbers[250:, 1], [np.nan, 0.5, -1.234, np.nan])
+    assert re.fullmatch(b",", reader.rows._mark if reader.rows else b"")
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "first"),
+    [
+        ("a,b\n1,2\n3,4\n", ("a", "b"), 2),
+        ("a,b\n1,2\n", ("a", "b"), 2),
+        ("Version 2\na,b\n1,2\n3,4\n", ("a", "b"), 3),
+        ("Date,2024,5\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 3),
+        ("Rig,7,arm\nRate,9,slow\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
+        ("Version,2,1\n10,20\na,b,c\n1,2,3\n4,5,6\n", ("a", "b", "c"), 4),
+        ("x,y\na,b\n1,2\n3,4\n", ("a", "b"), 3),
+        ("a,b\ns,V\n1,2\n3,4\n", ("a [s]", "b [V]"), 3),
+        ("s,V\n1,2\n3,4\n", ("s", "V"), 2),
+        ("a;b,c\n1,5;2\n3,5;4\n", ("a", "b,c"), 2),
+        ("t [s] q [N m] u\n1 2 3\n4 5 6\n", ("t [s]", "q [N m]", "u"), 2),
+        ("a,,c\n1,2,3\n", ("a", "unnamed 2", "c"), 2),
+        ("# a, b\n# c d\n1,2\n3,4\n", ("a", "b"), 3),
+        ("a,b\n\n1,2\n3,4\n", ("a", "b"), 3),
+        ("a,b\nx,y\n", ("a", "b"), 2),
+        ("a,b\nnan,1\n2,3\n", ("a", "b"), 2),
+        ("a,b,c,d\n0,1,2,3\n0,(1),(2),3\n4,5,6,7\n8,9,1,2\n", ("a", "b", "c", "d"), 2),
+        ("Rig\na,b,c,d\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "d"), 3),
+        ("Rig\na,b,c\n0,1,2,\n4,5,6,\n", ("a", "b", "c", "unnamed 4"), 3),
+    ],
+)
+def test_layout(text: str, names: tuple[str, ...], first: int) -> None:
+    """Assert that names, units and the first row are found."""
+    layout = layout_of("log.csv", text.encode())
+    assert layout.names == names
+    assert layout.first_line == first
+    rest = "".join(text.splitlines(keepends=True)[first - 1 :])
+    assert text.encode()[layout.start :].decode() == rest
+
+
+@pytest.mark.parametrize("name", ["q_" * 50_000, "[" * 100_000, "-" * 100_000, " " * 100_000])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_endless_names(name: str, separator: str, tmp_path: Path) -> None:
+    """Assert that a name of a tenth of a megabyte neither hides the others nor takes minutes."""
+    lines = TEXT.splitlines()
+    text = "\n".join([f"{lines[0]},{name}x", *(f"{line},0" for line in lines[1:])])
+    log = read_log(written(tmp_path, text.replace(",", separator)))
+    assert_equal_logs(log, read_columns(COLUMNS))
+    assert "not used" in log.warnings[0]
+    assert_equal_logs(read_log(written(tmp_path, name + "\n" + TEXT)), log)
+    path = written(tmp_path, 2 * name + "x," + "\n".join(lines))
+    assert "line 1: " in refused(read_log, path)
