@@ -244,7 +244,9 @@ def test_a_page_that_promises_too_much(count: int, tmp_path: Path) -> None:
     other = bytes([value & 127 | 128, value >> 7 & 127])
     path.write_bytes(path.read_bytes().replace(bytes([0xC8, 0x01]), other, 1))
     assert "the file cannot be read on from there" in refused(read_log, path)
-    assert "the file cannot be read on from there" in refused(lambda: Replay(path, None, at_once=True))
+    assert "the file cannot be read on from there" in refused(
+        lambda: Replay(path, None, at_once=True)
+    )
 
 
 def test_parquet_types(tmp_path: Path) -> None:
