@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import re
 import stat
 from typing import TYPE_CHECKING
 
@@ -19,8 +20,13 @@ if TYPE_CHECKING:
     """Makes an error of a reason."""
 
 
+_ADDRESS = re.compile(r"^([a-z]{2,}):/(?=[^/])")
+
+
 def shown(path: Path) -> str:
     """The path as it was given, for a message: on one line, and no longer than one can read.
+
+    An address keeps both its slashes, of which a path has one.
 
     >>> from pathlib import Path
     >>> shown(Path("logs") / "a.csv")
@@ -29,6 +35,7 @@ def shown(path: Path) -> str:
     text = "".join(
         character if character.isprintable() else repr(character)[1:-1] for character in str(path)
     )
+    text = _ADDRESS.sub(r"\1://", text)
     return text if len(text) <= 300 else f"{text[:140]}...{text[-140:]}"
 
 
@@ -38,6 +45,8 @@ def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
     try:
         status = os.stat(path)
     except FileNotFoundError:
+        if _ADDRESS.match(str(path)):
+            raise refuse(f"this is an address: download it, and {remedy}") from None
         if path.is_symlink():
             raise refuse(f"this is a link to a file that is not there: {remedy}") from None
         raise refuse(f"there is no such file: check the spelling, or {remedy}") from None

@@ -189,6 +189,8 @@ def test_paths_that_lead_to_no_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
     assert "no ordinary file" in refused(read_log, tmp_path / "pipe.csv")
     assert r"two\nlines.csv: there is no such file" in refused(read_log, Path("two\nlines.csv"))
+    words = "^http://example.com/a.csv: this is an address: download it"
+    assert_words(words, refused(read_log, Path("http://example.com/a.csv")))
     refused(read_log, Path("a\0b.csv"))
     refused(read_log, Path("x" * 5000 + ".csv"))
 

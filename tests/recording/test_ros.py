@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
-from joint_log import joint_columns
+from joint_log import assert_words, joint_columns, refused
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
@@ -17,11 +18,11 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
-from test_matlab import refusal
 
 from flexid.readers import guard, ros
 from flexid.recording import read_log
 from flexid.recording.recording import Recording
+from flexid.recording.series import table_of_file, tables_of_file
 
 COLUMNS = joint_columns(100)
 STAMPS = [1_700_000_000_000_000_000 + 5_000_000 * index for index in range(100)]
@@ -134,11 +135,8 @@ def measured(delay: int = 0) -> list[tuple[str, int, dict]]:
 def test_fields_of_topics(tmp_path: Path, compression: Any):
     """Assert that fields are named topic.field, and that a message without stamp has a warning."""
     path = json_mcap(tmp_path / "log.mcap", compression, measured())
-    (tmp_path / "map.toml").write_text(
-        'motor_position = "/drive.joints[0].motor_position"\n'
-        'link_position = "/drive.joints[0].link_position"\nmotor_torque = "/tau.data"\n'
-    )
-    log = read_log(path, tmp_path / "map.toml")
+    names = {name: f"/drive.joints[0].{name}" for name in ("motor_position", "link_position")}
+    log = read_log(path, {**names, "motor_torque": "/tau.data"})
     assert_is_the_log(log.recordings[0])
     assert "the messages of '/drive' carry no time stamps" in log.warnings[0]
 
@@ -146,8 +144,7 @@ def test_fields_of_topics(tmp_path: Path, compression: Any):
 def test_topics_at_different_times(tmp_path: Path):
     """Assert that a topic with times of its own is brought to those of the motor's position."""
     path = json_mcap(tmp_path / "log.mcap", CompressionType.ZSTD, measured(delay=2_000_000))
-    (tmp_path / "map.toml").write_text('motor_torque = "/tau.data"\n')
-    log = read_log(path, tmp_path / "map.toml")
+    log = read_log(path, {"motor_torque": "/tau.data"})
     (recording,) = log.recordings
     assert len(recording) == 99  # no torque was known at the first
     late = np.interp(
@@ -158,19 +155,50 @@ def test_topics_at_different_times(tmp_path: Path):
     assert "'/tau.data' had time stamps of their own" in log.warnings[-1]
 
 
-def test_messages_out_of_order(tmp_path: Path):
+@pytest.mark.parametrize("by", [1, 20])
+def test_messages_out_of_order(tmp_path: Path, by: int):
     """Assert that messages which overtook each other are put in the order of their times."""
     messages = measured()
-    messages[20:22], messages[22:24] = messages[22:24], messages[20:22]
+    messages.insert(20 + 2 * by, messages.pop(20))
     path = json_mcap(tmp_path / "log.mcap", CompressionType.NONE, messages)
-    (tmp_path / "map.toml").write_text('motor_torque = "/tau.data"\n')
-    assert_is_the_log(read_log(path, tmp_path / "map.toml").recordings[0])
+    assert_is_the_log(read_log(path, {"motor_torque": "/tau.data"}).recordings[0])
+
+
+@pytest.mark.parametrize("delay", [0, 2_000_000])
+def test_parts_are_the_whole(tmp_path: Path, delay: int):
+    """Assert that what is played again, of topics in blocks of the file too, is the whole."""
+    messages = sorted(measured(delay), key=lambda message: message[0])
+    path = json_mcap(tmp_path / "log.mcap", CompressionType.LZ4, messages)
+    names = {"motor_torque": "/tau.data"}
+    parts = [table.frame for table in tables_of_file(path, names, 40)]
+    assert {part.height for part in parts[:-1]} == {40}
+    assert pl.concat(parts).equals(table_of_file(path, names).frame)
+
+
+def test_a_number_that_is_missing_in_the_middle(tmp_path: Path):
+    """Assert that what comes before it is played, and then it is named by its place."""
+    messages = measured()
+    del messages[101][2]["data"]
+    path = json_mcap(tmp_path / "log.mcap", CompressionType.NONE, messages)
+    tables = tables_of_file(path, {"motor_torque": "/tau.data"}, 30)
+    assert [next(tables).frame.height for _ in range(2)] == [30, 20]
+    assert "message 51 of '/tau': it has no '/tau.data'" in refused(next, tables)
+
+
+def test_damage_behind_what_is_wanted(tmp_path: Path):
+    """Assert that messages of another topic which cannot be read are said after all parts."""
+    messages = [*measured(), ("/other", STAMPS[0], {"a": 1.0})]
+    path = json_mcap(tmp_path / "log.mcap", CompressionType.NONE, messages)
+    path.write_bytes(path.read_bytes().replace(b'{"a": 1.0}', b'{"a": 1.0['))
+    tables = tables_of_file(path, {"motor_torque": "/tau.data"}, 1000)
+    assert next(tables).frame.height == 100
+    assert "row 101 or after: the file cannot be read on" in refused(next, tables)
 
 
 def test_what_it_holds(tmp_path: Path):
     """Assert that topics, fields and what is no number are listed where a channel is missing."""
     messages = [("/imu", stamp, {"x": 1.0, "image": [0] * 100, "frame": "a"}) for stamp in STAMPS]
-    message = refusal(json_mcap(tmp_path / "log.mcap", CompressionType.NONE, messages))
+    message = refused(read_log, json_mcap(tmp_path / "log.mcap", CompressionType.NONE, messages))
     assert "there is no motor_position" in message
     assert (
         "found '/imu.x' (number, 100 values), '/imu.image' (100 values in each message), "
@@ -178,20 +206,10 @@ def test_what_it_holds(tmp_path: Path):
     )
 
 
-def test_a_field_that_is_missing(tmp_path: Path):
-    """Assert that a message without the field that others have is named."""
-    messages = measured()
-    messages[21] = ("/tau", STAMPS[10], {"data": None})
-    path = json_mcap(tmp_path / "log.mcap", CompressionType.NONE, messages)
-    (tmp_path / "map.toml").write_text('motor_torque = "/tau.data"\n')
-    assert "message 11 of '/tau': it has no '/tau.data'" in refusal(path, tmp_path / "map.toml")
-
-
 def test_no_times_in_common(tmp_path: Path):
     """Assert that topics which were logged one after the other are refused."""
     path = json_mcap(tmp_path / "log.mcap", CompressionType.NONE, measured(delay=10**12))
-    (tmp_path / "map.toml").write_text('motor_torque = "/tau.data"\n')
-    message = refusal(path, tmp_path / "map.toml")
+    message = refused(read_log, path, {"motor_torque": "/tau.data"})
     assert "'/drive', '/tau' have no times in common" in message
 
 
@@ -226,7 +244,7 @@ def test_a_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for compression in (CompressionType.ZSTD, CompressionType.LZ4):
         path = json_mcap(tmp_path / f"{compression}.mcap", compression, messages)
         assert path.stat().st_size < 1_000_000
-        assert "MCAP file that can be read" in refusal(path) or "more memory" in refusal(path)
+        assert_words("MCAP file that can be read|more memory", refused(read_log, path))
 
 
 @pytest.mark.parametrize(("way", "place", "size"), [("MCAP", 9, 8), ("ROS 1", 13, 4)])
@@ -235,14 +253,14 @@ def test_a_damaged_length(tmp_path: Path, way: str, place: int, size: int):
     path = WAYS[way](tmp_path)
     raw = path.read_bytes()
     path.write_bytes(raw[:place] + (900_000_000).to_bytes(size, "little") + raw[place + size :])
-    assert "that can be read" in refusal(path)
+    assert "that can be read" in refused(read_log, path)
 
 
 def test_folders(tmp_path: Path):
     """Assert that a folder without a bag is refused, and one that is compressed as a whole."""
-    assert "this is a folder: give the path of a log in it" in refusal(tmp_path)
+    assert "this is a folder: give the path of a log in it" in refused(read_log, tmp_path)
     (tmp_path / "log_0.db3.zstd").write_bytes(b"")
-    assert "unpack its files with zstd -d" in refusal(tmp_path)
+    assert "unpack its files with zstd -d" in refused(read_log, tmp_path)
 
 
 @pytest.mark.parametrize("way", ["ROS 1", "ROS 2, database", "MCAP"])
@@ -251,5 +269,4 @@ def test_damaged_files(tmp_path: Path, way: str):
     path = WAYS[way](tmp_path)
     raw = path.read_bytes()
     path.write_bytes(raw[: len(raw) // 2])
-    words = ("that can be read", "cannot be read on from there")
-    assert any(one in refusal(path) for one in words)
+    assert_words("that can be read|cannot be read on from there", refused(read_log, path))

@@ -28,37 +28,31 @@ def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+POSITION, DERIVATIVE = multisine(5000, 1e-3)
+
+
+def quantised(bits: int) -> FloatArray:
+    """The position by an encoder of so many bits."""
+    step = 2 * pi / 2**bits
+    return step * np.round(POSITION / step)
+
+
 @pytest.mark.parametrize("sigma", [1e-5, 1e-4, 1e-3])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_white_noise_is_estimated(sigma: float, seed: int) -> None:
-    """Assert that the noise of a noisy motion is found within 10 %."""
-    position, _ = multisine(5000, 1e-3)
-    noise = sigma * np.random.default_rng(seed).standard_normal(len(position))
-    assert position_noise(position + noise) == pytest.approx(sigma, rel=0.1)
+    """Assert that noise is found within 10 %, and a few outliers a thousand times it add little."""
+    noisy = POSITION + sigma * np.random.default_rng(seed).standard_normal(5000)
+    assert position_noise(noisy) == pytest.approx(sigma, rel=0.1)
+    noisy[[700, 2100, 4000]] += 1e3 * sigma
+    assert position_noise(noisy) == pytest.approx(sigma, rel=0.15)
 
 
 def test_noise_of_an_encoder_is_that_of_its_step() -> None:
-    """Assert that a 14-bit encoder's noise is LSB / sqrt(12) within 10 %."""
-    position, _ = multisine(5000, 1e-3)
-    step = 2 * pi / 2**14
-    quantised = step * np.round(position / step)
-    assert position_noise(quantised) == pytest.approx(step / sqrt(12), rel=0.1)
-
-
-def test_noise_does_not_heed_outliers() -> None:
-    """Assert that a few outliers a thousand times the noise change the estimate little."""
-    rng = np.random.default_rng(3)
-    position, _ = multisine(5000, 1e-3)
-    position += 1e-4 * rng.standard_normal(len(position))
-    position[[700, 2100, 4000]] += 0.1
-    assert position_noise(position) == pytest.approx(1e-4, rel=0.15)
-
-
-def test_a_resting_encoder_has_the_noise_of_its_step() -> None:
-    """Assert that an encoder that mostly rests is not taken for noise-free."""
-    position = np.zeros(2000)
-    position[1500:] = 0.01 * np.round(np.linspace(0.0, 30.0, 500))
-    assert position_noise(position) == pytest.approx(0.01 / sqrt(12), rel=0.1)
+    """Assert that it is LSB / sqrt(12) within 10 %, in motion and where it mostly rests."""
+    assert position_noise(quantised(14)) == pytest.approx(2 * pi / 2**14 / sqrt(12), rel=0.1)
+    resting = np.zeros(2000)
+    resting[1500:] = 0.01 * np.round(np.linspace(0.0, 30.0, 500))
+    assert position_noise(resting) == pytest.approx(0.01 / sqrt(12), rel=0.1)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
@@ -78,16 +72,12 @@ def test_derivative_of_a_noisy_motion(
 @pytest.mark.parametrize(("bits", "bound"), [(12, 4e-3), (14, 1.5e-3), (20, 5e-5)])
 def test_derivative_of_an_encoder(bits: int, bound: float) -> None:
     """Assert that the velocity from an encoder's steps stays below a bound."""
-    position, derivative = multisine(5000, 1e-3)
-    step = 2 * pi / 2**bits
-    quantised = step * np.round(position / step)
-    assert rms(velocity(quantised, 1e-3) - derivative) < bound
+    assert rms(velocity(quantised(bits), 1e-3) - DERIVATIVE) < bound
 
 
 def test_derivative_of_an_exact_motion() -> None:
     """Assert that without noise the narrowest window is used and the error is that of its order."""
-    position, derivative = multisine(5000, 1e-3)
-    assert rms(velocity(position, 1e-3) - derivative) < 1e-9
+    assert rms(velocity(POSITION, 1e-3) - DERIVATIVE) < 1e-9
 
 
 def test_no_phase_shift() -> None:
@@ -122,35 +112,23 @@ def test_short_positions(count: int) -> None:
 
 def test_measured_velocities_are_kept() -> None:
     """Assert that a measured velocity is the same array, and a missing one is derived."""
-    position, derivative = multisine(1000, 1e-3)
-    recording = Recording(
-        sample_time=1e-3,
-        start_time=0.0,
-        link_position=position,
-        motor_position=position,
-        input=position,
-        input_unit="N m",
-        motor_velocity=derivative,
-    )
+    recording = Recording(1e-3, 0.0, POSITION, POSITION, POSITION, "N m", motor_velocity=DERIVATIVE)
     complete = with_velocities(recording)
-    assert complete.motor_velocity is derivative
+    assert complete.motor_velocity is DERIVATIVE
     assert complete.link_velocity is not None
-    np.testing.assert_allclose(complete.link_velocity, derivative, atol=1e-8)
+    np.testing.assert_allclose(complete.link_velocity, DERIVATIVE, atol=1e-8)
 
 
 @pytest.mark.parametrize("half", [3, 20, 100])
-def test_differentiates_as_savitzky_and_golay(half: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_differentiates_as_savitzky_and_golay(half: int) -> None:
     """Assert that with a given window the derivative is that of SciPy's filter, ends included."""
-    monkeypatch.setattr(velocities, "best_half_window", lambda _: half)
     position = np.random.default_rng(half).standard_normal(400).cumsum()
-    window, order = 2 * half + 1, velocities.DEGREE
-    expected = np.asarray(savgol_filter(position, window, order, deriv=1, delta=0.01))
-    np.testing.assert_allclose(velocity(position, 0.01), expected, rtol=3e-6, atol=3e-6)
+    expected = savgol_filter(position, 2 * half + 1, velocities.DEGREE, deriv=1, delta=0.01)
+    np.testing.assert_allclose(velocity(position, 0.01, half), expected, rtol=3e-6, atol=3e-6)
 
 
-def test_wide_windows_keep_their_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wide_windows_keep_their_digits() -> None:
     """Assert that a window of thousands of samples still differentiates a polynomial exactly."""
-    monkeypatch.setattr(velocities, "best_half_window", lambda _: 2000)
     time = np.linspace(-1.0, 1.0, 4501)
-    derivative = velocity(time**5 - time, float(time[1] - time[0]))
+    derivative = velocity(time**5 - time, float(time[1] - time[0]), 2000)
     np.testing.assert_allclose(derivative, 5 * time**4 - 1, atol=1e-9)
