@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
+from textwrap import wrap
 from typing import Any
 
 from benchmarks.accuracy_tools import TOOLS
@@ -12,6 +13,7 @@ RESULTS = Path(__file__).with_name("accuracy.json")
 PAGE = Path(__file__).parents[1] / "docs" / "comparison.md"
 
 BLOCK = "accuracy"
+_WIDTH = 98  # characters of a line of prose
 _CODE_BEGINS, _CODE_ENDS = "# user code begins", "# user code ends"
 
 _SAME_DATA = "encoders, noise × 1"  # where no tool sees more than another
@@ -53,30 +55,30 @@ def render(results: Mapping[str, Any]) -> str:
             entry["version"],
             str(entry["lines"]),
             tools[key].given,
-            str(max(run["seed"] for run in entry["runs"]) + 1),
             max(run["date"] for run in entry["runs"]),
-            _span([run["load"] for run in entry["runs"]]),
         ]
         for key, entry in found.items()
     ]
     parts = [
         "### Accuracy",
         "",
-        "Worst relative error of the five coefficients in percent: median / largest over the logs.",
+        "Worst relative error of the five coefficients in percent: median/largest over the logs.",
         "",
         *table(_accuracy),
         "",
         "### Intervals",
         "",
-        "Nominal 95 % intervals that hold the true value, of all that were given; in brackets the "
-        "half-width of the widest of the five in percent of the true value, median over the logs.",
+        *wrap(
+            "Nominal 95 % intervals that hold the true value, of all that were given; and the "
+            "half-width of the widest of the five in percent, median over the logs.",
+            _WIDTH,
+        ),
         "",
         *table(_coverage),
         "",
         "### Time",
         "",
-        "Seconds on the clock for one log / seconds of the processors, medians over the logs. The "
-        "second says more where the machine was busy with other work.",
+        "Seconds on the clock for one log/seconds of the processors, medians over the logs.",
         "",
         *table(_time),
         "",
@@ -85,7 +87,7 @@ def render(results: Mapping[str, Any]) -> str:
         "### Effort",
         "",
         *markdown(
-            ["", "version", "lines", "given beside log and model", "logs of a kind", "run", "load"],
+            ["", "version", "lines", "given with log and model", "run"],
             effort,
         ),
         "",
@@ -93,11 +95,6 @@ def render(results: Mapping[str, Any]) -> str:
         f"Machine: {results['machine']}; Python {results['python']}.",
     ]
     return "\n".join(parts) + "\n"
-
-
-def _span(values: Sequence[float]) -> str:
-    low, high = f"{min(values):.1f}", f"{max(values):.1f}"
-    return low if low == high else f"{low} to {high}"
 
 
 def _of(runs: Sequence[Run], case: str) -> list[Run]:
@@ -115,7 +112,7 @@ def _accuracy(runs: Sequence[Run]) -> str:
         return "failed" if runs else "–"
     text = f"{median(errors):.2g}"
     if len(runs) > 1:
-        text += f" / {max(errors):.2g}"
+        text += f"/{max(errors):.2g}"
     return f"{text}, {failed} of {len(runs)} failed" if failed else text
 
 
@@ -125,16 +122,14 @@ def _coverage(runs: Sequence[Run]) -> str:
         return "–"
     inside = [held for run in given for held in run["inside"]]
     width = median(run["widest"] for run in given)
-    return f"{sum(inside)} of {len(inside)} (± {width:.2g})"
+    return f"{sum(inside)}/{len(inside)} ±{width:.2g}"
 
 
 def _time(runs: Sequence[Run]) -> str:
     timed = [run for run in runs if "seconds" in run]
     if not timed:
         return "–"
-    return " / ".join(
-        f"{median(run[key] for run in timed):.2g}" for key in ("seconds", "processor")
-    )
+    return "/".join(f"{median(run[key] for run in timed):.2g}" for key in ("seconds", "processor"))
 
 
 def _beside_casadi(found: Mapping[str, Any]) -> list[str]:
@@ -151,12 +146,12 @@ def _beside_casadi(found: Mapping[str, Any]) -> list[str]:
         )
         for some in runs
     )
-    return [
+    said = (
         f"At equal accuracy ({_SAME_DATA}; errors {own:.2g} % and {error:.2g} %) CasADi's multiple "
         f"shooting takes {clock / own_clock:.0f} times as long as flexid's prediction error over "
-        f"segments of 10 s, {processor / own_processor:.0f} times by the processors' seconds.",
-        "",
-    ]
+        f"segments of 10 s, {processor / own_processor:.0f} times by the processors' seconds."
+    )
+    return [*wrap(said, _WIDTH), ""]
 
 
 def _finished(runs: Sequence[Run]) -> dict[int, Run]:
@@ -166,12 +161,12 @@ def _finished(runs: Sequence[Run]) -> dict[int, Run]:
 def _command(command: Mapping[str, float] | None) -> list[str]:
     if command is None:
         return []
-    return [
+    said = (
         f"The whole command `flexid identify examples/flexible_joint.csv --json`, imports "
         f"included: {command['later']:g} s, and {command['first']:g} s the first time on a "
-        f"machine, when it compiles.",
-        "",
-    ]
+        f"machine, when it compiles."
+    )
+    return [*wrap(said, _WIDTH), ""]
 
 
 def _failures(tools: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:

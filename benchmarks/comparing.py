@@ -4,7 +4,7 @@ Drives are those of the blind trials. Each is recorded with motions, encoders an
 before, again, and with 1, 2 and 5 % more stiffness; and once more with the first motion. Run it in
 the root of the repository::
 
-    python -m benchmarks.comparing --seeds 10 --kept FOLDER --page docs/compare.md
+    python -m benchmarks.comparing --seeds 10 --kept FOLDER --page docs/results.md
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Measured coverage of the nominal 95 % intervals, by estimator and kind of noise.
 
 Run in the repository: ``python -m benchmarks.coverage --seeds 400 [--only PATTERN]``. It replaces
-the cells that it measures in `coverage.json`, and the tables of `docs/coverage.md`; what is of
+the cells that it measures in `coverage.json`, and the tables of `docs/intervals.md`; what is of
 fewer seeds than a cell that is there is printed only.
 """
 

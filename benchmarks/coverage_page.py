@@ -1,4 +1,4 @@
-"""`coverage.json` as the tables of `docs/coverage.md`."""
+"""`coverage.json` as the tables of `docs/intervals.md`."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 from benchmarks.report import markdown
 
 RESULTS = Path(__file__).with_name("coverage.json")
-PAGE = Path(__file__).parents[1] / "docs" / "coverage.md"
+PAGE = Path(__file__).parents[1] / "docs" / "intervals.md"
 
 BLOCK = "coverage"
 

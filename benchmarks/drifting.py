@@ -1,7 +1,7 @@
 """How fast recursive least squares follows a load that changes and a spring that ages.
 
 Run in the repository: ``python -m benchmarks.drifting [--seeds 10]``. It prints the tables of
-`docs/drifting.md` and draws `docs/assets/drifting.png`.
+`docs/watch.md` and draws `docs/assets/drifting.png`.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """What the exported C costs on a Cortex-M4F, and what a fuzzer finds in ten minutes.
 
-``python -m benchmarks.drive [--fuzz SECONDS]`` writes both into ``docs/drive.md``. It needs the
+``python -m benchmarks.drive [--fuzz SECONDS]`` writes both into ``docs/export.md``. It needs the
 Debian packages gcc-arm-none-eabi, libnewlib-arm-none-eabi, qemu-system-arm, clang and
 libclang-rt-14-dev.
 """
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import flexid
 from benchmarks.page_block import write_block
 
-PAGE = Path("docs/drive.md")
+PAGE = Path("docs/export.md")
 TESTS = Path("tests/exports")
 BOARD = TESTS / "cortex_m"
 TARGET = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
@@ -135,12 +135,12 @@ def fuzzed(directory: Path, seconds: int) -> str:
 
 def table(costs: list[tuple[str, str, str, Cost]]) -> str:
     head = (
-        "| estimator of five coefficients | number | flags | flash, bytes | state, bytes "
-        "| stack, bytes | instructions per step, mean | most | bound |\n" + "|---" * 9 + "|\n"
+        "|estimator of five coefficients|number|flags|flash, bytes|state, bytes"
+        "|stack, bytes|instructions per step, mean|most|bound|\n" + "|---" * 9 + "|\n"
     )
     return head + "".join(
-        f"| {name} | {number} | `{flags}` | {c.flash} | {c.state} | {c.stack} | {c.mean} "
-        f"| {c.most} | {c.bound}{f' + {c.unseen}' if c.unseen else ''} |\n"
+        f"|{name}|{number}|`{flags}`|{c.flash}|{c.state}|{c.stack}|{c.mean}"
+        f"|{c.most}|{c.bound}{f' + {c.unseen}' if c.unseen else ''}|\n"
         for name, number, flags, c in costs
     )
 

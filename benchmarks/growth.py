@@ -2,7 +2,7 @@
 
     python -m benchmarks.growth
 
-in the root of a clone draws `docs/assets/growth.png` and prints the table of `docs/performance.md`.
+in the root of a clone draws `docs/assets/growth.png` and prints the table of `docs/comparison.md`.
 Seconds are those of the processor, so that other work on the machine counts little.
 """
 

@@ -48,7 +48,7 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
         f"- Versions: Python {platform.python_version()}, {versions}.",
         "- Times are medians, after a warm-up, of wall time unless the line says otherwise; what "
         "is compared runs in turn, and ratios are ratios of medians. What takes many seconds is "
-        "run once. Why the numbers are what they are: [performance](../docs/performance.md).",
+        "run once. What limits them: [performance](../docs/comparison.md#performance).",
         "",
         *markdown(HEADINGS, [c.cells() for outcome in outcomes for c in outcome.comparisons]),
     ]
@@ -68,7 +68,7 @@ def _version(package: str) -> str:
 
 def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
     rule = ["---"] * len(headings)
-    return [f"| {' | '.join(line)} |" for line in (headings, rule, *lines)]
+    return [f"|{'|'.join(line)}|" for line in (headings, rule, *lines)]
 
 
 def processor() -> str:

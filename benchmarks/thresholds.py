@@ -1,7 +1,7 @@
 """What half and twice each threshold of an identification would change, on blind trials.
 
     python -m benchmarks.thresholds [--seeds N] [--first-seed K] [--family F ...] [--jobs J]
-                                    [--out FILE] [--page docs/decisions/thresholds.md]
+                                    [--out FILE] [--page docs/intervals.md]
 
 in the root of a clone. Every log is identified as it is, and with each threshold moved alone.
 """
@@ -16,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, replace
 from multiprocessing import get_context
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from benchmarks.page_block import write_block
@@ -71,16 +72,28 @@ def table(logs: Sequence[Mapping[str, Record]]) -> list[str]:
         "logs confidently wrong (core)",
     ]
     lines = [["nothing", "", "", "", *_scores([log[""] for log in logs])]]
-    same = []
+    same: list[str] = []
     for name in [name for name in logs[0] if name]:
         pairs = [(log[""], log[name]) for log in logs]
         changes = [sum(part(a) != part(b) for a, b in pairs) for part in (_terms, _hold, _verdicts)]
         if any(changes):
             lines.append([f"`{name}`", *map(str, changes), *_scores([b for _, b in pairs])])
         else:
-            same.append(f"`{name}`")
+            same.append(name)
     found = markdown(headings, lines)
-    return [*found, "", f"Nothing changes with {', '.join(same)}."] if same else found
+    return [*found, "", *wrap(f"Nothing changes with {_listed(same)}.", 98)] if same else found
+
+
+def _listed(same: Sequence[str]) -> str:
+    """Names that change nothing: alone where neither half nor twice the value does."""
+    factors: dict[str, list[str]] = {}
+    for name, _, factor in (one.partition(" x ") for one in same):
+        factors.setdefault(name, []).append(factor)
+    both = (
+        f"`{name}`" if len(found) == 2 else f"`{name} x {found[0]}`"
+        for name, found in factors.items()
+    )
+    return ", ".join(both)
 
 
 def _terms(record: Record) -> Any:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from statistics import median
+from textwrap import wrap
 from typing import Any
 
 from benchmarks.report import markdown
@@ -13,6 +14,7 @@ RESULTS = Path(__file__).parents[1] / "rivals.json"
 PAGE = Path(__file__).parents[2] / "docs" / "comparison.md"
 
 BLOCK = "rivals"
+_WIDTH = 98  # characters of a line of prose
 
 Record = Mapping[str, Any]
 
@@ -36,8 +38,12 @@ def render(results: Mapping[str, Any]) -> str:
         "",
         *table(_errors),
         "",
-        "Nominal 95 % intervals of these four that hold the truth, of all that were given; in "
-        "brackets the half-width of the widest in percent, median over the logs.",
+        *wrap(
+            "Nominal 95 % intervals of these four that hold the truth, of all that were given; and "
+            "the half-width of the widest in percent, median over the logs.",
+            _WIDTH,
+            break_on_hyphens=False,
+        ),
         "",
         *table(_intervals),
         "",
@@ -45,18 +51,22 @@ def render(results: Mapping[str, Any]) -> str:
         "",
         *table(_seconds),
         "",
-        *markdown(["", "version", "given beside the log"], about),
+        *markdown(["", "version", "given with the log"], about),
         "",
         *_failures(records),
         "Made by:",
         "",
-        *(
-            f"- `{run['command']}` on {run['date']}, commit {run['commit']}; {run['machine']}; "
-            f"Python {run['python']}"
-            for run in results["runs"]
-        ),
+        *(line for run in results["runs"] for line in _made(run)),
     ]
     return "\n".join(parts) + "\n"
+
+
+def _made(run: Mapping[str, str]) -> list[str]:
+    said = (
+        f"`{run['command']}` on {run['date']}, commit {run['commit']}; {run['machine']}; "
+        f"Python {run['python']}"
+    )
+    return wrap(said, _WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _of(records: Sequence[Record], key: str, family: str) -> list[Record]:
@@ -82,7 +92,7 @@ def _intervals(runs: Sequence[Record]) -> str:
         return "gives none" if any("errors" in run for run in runs) else "–"
     inside = [held for run in stated for held in run["inside"].values()]
     width = median(run["widest"] for run in stated)
-    return f"{sum(inside)} of {len(inside)} (± {width:.2g})"
+    return f"{sum(inside)}/{len(inside)} ±{width:.2g}"
 
 
 def _seconds(runs: Sequence[Record]) -> str:

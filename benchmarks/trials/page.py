@@ -3,18 +3,21 @@
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from benchmarks.report import markdown
 from benchmarks.trials import cells
 from benchmarks.trials.families import FAMILIES
 from benchmarks.trials.realistic import page as realistic
-from benchmarks.trials.score import ANGLES, Claim, FamilyScore, Spread, claims, scores
+from benchmarks.trials.score import ANGLES, Claim, FamilyScore, Share, Spread, claims, scores
 
 RESULTS = Path(__file__).parents[1] / "trials.json"
 PAGE = Path(__file__).parents[2] / "docs" / "trials.md"
 
 BLOCK = "trials"
+
+WIDTH = 98  # characters of a line of prose
 
 Results = Mapping[str, Any]
 
@@ -26,14 +29,14 @@ def render(results: Results) -> str:
     clean, with_sins = _kinds(results)
     found = scores(clean)
     parts = ["### How it was run", "", *_how(results), ""]
-    for title, about, columns in _TABLES if found else ():
-        parts += [f"### {title}", "", about, ""]
-        for in_class, heading in ((True, "in the model class"), (False, "outside it")):
-            chosen = [one for one in found if one.in_class is in_class]
-            if chosen:
-                headings = [heading, *(name for name, _ in columns)]
-                lines = [[one.family, *(cell(one) for _, cell in columns)] for one in chosen]
-                parts += [*markdown(headings, lines), ""]
+    if found:
+        parts += ["### Scores", "", *wrap(_ABOUT, WIDTH), ""]
+    for in_class, heading in ((True, "in the model class"), (False, "outside it")):
+        chosen = [one for one in found if one.in_class is in_class]
+        if chosen:
+            headings = [heading, *(name for name, _ in _COLUMNS)]
+            lines = [[one.family, *(cell(one) for _, cell in _COLUMNS)] for one in chosen]
+            parts += [*markdown(headings, lines), ""]
     if found:
         parts += ["### Each log that is confidently wrong", "", *_wrong(clean), ""]
     if with_sins:
@@ -43,11 +46,11 @@ def render(results: Results) -> str:
 
 
 def terminal(results: Results) -> str:
-    """The tables without the lists of families, for a terminal."""
+    """All scores without the lists of families, for a terminal."""
     clean, with_sins = _kinds(results)
     found = scores(clean)
     parts = []
-    for title, _, columns in _TABLES if found else ():
+    for title, columns in _TABLES if found else ():
         headings = [title, *(name for name, _ in columns)]
         lines = [[one.family, *(cell(one) for _, cell in columns)] for one in found]
         parts += [*_aligned(headings, lines), ""]
@@ -83,11 +86,14 @@ def families() -> str:
     return "\n".join(markdown(["family", "what it has", "in the model class"], lines))
 
 
+def _percent(some: Share) -> str:
+    return f"{some.percent:.1f}" if some.whole else "–"
+
+
 def _coverage(one: FamilyScore) -> str:
-    share = one.coverage["all"]
-    if not isfinite(one.coverage_deviation):
-        return cells.share(share)
-    return f"{share.percent:.1f} ± {100.0 * one.coverage_deviation:.1f} % of {share.whole}"
+    share = _percent(one.coverage["all"])
+    deviation = one.coverage_deviation
+    return f"{share}±{100.0 * deviation:.1f}" if isfinite(deviation) else share
 
 
 def _spread(spread: Spread) -> str:
@@ -101,12 +107,30 @@ def _counts(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items()) or "–"
 
 
-_TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
+_ABOUT = (
+    "Confidently wrong: called determined, outside its 95 % interval, and off by more than 1 %; "
+    "logs with such a core parameter (gravity torque, inertias, stiffness), and with any. "
+    "No result: in brackets those with an error made for the user. Intervals: percent of nominal "
+    "95 % intervals that hold the truth, of all with the standard error from log to log, and of "
+    "the determined core. Error of the determined core in percent: median, 90th percentile and "
+    "largest. Seconds of processor time: median and largest."
+)
+
+_COLUMNS: Sequence[Column] = (
+    ("logs", lambda one: str(one.logs)),
+    ("wrong, core", lambda one: str(one.wrong_core)),
+    ("any", lambda one: str(one.wrong)),
+    ("no result", lambda one: cells.failures(one.failed, one.refused)),
+    ("core determined", lambda one: _percent(one.core_determined)),
+    ("intervals, all", lambda one: _coverage(one)),
+    ("core", lambda one: _percent(one.coverage["core"])),
+    ("error", lambda one: _spread(one.error).replace(" ", "")),
+    ("seconds", lambda one: cells.seconds(one.seconds).replace(" ", "")),
+)
+
+_TABLES: tuple[tuple[str, Sequence[Column]], ...] = (
     (
         "Failures",
-        "Confidently wrong: said to be determined, outside its 95 % interval, and off by more "
-        "than 1 %; logs with such a parameter out of gravity torque, inertias and stiffness "
-        "(core), or out of all. No result: in brackets those with an error made for the user.",
         (
             ("logs", lambda one: str(one.logs)),
             ("confidently wrong, core", lambda one: str(one.wrong_core)),
@@ -117,12 +141,8 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
     ),
     (
         "Intervals",
-        "Nominal 95 % intervals that hold the truth; of all, delays among them, with the standard "
-        "error from log to log. Removed: parameters of terms that were taken "
-        "out of the model. Width: of the determined core parameters, over the width with terms, "
-        "hold and delays given; median.",
         (
-            ("all", _coverage),
+            ("all", lambda one: _coverage(one)),
             ("determined", lambda one: cells.share(one.coverage["determined"])),
             ("determined core", lambda one: cells.share(one.coverage["core"])),
             ("removed", lambda one: cells.share(one.coverage["removed"])),
@@ -132,10 +152,6 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
     ),
     (
         "Errors and times",
-        "Relative errors of the determined core parameters in percent: median / 90th percentile / "
-        "largest; beside them those of the same parameters with terms, hold and delays given, and "
-        "those of filtered least squares given the same. "
-        "Seconds of processor time for one log: median / largest.",
         (
             ("error", lambda one: _spread(one.error)),
             ("given", lambda one: _spread(one.given_error)),
@@ -145,8 +161,6 @@ _TABLES: tuple[tuple[str, str, Sequence[Column]], ...] = (
     ),
     (
         "Choices",
-        "Terms that act and were not chosen, terms that were chosen and do not act, and holds that "
-        "were mistaken, with the number of logs.",
         (
             ("missed", lambda one: _counts(one.missed)),
             ("extra", lambda one: _counts(one.extra)),
@@ -165,10 +179,11 @@ def _how(results: Results) -> list[str]:
             lines += [seen, ""]
     for about in results["runs"]:
         minutes = about.get("seconds", 0) / 60.0
-        lines.append(
-            f"- `{about['command']}`, {about['date']}, commit {about['commit']}, "
+        made = (
+            f"`{about['command']}`, {about['date']}, commit {about['commit']}, "
             f"{about['machine']}, Python {about['python']}: {minutes:.0f} min."
         )
+        lines += wrap(made, WIDTH, initial_indent="- ", subsequent_indent="  ")
     return lines
 
 

@@ -24,7 +24,7 @@ def results(runs: list[dict]) -> dict:
 def row(block: str, table: str) -> list[str]:
     """Cells of the first line of a table, its title left out."""
     lines = block.partition(f"### {table}\n")[2].splitlines()
-    first = next(place for place, line in enumerate(lines) if line.startswith("| ---")) + 1
+    first = next(place for place, line in enumerate(lines) if line.startswith("|---")) + 1
     return [cell.strip() for cell in lines[first].strip("|").split("|")][1:]
 
 
@@ -44,24 +44,24 @@ RUNS = [
 
 def test_errors_count_without_their_sign():
     """Assert that median and largest are those of the worst coefficient's absolute error."""
-    assert row(render(results(RUNS)), "Accuracy") == ["0.2 / 0.5"]
+    assert row(render(results(RUNS)), "Accuracy") == ["0.2/0.5"]
 
 
 def test_intervals_of_all_runs_are_counted_together():
     """Assert that the coverage counts every interval and shows the median of the widths."""
-    assert row(render(results(RUNS)), "Intervals") == ["5 of 6 (± 2)"]
+    assert row(render(results(RUNS)), "Intervals") == ["5/6 ±2"]
 
 
 def test_time_is_the_median():
     """Assert that both times are medians over the runs."""
-    assert row(render(results(RUNS)), "Time") == ["2 / 6"]
+    assert row(render(results(RUNS)), "Time") == ["2/6"]
 
 
 def test_a_failure_is_counted_and_said():
     """Assert that a run that failed is in the table and its reason below."""
     failed = {"case": "a", "seed": 3, "failed": "SomeError: gave up"}
     block = render(results([*RUNS, failed]))
-    assert row(block, "Accuracy") == ["0.2 / 0.5, 1 of 4 failed"]
+    assert row(block, "Accuracy") == ["0.2/0.5, 1 of 4 failed"]
     assert "NumPy least squares, a: SomeError: gave up" in block
 
 
@@ -80,8 +80,8 @@ def test_equal_accuracy_is_compared_on_the_same_logs():
     entry = found["tools"].pop("numpy")
     found["tools"] = {"flexid_10s": entry, "casadi": results(other)["tools"]["numpy"]}
     block = render(found)
-    assert "takes 50 times as long" in block
-    assert "80 times by the processors" in block
+    assert "takes 50 times as long" in " ".join(block.split())
+    assert "80 times by the processors" in " ".join(block.split())
 
 
 def test_lines_of_code_leave_out_blank_lines_and_comments(tmp_path: Path):

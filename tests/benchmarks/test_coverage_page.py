@@ -29,8 +29,8 @@ def test_a_line_of_the_table():
         "half_width_over_rms_error": {"a": 1.96, "b": 3.92},
     }
     lines = render([cell]).splitlines()
-    assert lines[0] == "| none | a | b | seeds | width |"
-    assert lines[2] == "| a guess | 75.0 | 100.0 | 8 | 1.00–2.00 |"
+    assert lines[0] == "|none|a|b|seeds|width|"
+    assert lines[2] == "|a guess|75.0|100.0|8|1.00–2.00|"
 
 
 def test_a_trial_of_few_seeds_replaces_nothing():
@@ -46,7 +46,7 @@ def test_a_trial_of_few_seeds_replaces_nothing():
 def test_a_page_without_marks_is_refused():
     """Assert that tables are never written to a page that has no place for them."""
     with pytest.raises(ValueError, match="coverage: begin"):
-        with_block("# A page", BLOCK, "| table |")
+        with_block("# A page", BLOCK, "|table|")
 
 
 def test_every_interval_means_what_it_says():

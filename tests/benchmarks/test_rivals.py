@@ -98,16 +98,16 @@ def test_failures_stand_on_the_page():
             {"errors": {"link_inertia": inf}, "seconds": 5.0},
         )
     )
-    assert "| MuJoCo sysid | 0.25, failed, no number |" in block
-    assert "| MuJoCo sysid | 1 of 2 (± 0.5) |" in block
-    assert "| MuJoCo sysid | 4 |" in block
+    assert "|MuJoCo sysid|0.25, failed, no number|" in block
+    assert "|MuJoCo sysid|1/2 ±0.5|" in block
+    assert "|MuJoCo sysid|4|" in block
     assert "- MuJoCo sysid, basic 1: ValueError: no" in block
 
 
 def test_a_tool_without_intervals_says_so():
     """Assert that no intervals are told from none that hold."""
     block = render(results({"errors": {"link_inertia": 1.0}, "seconds": 3.0}))
-    assert "| MuJoCo sysid | gives none |" in block
+    assert "|MuJoCo sysid|gives none|" in block
 
 
 def test_a_later_record_counts():

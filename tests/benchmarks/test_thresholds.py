@@ -36,7 +36,7 @@ def test_changes_are_counted():
     logs = [{"": plain[0], "a x 2": plain[0], "b x 2": plain[0]}]
     logs += [{"": plain[1], "a x 2": wrong, "b x 2": plain[1]}]
     lines = table(logs)
-    assert lines[2].startswith("| nothing |")
-    assert lines[2].endswith("| 100.0 % | 100.0 % | 100.0 % | 100.0 % | 0 |")
-    assert lines[3] == "| `a x 2` | 1 | 0 | 0 | 100.0 % | 0.0 % | 100.0 % | 100.0 % | 1 |"
+    assert lines[2].startswith("|nothing|")
+    assert lines[2].endswith("|100.0 %|100.0 %|100.0 %|100.0 %|0|")
+    assert lines[3] == "|`a x 2`|1|0|0|100.0 %|0.0 %|100.0 %|100.0 %|1|"
     assert lines[-1] == "Nothing changes with `b x 2`."

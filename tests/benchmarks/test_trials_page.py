@@ -67,10 +67,10 @@ def test_the_page_lists_the_families():
 def test_a_wrong_log_is_listed_with_its_numbers():
     """Assert that truth, value, interval and errors of a confidently wrong log are shown."""
     lines = render(RESULT).splitlines()
-    assert "| basic | 1000 | link_inertia | 2 | 2.1 | 2.05 to 2.15 | +5 % | +1 % |" in lines
-    assert "| lugre | 1000 | RecordingError: log.csv: a\\|b |" in lines
-    assert "| basic | 1 | 1 | 1 | 0 | 100.0 % of 1 |" in lines
-    assert "| lugre | 1 | 0 | 0 | 1 (1) | 0.0 % of 1 |" in lines
+    assert "|basic|1000|link_inertia|2|2.1|2.05 to 2.15|+5 %|+1 %|" in lines
+    assert "|lugre|1000|RecordingError: log.csv: a\\|b|" in lines
+    assert any(line.startswith("|basic|1|1|1|0|100.0|") for line in lines)
+    assert any(line.startswith("|lugre|1|0|0|1 (1)|0.0|") for line in lines)
     assert any("`python -m benchmarks.trials`, 2026-01-01, commit abc" in line for line in lines)
 
 
@@ -85,7 +85,7 @@ def test_the_terminal_shows_the_same_scores():
 def test_a_page_without_marks_is_refused():
     """Assert that tables are never written to a page that has no place for them."""
     with pytest.raises(ValueError, match="trials: begin"):
-        with_block("# A page", BLOCK, "| table |")
+        with_block("# A page", BLOCK, "|table|")
 
 
 def test_results_are_put_together():

@@ -91,7 +91,7 @@ def test_the_page_has_a_section_of_its_own():
     results = {"runs": [about], "records": [record(**estimates(2.2, 2.15, 2.25))]}
     page = render(results)
     assert f"### {TITLE}" in page
-    assert "| some | 1 | 0 | 0.0 % of 1 |" in page
-    assert "| some | 0 | link_inertia | 2 | 2.2 | 2.15 to 2.25 |" in page
+    assert "|some|1|0|0.0 % of 1|" in page
+    assert "|some|0|link_inertia|2|2.2|2.15 to 2.25|" in page
     assert "### Intervals" not in page
     assert "some" in terminal(results)

@@ -6,7 +6,7 @@ import pytest
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS, SHAPE_TERMS, TERMS, TIES
 
-NOTATION = Path(__file__).parents[2] / "docs" / "notation.md"
+NOTATION = Path(__file__).parents[2] / "docs" / "commands.md"
 EVERY = TERMS | SHAPE_TERMS
 
 

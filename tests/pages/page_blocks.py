@@ -1,9 +1,12 @@
 """The fenced blocks of a page, and what is to be done with each.
 
-A page may say of the block that follows, in a comment that no reader sees::
+The line before a block may give the file that a reader saves it as::
 
-    <!-- file: joint.toml -->          it is a file that the blocks after it use
-    <!-- not run: takes a minute -->   it is not run, and why
+    Save as `joint.toml`:
+
+A comment before a block, which the rendered page does not show, leaves the block out::
+
+    <!-- not run: takes a minute -->
 """
 
 from __future__ import annotations
@@ -19,7 +22,8 @@ PAGES = (
     *sorted((ROOT / "docs").rglob("*.md")),
 )
 
-_DIRECTIVE = re.compile(r"<!-- (file|not run): (.+) -->")
+_NOT_RUN = re.compile(r"<!-- not run: (.+) -->")
+_FILE = re.compile(r"(?:.* )?[Ss]ave (?:it |this |them )?as `([^`]+)`:")
 _FENCE = re.compile(r"(`{3,})(.*)")
 
 
@@ -47,27 +51,20 @@ def page_name(page: Path) -> str:
 def blocks(text: str) -> list[Block]:
     """Return the fenced blocks of a page in their order."""
     found: list[Block] = []
-    directive: dict[str, str] = {}
+    file = not_run = None
     follows = False
     lines = iter(enumerate(text.splitlines(), start=1))
     for number, line in lines:
         if fence := _FENCE.fullmatch(line):
-            content = _until(lines, fence[1])
-            found.append(
-                Block(
-                    language=fence[2].strip(),
-                    text="".join(f"{one}\n" for one in content),
-                    line=number + 1,
-                    follows=follows,
-                    file=directive.get("file"),
-                    not_run=directive.get("not run"),
-                )
-            )
-            directive, follows = {}, True
-        elif said := _DIRECTIVE.fullmatch(line):
-            directive[said[1]] = said[2]
+            content = "".join(f"{one}\n" for one in _until(lines, fence[1]))
+            language = fence[2].strip()
+            found.append(Block(language, content, number + 1, follows, file, not_run))
+            file, not_run, follows = None, None, True
+        elif comment := _NOT_RUN.fullmatch(line):
+            not_run = comment[1]
         elif line.strip():
-            directive, follows = {}, False
+            caption = _FILE.fullmatch(line)
+            file, not_run, follows = caption and caption[1], None, False
     return found
 
 

@@ -1,6 +1,7 @@
 """Scores of realistic trials as a table."""
 
 from collections.abc import Callable, Mapping, Sequence
+from textwrap import wrap
 from typing import Any
 
 from benchmarks.report import markdown
@@ -42,7 +43,7 @@ def table(records: Records) -> tuple[list[str], list[list[str]]]:
 
 def render(records: Records) -> list[str]:
     """The section of the page."""
-    parts = [f"### {TITLE}", "", _ABOUT, "", *markdown(*table(records)), ""]
+    parts = [f"### {TITLE}", "", *wrap(_ABOUT, 98), "", *markdown(*table(records)), ""]
     parts += ["### Each realistic core parameter outside its interval", ""]
     lines = _outside(records)
     headings = ["family", "seed", "parameter", "truth", "value", "interval"]

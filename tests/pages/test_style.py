@@ -1,0 +1,116 @@
+"""The style of the manual: wrapped lines, short sentences, and standard words."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from page_blocks import PAGES, ROOT, page_name
+
+LINE = 100  # characters of a line of prose
+SENTENCE = 40  # words
+MANUAL_PAGES, MANUAL_WORDS = 25, 35_000
+README_LINES = 120
+
+DIALECT = (
+    r"(is|are|was|were|has|have) none\b",
+    r"be it\b",
+    r"beside\b",
+    r"whatever\b",
+    r"whoever\b",
+    r"anew\b",
+    r"told\b",
+    r"untold\b",
+    r"climb\w*",
+    r"as far as\b",
+    r"deserves?\b",
+    r"feign\w*",
+    r"next to none\b",
+    r"of no account\b",
+    r"in the midst\b",
+    r"hold against\b",
+    r"held against\b",
+)
+"""What first editions wrote in place of a standard term; each from a word's beginning."""
+
+PROSE_PAGES = (*PAGES, ROOT / "CHANGELOG.md", ROOT / "SECURITY.md")
+
+
+def prose_lines(page: Path) -> list[tuple[int, str]]:
+    """The lines of a page with their numbers, without code, equations, tables and comments."""
+    found: list[tuple[int, str]] = []
+    fence = ""
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
+        if fence:
+            fence = "" if line.startswith(fence) else fence
+            continue
+        marker = re.match(r"`{3,}|\$\$(?!.*\$\$)", line)
+        if marker:
+            fence = marker[0]
+        outside = marker or line.startswith(("|", "<!--", "![", "$$"))
+        found.append((number, "" if outside else line))
+    return found
+
+
+def sentences(page: Path) -> list[tuple[int, str]]:
+    """The sentences of a page's prose with the lines at which their paragraphs begin."""
+    paragraphs: list[tuple[int, list[str]]] = []
+    begins = True
+    for number, line in prose_lines(page):
+        item = re.match(r" *([-*]|\d+\.) ", line)
+        if begins or item or line.startswith("#"):
+            paragraphs.append((number, []))
+        paragraphs[-1][1].append(line)
+        begins = not line.strip() or line.startswith("#")
+    return [
+        (number, sentence)
+        for number, lines in paragraphs
+        for sentence in re.split(r"(?<=[.!?])[)\"*]*\s+", _plain(" ".join(lines)))
+        if sentence.strip()
+    ]
+
+
+def _plain(text: str) -> str:
+    """Prose as one reads it: links without addresses, code and formulas as one word each."""
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"`[^`]*`", "CODE", text)
+    return re.sub(r"\$[^$]*\$", "FORMULA", text)
+
+
+@pytest.mark.parametrize("page", PROSE_PAGES, ids=page_name)
+def test_lines_are_wrapped(page: Path) -> None:
+    """Assert that no line of prose is longer than an editor's window."""
+    long = [f"{page_name(page)}:{at}" for at, line in prose_lines(page) if len(line) > LINE]
+    assert long == []
+
+
+@pytest.mark.parametrize("page", PROSE_PAGES, ids=page_name)
+def test_sentences_are_short(page: Path) -> None:
+    """Assert that every sentence can be read in one breath."""
+    long = [
+        f"{page_name(page)}:{at}: {sentence}"
+        for at, sentence in sentences(page)
+        if len([word for word in sentence.split() if re.search(r"\w", word)]) > SENTENCE
+    ]
+    assert long == []
+
+
+@pytest.mark.parametrize("page", PROSE_PAGES, ids=page_name)
+def test_words_are_standard(page: Path) -> None:
+    """Assert that a page has none of the project's former private words."""
+    pattern = re.compile(rf"\b({'|'.join(DIALECT)})", re.IGNORECASE)
+    found = [
+        f"{page_name(page)}:{at}: {match[0]}"
+        for at, sentence in sentences(page)
+        for match in pattern.finditer(sentence)
+    ]
+    assert found == []
+
+
+def test_the_manual_is_short() -> None:
+    """Assert that the manual can be read in a few evenings, and the README at one glance."""
+    manual = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
+    assert len(manual) <= MANUAL_PAGES
+    assert sum(len(text.split()) for text in manual) <= MANUAL_WORDS
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= README_LINES
