@@ -20,13 +20,7 @@ _COLOURS: dict[Outcome, Colour] = {
 
 
 def comparison_chart(comparison: Comparison) -> Chart:
-    """Both values with their intervals, a panel for each number, relative to A's value.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Of two estimates.
-    """
+    """Both values with their intervals, a panel for each number, relative to A's value."""
     panels = (_panel(d) for d in comparison.decisive.values() if d.compared)
     return Chart(
         "comparison",

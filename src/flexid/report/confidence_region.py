@@ -20,27 +20,13 @@ _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The joint confidence region of two values.
+    """The joint confidence region of two values."""
 
-    Parameters
-    ----------
-    centre : array, shape (2,)
-        Their estimates.
-    boundary : array, shape (2, n)
-        The ellipse that holds both with the nominal confidence.
-    intervals : tuple of tuple of float
-        The interval of each by itself.
-    correlation : float
-        Between the two estimates.
-    level : float
-        The nominal confidence.
-    """
-
-    centre: FloatArray
-    boundary: FloatArray
-    intervals: tuple[tuple[float, float], tuple[float, float]]
-    correlation: float
-    level: float
+    centre: FloatArray  # their estimates
+    boundary: FloatArray  # the ellipse that holds both with the nominal confidence
+    intervals: tuple[tuple[float, float], tuple[float, float]]  # the interval of each by itself
+    correlation: float  # between the two estimates
+    level: float  # the nominal confidence
 
 
 def confidence_region(fit: Fit, pair: tuple[str, str], level: float = CONFIDENCE) -> Region | None:
@@ -49,11 +35,6 @@ def confidence_region(fit: Fit, pair: tuple[str, str], level: float = CONFIDENCE
     F is Fisher's quantile, which takes the place of χ² for a covariance that is itself estimated;
     ν is the fewer degrees of freedom of the two, less one for the second dimension (Hotelling),
     and twice F is then scaled by (ν + 1) / ν.
-
-    Returns
-    -------
-    Region or None
-        None if the log leaves one of the two free.
     """
     places = [fit.names.index(name) for name in pair]
     covariance = fit.covariance[np.ix_(places, places)]

@@ -18,19 +18,7 @@ _BELOW = 0.5  # height of a panel of residuals over that of the motion above it
 def free_run_chart(
     name: str, title: str, validation: Validation, noise: Mapping[str, float], time_label: str
 ) -> Chart:
-    """Free runs channel by channel, with the residual below each; what is cut off is said.
-
-    Parameters
-    ----------
-    name, title : str
-        Of the chart.
-    validation : Validation
-        With the free runs, one for each stretch of data.
-    noise : mapping of str to float
-        Standard deviation of a channel's noise in rad, where it is known.
-    time_label : str
-        Of the axis of time.
-    """
+    """Free runs channel by channel, with the residual below each; what is cut off is said."""
     time = Axis(time_label, "s")
     panels = []
     for place, (channel, fit) in enumerate(validation.fit_percent.items()):

@@ -6,18 +6,7 @@ from flexid.report.charts.description import Axis, Chart, Colour, Line, Mark, Pa
 
 
 def log_chart(log: Log) -> Chart:
-    """Positions, deflection and input of a log over time, cut where the log has gaps.
-
-    Parameters
-    ----------
-    log : Log
-        As it was read.
-
-    Returns
-    -------
-    Chart
-        A panel for the positions, and one each for the deflection and the input if they are there.
-    """
+    """Positions, deflection and input of a log over time, cut where the log has gaps."""
     import numpy as np
 
     first = log.recordings[0]

@@ -17,54 +17,21 @@ _STRETCHES = 150  # of which each shows the largest value of an error that oscil
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What is shown of a run.
+    """What is shown of a run."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        In s.
-    tracking : (n,) ndarray
-        Magnitude of the tracking error in rad.
-    errors : mapping of str to (n,) ndarray
-        Magnitude of each parameter error over the true value; nan where that is zero.
-    final_errors : mapping of str to (float, str)
-        What remains of each, with its unit: % of the true value, or where that is zero the
-        coefficient's own.
-    lyapunov : (n,) ndarray
-        V of Huang (2003), eq. (8).
-    moments : (m,) ndarray
-        Times in s of the condition numbers.
-    conditions : mapping of str to (m,) ndarray
-        Condition number of each row's normalised Gram matrix.
-    remaining_error : float
-        Largest tracking error in the end, in rad.
-    largest_torque : float
-        In N m.
-    """
-
-    time: FloatArray
-    tracking: FloatArray
+    time: FloatArray  # (n,), in s
+    tracking: FloatArray  # (n,), magnitude of the tracking error in rad
     errors: Mapping[str, FloatArray]
     final_errors: Mapping[str, tuple[float, str]]
     lyapunov: FloatArray
-    moments: FloatArray
+    moments: FloatArray  # (m,), times in s of the condition numbers
     conditions: Mapping[str, FloatArray]
-    remaining_error: float
-    largest_torque: float
+    remaining_error: float  # largest tracking error in the end, in rad
+    largest_torque: float  # in N m
 
 
 def play_chart(run: Played | None, pinned: Played | None) -> Chart:
-    """Four panels: tracking error, parameter errors, V, excitation; a pinned run is dashed.
-
-    Parameters
-    ----------
-    run, pinned : Played or None
-        None where there is none, or it diverged.
-
-    Returns
-    -------
-    Chart
-    """
+    """Four panels: tracking error, parameter errors, V, excitation; a pinned run is dashed."""
     tracking: list[Mark] = []
     errors: list[Mark] = []
     lyapunov: list[Mark] = []

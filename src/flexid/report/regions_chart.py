@@ -39,19 +39,7 @@ def confidence_regions_chart(
     units: Mapping[str, str],
     level: float = CONFIDENCE,
 ) -> Chart:
-    """The joint region of each pair, of one fit or of several beside each other.
-
-    Parameters
-    ----------
-    fits : mapping of str to Fit
-        By what to call them; the first fills the picture.
-    pairs : sequence of tuple of str
-        Names of each pair.
-    units : mapping of str to str
-        Units of the values.
-    level : float, optional
-        Nominal confidence.
-    """
+    """The joint region of each pair, of one fit or of several beside each other."""
     panels, correlated = [], []
     for pair in pairs:
         regions = {

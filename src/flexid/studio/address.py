@@ -11,18 +11,7 @@ MOST_KEYS = 80
 
 
 def texts_of(values: object) -> dict[str, str]:
-    """Texts by key, as many and as long as a form has; what is no text is left out.
-
-    Parameters
-    ----------
-    values : object
-        What came from outside.
-
-    Raises
-    ------
-    SettingError
-        If there is more than a form holds, or nothing of the kind.
-    """
+    """Texts by key, as many and as long as a form has; what is no text is left out."""
     if not isinstance(values, Mapping) or len(values) > MOST_KEYS:
         raise SettingError("address", "it holds what the studio does not know: open it without")
     texts = {}

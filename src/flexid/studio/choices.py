@@ -27,48 +27,24 @@ ALL_TERMS = tuple(dict.fromkeys([*TERMS, *SHAPE_TERMS, *RIGID_TERMS]))
 
 @dataclass(frozen=True)
 class Source:
-    """Where a channel comes from.
+    """Where a channel comes from."""
 
-    Parameters
-    ----------
-    column : str
-        A header of the file.
-    unit : str
-        Its unit; empty for what the header says, or SI.
-    scale, offset : float
-        In the unit.
-    """
-
-    column: str
-    unit: str = ""
-    scale: float = 1.0
-    offset: float = 0.0
+    column: str  # a header of the file
+    unit: str = ""  # its unit; empty for what the header says, or SI
+    scale: float = 1.0  # in the unit
+    offset: float = 0.0  # in the unit
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What a window has chosen.
-
-    Parameters
-    ----------
-    sources : mapping of str to Source
-        By channel; empty where the names of the columns decide.
-    gear_ratio : float or None
-        Turns of the motor in one turn of the link, if its channels are at the motor's side.
-    model, hold : str
-        As `flexid.identify` takes them.
-    terms : tuple of str or None
-        Terms of the model; chosen from the log if None.
-    ran : bool
-        Whether it was run.
-    """
+    """What a window has chosen."""
 
     sources: Mapping[str, Source] = field(default_factory=dict)
     gear_ratio: float | None = None
     model: str = "auto"
     hold: str = "auto"
-    terms: tuple[str, ...] | None = None
-    ran: bool = False
+    terms: tuple[str, ...] | None = None  # terms of the model; chosen from the log if None
+    ran: bool = False  # whether it was run
 
     @property
     def asked(self) -> Choices:
@@ -132,20 +108,6 @@ def read_choices(values: object) -> Choices:
     """Choices from what a form or an address holds.
 
     Keys that are not known are left out; so is ``log``, which some would like to be a path.
-
-    Parameters
-    ----------
-    values : object
-        Keys and texts, from outside.
-
-    Returns
-    -------
-    Choices
-
-    Raises
-    ------
-    SettingError
-        If a value cannot be used.
     """
     texts = texts_of(values)
     sources = {}

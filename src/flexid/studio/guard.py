@@ -51,19 +51,7 @@ def is_loopback(host: str) -> bool:
 
 
 class Guard:
-    """An ASGI application that lets through to another what may pass.
-
-    Parameters
-    ----------
-    app : ASGI application
-        What is guarded.
-    host : str
-        Where it listens.
-    token : str
-        What has to be known; empty for a studio on the loopback.
-    page : str
-        The page, whose own scripts may run.
-    """
+    """An ASGI application that lets through to another what may pass."""
 
     def __init__(self, app: ASGIApp, host: str, token: str, page: str) -> None:
         self._app = app

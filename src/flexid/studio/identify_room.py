@@ -30,21 +30,11 @@ EXPORTS = {
 
 @dataclass(frozen=True)
 class _Shown:
-    """A result that the page shows.
+    """A result that the page shows."""
 
-    Parameters
-    ----------
-    choices : Choices
-        With which it was found.
-    folder : Path
-        That holds its files, and nothing of another run.
-    sample_time : float
-        Of the log as it was read for it, in s.
-    """
-
-    choices: Choices
-    folder: Path
-    sample_time: float
+    choices: Choices  # with which it was found
+    folder: Path  # that holds its files, and nothing of another run
+    sample_time: float  # of the log as it was read for it, in s
 
     def is_of(self, choices: Choices) -> bool:
         """Whether these choices ask for it."""
@@ -52,13 +42,7 @@ class _Shown:
 
 
 class IdentifyRoom:
-    """The room of one window.
-
-    Parameters
-    ----------
-    window : Window
-        What it reads and shows.
-    """
+    """The room of one window."""
 
     def __init__(self, window: Window) -> None:
         self._window = window

@@ -26,24 +26,12 @@ REPORT = "report.html"
 
 @dataclass(frozen=True)
 class Checked:
-    """A log, read and looked at.
+    """A log, read and looked at."""
 
-    Parameters
-    ----------
-    survey : LogSurvey
-        What it shows at a glance.
-    warnings : tuple of str
-        What was mended, or looks odd.
-    origins : mapping of str to str
-        The columns of each channel.
-    figure : Drawn
-        Its channels over time.
-    """
-
-    survey: LogSurvey
-    warnings: tuple[str, ...]
-    origins: dict[str, str]
-    figure: Drawn
+    survey: LogSurvey  # what it shows at a glance
+    warnings: tuple[str, ...]  # what was mended, or looks odd
+    origins: dict[str, str]  # the columns of each channel
+    figure: Drawn  # its channels over time
 
 
 @dataclass(frozen=True)
@@ -60,56 +48,28 @@ class Row:
 
 @dataclass(frozen=True)
 class Said:
-    """An answer of the report: whether one can trust the values, and what to do next.
-
-    Parameters
-    ----------
-    question, word, tone : str
-        As in the report.
-    lines : tuple of str
-        What it rests on.
-    command : str
-        What it advises to run; empty for nothing.
-    """
+    """An answer of the report: whether one can trust the values, and what to do next."""
 
     question: str
     word: str
     tone: str
-    lines: tuple[str, ...]
-    command: str
+    lines: tuple[str, ...]  # what it rests on
+    command: str  # what it advises to run; empty for nothing
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What an identification found, for the page.
+    """What an identification found, for the page."""
 
-    Parameters
-    ----------
-    answers : tuple of Said
-        To what one asks first.
-    parameters, coefficients : tuple of Row
-        The table.
-    summary, warnings : tuple of str
-        Sentences.
-    terms : tuple of str
-        Terms of the model.
-    hold : str
-        The input between samples.
-    figures : tuple of Drawn
-        What the report has too.
-    sample_time : float
-        Of the log, in s.
-    """
-
-    answers: tuple[Said, ...]
-    parameters: tuple[Row, ...]
-    coefficients: tuple[Row, ...]
-    summary: tuple[str, ...]
-    warnings: tuple[str, ...]
-    terms: tuple[str, ...]
-    hold: str
-    figures: tuple[Drawn, ...]
-    sample_time: float
+    answers: tuple[Said, ...]  # to what one asks first
+    parameters: tuple[Row, ...]  # the table
+    coefficients: tuple[Row, ...]  # the table
+    summary: tuple[str, ...]  # sentences
+    warnings: tuple[str, ...]  # sentences
+    terms: tuple[str, ...]  # terms of the model
+    hold: str  # the input between samples
+    figures: tuple[Drawn, ...]  # what the report has too
+    sample_time: float  # of the log, in s
 
 
 def look(_: Progress, name: str) -> FileOverview:

@@ -35,19 +35,7 @@ READINGS = {",".join(map(str, exponents)): MEANINGS[exponents] for exponents in 
 
 @dataclass(frozen=True)
 class Slider:
-    """A number that is played with.
-
-    Parameters
-    ----------
-    name, label, unit, group : str
-        What it is.
-    lowest, highest : float
-        Its ends, in the unit.
-    start : float
-        Where it stands at first: Table I of Huang (2003).
-    logarithmic : bool
-        Whether the slider is.
-    """
+    """A number that is played with."""
 
     name: str
     label: str
@@ -55,7 +43,7 @@ class Slider:
     group: str
     lowest: float
     highest: float
-    start: float
+    start: float  # that of Table I of Huang (2003)
     logarithmic: bool = True
 
 
@@ -79,21 +67,11 @@ SLIDERS = (
 
 @dataclass(frozen=True)
 class PlayChoices:
-    """What is played.
+    """What is played."""
 
-    Parameters
-    ----------
-    reading : str
-        Powers of k in the three feedback gains: a key of `READINGS`.
-    sampled : bool
-        Whether a sampled drive with noise and a torque limit plays it; else it is ideal.
-    values : mapping of str to float
-        By slider.
-    """
-
-    reading: str
+    reading: str  # powers of k in the three feedback gains: a key of `READINGS`
     sampled: bool
-    values: Mapping[str, float]
+    values: Mapping[str, float]  # by slider
 
     @property
     def pairs(self) -> dict[str, str]:
@@ -139,24 +117,7 @@ TABLE1 = PlayChoices("1,2,3", False, {slider.name: slider.start for slider in SL
 
 
 def read_play(values: object, prefix: str = "") -> PlayChoices:
-    """What a form or an address holds; what is not there is that of Table I.
-
-    Parameters
-    ----------
-    values : object
-        Keys and texts, from outside.
-    prefix : str, optional
-        Of the keys.
-
-    Returns
-    -------
-    PlayChoices
-
-    Raises
-    ------
-    SettingError
-        If a value cannot be used.
-    """
+    """What a form or an address holds; what is not there is that of Table I."""
     texts = texts_of(values)
     reading = one_of("reading", texts.get(f"{prefix}reading", "1,2,3"), READINGS)
     found = {}

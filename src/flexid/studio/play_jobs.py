@@ -32,24 +32,12 @@ _MOST_STEPS = 400_000  # about half a second
 
 @dataclass(frozen=True)
 class PlayedRuns:
-    """A run and a pinned one.
+    """A run and a pinned one."""
 
-    Parameters
-    ----------
-    rows : tuple of (str, str, str)
-        What is measured, of the run and of the pinned one.
-    problems : tuple of str
-        Why a run has no figures.
-    figure : Drawn
-        Both.
-    seconds : float
-        How long it took.
-    """
-
-    rows: tuple[tuple[str, str, str], ...]
-    problems: tuple[str, ...]
-    figure: Drawn
-    seconds: float
+    rows: tuple[tuple[str, str, str], ...]  # what is measured, of the run and of the pinned one
+    problems: tuple[str, ...]  # why a run has no figures
+    figure: Drawn  # both
+    seconds: float  # how long it took
 
 
 def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:

@@ -16,13 +16,7 @@ ROOM = "play"
 
 
 class PlayRoom:
-    """The room of one window.
-
-    Parameters
-    ----------
-    window : Window
-        What it shows.
-    """
+    """The room of one window."""
 
     def __init__(self, window: Window) -> None:
         self._window = window

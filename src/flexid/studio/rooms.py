@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 
 
 class Rooms:
-    """The rooms of one window.
-
-    Parameters
-    ----------
-    window : Window
-        What they share.
-    """
+    """The rooms of one window."""
 
     def __init__(self, window: Window) -> None:
         self.window = window

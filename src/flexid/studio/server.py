@@ -28,13 +28,7 @@ _LONG, _SHORT, _PLAY = 2, 1, 1  # processes
 
 
 def need_packages() -> None:
-    """Raise unless the packages of the extra are installed.
-
-    Raises
-    ------
-    SettingError
-        That names the extra.
-    """
+    """Raise unless the packages of the extra are installed."""
     if find_spec("shiny") is None:
         raise SettingError(
             "studio", "it is made with shiny, which is not installed: pip install 'flexid[studio]'"
@@ -42,17 +36,7 @@ def need_packages() -> None:
 
 
 def studio(log: Path | None, host: str, token: str) -> ASGIApp:
-    """The studio as an ASGI application.
-
-    Parameters
-    ----------
-    log : Path or None
-        A log that each window opens with.
-    host : str
-        Where it will listen.
-    token : str
-        What has to be known; empty on the loopback.
-    """
+    """The studio as an ASGI application."""
     import shiny
     from starlette.routing import Route
 
@@ -173,24 +157,7 @@ def _file(windows: dict[str, Rooms]) -> Callable[..., Any]:
 
 
 def serve(log: Path | None, host: str, port: int, announce: Callable[[str], None]) -> None:
-    """Serve the studio until it is interrupted.
-
-    Parameters
-    ----------
-    log : Path or None
-        A log that each window opens with.
-    host : str
-        Where to listen.
-    port : int
-        Of the machine; 0 for any that is free.
-    announce : callable
-        Called with the address as soon as it is answered.
-
-    Raises
-    ------
-    SettingError
-        If it cannot listen there, or a package is missing.
-    """
+    """Serve the studio until it is interrupted."""
     need_packages()
     import uvicorn
 

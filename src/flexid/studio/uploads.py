@@ -19,15 +19,7 @@ _LONGEST_NAME = 80
 
 
 class UploadError(FlexidError):
-    """A log is not taken.
-
-    Parameters
-    ----------
-    reason : str
-        Why, and what to do.
-    status : int
-        Of the answer, as HTTP has it.
-    """
+    """A log is not taken."""
 
     def __init__(self, reason: str, status: int) -> None:
         self.reason = reason
@@ -37,11 +29,6 @@ class UploadError(FlexidError):
 
 def safe_name(name: str) -> str:
     """A name for a file from what a browser says: the last part, of plain characters, with a kind.
-
-    Raises
-    ------
-    UploadError
-        If it does not end as a log's name does.
 
     Examples
     --------
@@ -61,27 +48,7 @@ def safe_name(name: str) -> str:
 
 
 async def save(chunks: AsyncIterator[bytes], name: str, folder: Path) -> Path:
-    """Write a log into a folder, as far as it is not too large.
-
-    Parameters
-    ----------
-    chunks : asynchronous iterator of bytes
-        What arrives.
-    name : str
-        As the browser says.
-    folder : Path
-        Where it replaces a log of the same name as soon as it is whole.
-
-    Returns
-    -------
-    Path
-        The file in the folder.
-
-    Raises
-    ------
-    UploadError
-        If it is too large, empty or of another kind, or the disk is full.
-    """
+    """Write a log into a folder, as far as it is not too large."""
     path = folder / safe_name(name)
     if shutil.disk_usage(folder).free < LEAST_FREE + LARGEST_UPLOAD:
         raise UploadError("the disk is almost full: make room for the log", 507)

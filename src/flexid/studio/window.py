@@ -21,32 +21,16 @@ Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 @dataclass(frozen=True)
 class Offer:
-    """What all windows share.
+    """What all windows share."""
 
-    Parameters
-    ----------
-    log : Path or None
-        The log that was named on the command line.
-    long, short, play : Workers
-        Processes for identifications and exports, for looking at logs, and for runs of Play.
-    """
-
-    log: Path | None
+    log: Path | None  # the log that was named on the command line
     long: Workers
     short: Workers
     play: Workers
 
 
 class Window:
-    """One window.
-
-    Parameters
-    ----------
-    offer : Offer
-        What all windows share.
-    send : callable
-        Sends a message to the page.
-    """
+    """One window."""
 
     def __init__(self, offer: Offer, send: Send) -> None:
         self.offer = offer

@@ -26,13 +26,7 @@ Said = Callable[[str], None]
 
 
 class JobError(FlexidError):
-    """A job did not end as it should.
-
-    Parameters
-    ----------
-    reason : str
-        What happened, in a sentence for the user.
-    """
+    """A job did not end as it should."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -50,13 +44,7 @@ class _Ticket:
 
 
 class Workers:
-    """Some processes, shared by all windows; jobs wait in one queue.
-
-    Parameters
-    ----------
-    most : int
-        How many processes there are at most. Each is started when it is first needed.
-    """
+    """Some processes, shared by all windows; jobs wait in one queue."""
 
     def __init__(self, most: int) -> None:
         self._idle = [_Worker() for _ in range(most)]
@@ -67,24 +55,6 @@ class Workers:
         """Do a job, and return what it returns.
 
         Cancel the coroutine to cancel the job, whether it waits or runs.
-
-        Parameters
-        ----------
-        job : callable
-            A function of a module; takes a callable for its progress, then the arguments.
-        *arguments
-            What it is called with; they travel to another process.
-        folder : Path
-            The working directory of the job.
-        said : callable
-            Called with what the job says of its progress, and with its place in the queue.
-
-        Raises
-        ------
-        FlexidError
-            That the job raised.
-        JobError
-            If it raised anything else, or its process ended.
         """
         worker = await self._turn(_Ticket(said))
         try:

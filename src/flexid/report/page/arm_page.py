@@ -11,15 +11,7 @@ from flexid.report.page.layout import Answer, Command, Page, Section, Warned
 
 
 def arm_page(result: ArmIdentification, command: str) -> Page:
-    """What there is to say of an arm.
-
-    Parameters
-    ----------
-    result : ArmIdentification
-        What was found.
-    command : str
-        What repeats it.
-    """
+    """What there is to say of an arm."""
     joints = range(1, result.arm.joints + 1)
     sections = [Section("warnings", "Warnings", [*map(Warned, result.warnings)])]
     sections += [

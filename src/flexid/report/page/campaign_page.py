@@ -18,15 +18,7 @@ _NAMED = 3
 
 
 def campaign_page(summary: Summary, charts: Sequence[Chart]) -> Page:
-    """What there is to say of a campaign.
-
-    Parameters
-    ----------
-    summary : Summary
-        What its runs show.
-    charts : sequence of Chart
-        Its `campaign_charts`.
-    """
+    """What there is to say of a campaign."""
     first, *rest = status_lines(summary)
     directory = str(summary.directory)
     command = Command(shlex.join(["flexid", "campaign", "--summary", directory]))

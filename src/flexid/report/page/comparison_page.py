@@ -41,15 +41,7 @@ _NOTES = (
 
 
 def comparison_page(comparison: Comparison, command: str = "") -> Page:
-    """What there is to say of a comparison.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Of two estimates.
-    command : str, optional
-        What repeats it; from the files of the estimates if not given.
-    """
+    """What there is to say of a comparison."""
     a, b = comparison.labels
     return Page(
         "comparison",

@@ -87,17 +87,7 @@ def _tested(result: Identification) -> Iterator[str]:
 
 
 def next_step(result: Identification, estimate: str, advice: Sequence[str] = ()) -> Answer:
-    """What to do with the estimate, or what is lacking and what would mend that.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found.
-    estimate : str
-        Where it is stored.
-    advice : sequence of str, optional
-        What to record next; a command that says it takes its place.
-    """
+    """What to do with the estimate, or what is lacking and what would mend that."""
     question, lacking = "What do I do next?", _lacking(result)
     if not lacking:
         said = Text("This log needs nothing more. On one that the estimate has never seen:")

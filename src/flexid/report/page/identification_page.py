@@ -67,21 +67,7 @@ def identification_page(
     estimate: str = "estimate.json",
     advice: Sequence[str] = (),
 ) -> Page:
-    """What there is to say of an identification.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found. One that was loaded has no time series, and its page no figures of them.
-    charts : sequence of Chart
-        Its `identification_charts`.
-    command : str, optional
-        What repeats it; from the settings if not given.
-    estimate : str, optional
-        Where the estimate is stored, for the commands that read it.
-    advice : sequence of str, optional
-        What motion would determine more, where that was asked: `advice_lines`.
-    """
+    """What there is to say of an identification."""
     sections = _sections(result, charts, command or identification_command(result), advice)
     return Page(
         "identification",

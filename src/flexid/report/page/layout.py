@@ -41,34 +41,18 @@ class Warned:
 
 @dataclass(frozen=True)
 class Link:
-    """A way to another section of the page.
+    """A way to another section of the page."""
 
-    Parameters
-    ----------
-    text : str
-        What it says.
-    section : str
-        The section's name.
-    """
-
-    text: str
-    section: str
+    text: str  # what it says
+    section: str  # the section's name
 
 
 @dataclass(frozen=True)
 class Folded:
-    """What is shown when asked for.
+    """What is shown when asked for."""
 
-    Parameters
-    ----------
-    summary : str
-        What it is.
-    content : sequence
-        What it holds.
-    """
-
-    summary: str
-    content: "Sequence[Item]"
+    summary: str  # what it is
+    content: "Sequence[Item]"  # what it holds
 
 
 Item = Part | Chart | Command | Points | Facts | Warned | Link | Folded
@@ -81,71 +65,31 @@ def drawn(charts: Sequence[Chart], name: str) -> list[Chart]:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer to a question that a reader has at first.
+    """An answer to a question that a reader has at first."""
 
-    Parameters
-    ----------
-    question : str
-        The question.
-    word : str
-        The answer in a word or two.
-    tone : {"", "good", "fair", "bad"}
-        What that means.
-    content : sequence
-        What it rests on.
-    """
-
-    question: str
-    word: str
-    tone: Tone
-    content: Sequence[Item]
+    question: str  # the question
+    word: str  # the answer in a word or two
+    tone: Tone  # what that means
+    content: Sequence[Item]  # what it rests on
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page with a heading.
+    """A part of a page with a heading."""
 
-    Parameters
-    ----------
-    name : str
-        Its address within the page.
-    title : str
-        Its heading.
-    content : sequence
-        What it holds.
-    """
-
-    name: str
-    title: str
-    content: Sequence[Item]
+    name: str  # its address within the page
+    title: str  # its heading
+    content: Sequence[Item]  # what it holds
 
 
 @dataclass(frozen=True)
 class Page:
-    """A page of an answer.
+    """A page of an answer."""
 
-    Parameters
-    ----------
-    kind : str
-        What was done: "identification".
-    title : str
-        What of.
-    subject : str
-        What from.
-    lead : Table
-        The table that one looks for.
-    answers : sequence of Answer
-        To what one asks next.
-    sections : sequence of Section
-        All else.
-    notes : sequence of str
-        What the words of the table mean.
-    """
-
-    kind: str
-    title: str
-    subject: str
-    lead: Table
-    answers: Sequence[Answer]
-    sections: Sequence[Section]
-    notes: Sequence[str] = field(default_factory=tuple)
+    kind: str  # what was done: "identification"
+    title: str  # what of
+    subject: str  # what from
+    lead: Table  # the table that one looks for
+    answers: Sequence[Answer]  # to what one asks next
+    sections: Sequence[Section]  # all else
+    notes: Sequence[str] = field(default_factory=tuple)  # what the words of the table mean

@@ -21,15 +21,7 @@ _PAPER = (
 
 
 def reproduction_page(result: Reproduction, charts: Sequence[Chart]) -> Page:
-    """What there is to say of the paper.
-
-    Parameters
-    ----------
-    result : Reproduction
-        Its runs and claims.
-    charts : sequence of Chart
-        Their `reproduction_charts`.
-    """
+    """What there is to say of the paper."""
     facts = Facts(
         [
             ("flexid", flexid.__version__),

@@ -26,23 +26,7 @@ def run_page(
     command: str = "",
     log: str = "",
 ) -> Page:
-    """What there is to say of a run.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        What was simulated.
-    run : Run
-        Its time series.
-    measures : Measures
-        The run in numbers.
-    charts : sequence of Chart
-        Its `run_charts`.
-    command : str, optional
-        What repeats it, if that is known.
-    log : str, optional
-        Where its log is stored, for whoever identifies it.
-    """
+    """What there is to say of a run."""
     answers = [_settles(measures)]
     if log and is_joint(run):
         said = Text("The log of its sensors is one like any other:")

@@ -27,17 +27,7 @@ from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 
 def validation_page(result: EstimateValidation, charts: Sequence[Chart], command: str = "") -> Page:
-    """What there is to say of a validation.
-
-    Parameters
-    ----------
-    result : EstimateValidation
-        What was found.
-    charts : sequence of Chart
-        Its `validation_chart` and `residual_chart`.
-    command : str, optional
-        What repeats it, if that is known.
-    """
+    """What there is to say of a validation."""
     logs = [Path(log["file"]).name for log in result.provenance["inputs"] if log.get("file")]
     origin: list[Item] = [Facts([*input_facts(result.provenance)])]
     sections = (
