@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, expm, solve_triangular
 
 from flexid.arrays import FloatArray
@@ -103,6 +104,26 @@ def fit_innovations(
     return found
 
 
+def predicting(
+    problem: SegmentedMotion,
+    point: Point,
+    directions: FloatArray,  # (n_samples, n_rows)
+    sizes: Sizes,
+    corrected: NDArray[np.int64],  # (n_segments,)
+) -> SegmentedMotion:
+    """The motion that an observer follows for so many samples of each segment, and then predicts.
+
+    Raises
+    ------
+    ConvergenceError
+        If it diverges.
+    """
+    _, observed = _cost(problem, point, directions)(sizes)
+    if observed is None or observed.observer is None:
+        raise ConvergenceError("prediction error", "the disturbed motion diverges")
+    return replace(observed, observer=replace(observed.observer, corrected=corrected))
+
+
 def _first_sizes(problem: SegmentedMotion, slowest: float) -> Sizes:
     """Noise as the signals' short differences have it, and disturbances of part of the motion."""
     segments = problem.segments
@@ -183,7 +204,7 @@ def _cost(
             np.array([made[recording][i] for recording in segments.recordings.tolist()])
             for i in range(4)
         ]
-        observer = Observer(gains[0], gains[1], gains[2], directions, gains[3])
+        observer = Observer(gains[0], gains[1], gains[2], directions, gains[3], segments.lengths)
         observed = replace(problem, observer=observer)
         squares = observed.equations(point, "nothing").cost
         if not np.isfinite(squares):

@@ -53,6 +53,8 @@ class Observer:
     # (n_segments, n_outputs, n_outputs): lower triangle that makes the innovations white and of
     # unit size
     whitening: FloatArray
+    # (n_segments,): how many samples of a segment correct the motion; then the model runs alone
+    corrected: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +181,7 @@ class SegmentedMotion:
             np.zeros((n, rows)),
             np.zeros((0, rows)),
             np.tile(np.diag(self.weights), (n, 1, 1)),
+            np.zeros(n, dtype=np.int64),
         )
 
     def linearised(self, point: Point, recording: int, count: int = 40) -> FloatArray:
@@ -249,8 +252,14 @@ class SegmentedMotion:
         return np.array([used[list(places)].any() for places in self._kernel.DRY], dtype=np.bool_)
 
     def timely(self, values: FloatArray) -> FloatArray:
-        """Outputs, shape (n_samples, n_outputs), moved by whole samples to when they were true."""
-        return self._channels.timely(self.delays(values))[0]
+        """Outputs, shape (n_samples, n_outputs), moved to when they were true, as residuals are of.
+
+        An observer takes them at any part of a sample, a bare motion at whole samples.
+        """
+        delays = self.delays(values)
+        if self.observer is not None:
+            return self._channels.on_time(delays)
+        return self._channels.timely(delays)[0]
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
         """Run the model from a point and put up the normal equations."""
@@ -266,7 +275,7 @@ class SegmentedMotion:
             if by == "everything":
                 speeds = channels.rates_on_time(delays)
         drives = channels.drives(delays[INPUT])
-        dry = self._dry(coefficients, wanted) & (self.observer is None)
+        dry = self._dry(coefficients, wanted)
         delays_sought = self.timing.sought
         if by != "everything":
             wanted, delays_sought = wanted[:0], ()
@@ -301,7 +310,13 @@ class SegmentedMotion:
             whitening,
             speeds,
         )
-        gains = observer.gain, observer.disturbance_gain, observer.decay, observer.directions
+        gains = (
+            observer.gain,
+            observer.disturbance_gain,
+            observer.decay,
+            observer.directions,
+            observer.corrected,
+        )
         model = drives, coefficients, self.constants, dry, gains
         sought = wanted, delay_sought
         results = normal, gradient, residuals, costs

@@ -18,6 +18,7 @@ from flexid.identification.estimation.disturbed import (
     disturbed_estimate,
     fit_disturbed,
     fit_disturbed_to,
+    follower,
 )
 from flexid.identification.estimation.final_fits import (
     FILTER_RATE,
@@ -147,7 +148,8 @@ def _disturbed(
     holds = job.holds if job.joint.kind == "link" else (MEASURED_HOLD, "zero")
     fitted = fit_disturbed(structure, training, job.kept, holds, thresholds)
     undisturbed = _undisturbed(fitted.fitted, training)
-    validation = validate(undisturbed, whole, recordings.starts)
+    follow = follower(fitted, whole)
+    validation = validate(undisturbed, whole, recordings.starts, follow=follow)
     refitted = fit_disturbed_to(fitted, whole)
     fits = _fits(refitted, recordings, job)
     estimate = disturbed_estimate(refitted, whole)

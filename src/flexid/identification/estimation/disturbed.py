@@ -12,14 +12,16 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.innovations import Innovations, Sizes, fit_innovations
+from flexid.estimators.innovations import Innovations, Sizes, fit_innovations, predicting
 from flexid.estimators.samples import Samples
-from flexid.estimators.segments import divide
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
+from flexid.estimators.segments import Segments, divide
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimation.band import (
     PER_PERIOD,
@@ -34,6 +36,7 @@ from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.structure.elimination import eliminate, latest
+from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -121,6 +124,21 @@ def fit_disturbed_to(found: Disturbed, data: Data) -> Disturbed:
     full, _ = _fit(found.full.structure, data, found.factor, found.full.by_name, own.sizes)
     shares = _shares(fitted, own.sizes)
     return replace(found, fitted=fitted, full=full, sizes=own.sizes, shares=shares)
+
+
+def follower(found: Disturbed, data: Data) -> Follower:
+    """Predictions of a log, as it was recorded, from where the observer of a fit has got to."""
+    directed = directions(data.samples, 1)
+    sizes = replace(found.sizes, sensors=found.sizes.sensors * np.sqrt(found.factor))
+
+    def follow(
+        model: SegmentedMotion, values: FloatArray, windows: Segments, warm: NDArray[np.int64]
+    ) -> tuple[SegmentedMotion, FloatArray]:
+        problem = replace(model, segments=windows)
+        point = Point(values, problem.start_states)
+        return predicting(problem, point, directed, sizes, warm), point.initial_states
+
+    return follow
 
 
 def disturbed_estimate(found: Disturbed, data: Data) -> Estimate:

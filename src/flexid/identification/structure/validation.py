@@ -1,14 +1,15 @@
 """How well the model alone predicts a stretch that was kept out of the fit, and for how long.
 
 The state at the start of a prediction is taken from the half second of data before it: the model is
-fitted to that with its initial states as the only unknowns and runs on from there. Nothing of the
-stretch itself but the input is used.
+fitted to that with its initial states as the only unknowns, or an observer follows it, and the
+model runs on from there. Nothing of the stretch itself but the input is used.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
@@ -17,6 +18,15 @@ from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.following import following_states
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
+
+Follower = Callable[
+    [SegmentedMotion, FloatArray, Segments, NDArray[np.int64]], tuple[SegmentedMotion, FloatArray]
+]
+"""Follows stretches for so many samples each, and predicts what comes after.
+
+Takes a model, its values, the stretches and the numbers of samples; returns a motion over the
+stretches and their first states.
+"""
 
 HORIZONS = (0.05, 0.2, 1.0, 5.0)
 """Seconds after which predictions begin anew."""
@@ -31,6 +41,7 @@ def validate(
     data: Data,
     starts: Sequence[int],
     horizons: Sequence[float] = HORIZONS,
+    follow: Follower | None = None,
 ) -> Validation:
     """Predict the held-out end of each recording.
 
@@ -38,7 +49,8 @@ def validate(
     hardly moves in the held-out stretches, where a fit would test nothing.
     """
     joint, problem = fitted.structure.joint, fitted.problem
-    return validate_with(joint, problem, fitted.values, data, starts, horizons)
+    follow = follow or from_fitted_states
+    return validate_with(joint, problem, fitted.values, data, starts, horizons, follow)
 
 
 def validate_with(
@@ -48,13 +60,13 @@ def validate_with(
     data: Data,
     starts: Sequence[int],
     horizons: Sequence[float] = HORIZONS,
+    follow: Follower | None = None,
 ) -> Validation:
-    """Predict the held-out end of each recording with given values, wherever they come from.
-
-    As of `validate`.
-    """
+    """Predict the held-out end of each recording with given values, wherever they come from."""
+    follow = follow or from_fitted_states
     spreads = _spreads(joint, data, starts)
-    runs = _predictions(joint, problem, values, data, [[start] for start in starts], np.inf)
+    ends = [[start] for start in starts]
+    runs = _predictions(joint, problem, values, data, ends, np.inf, follow)
     fits = {}
     for horizon in horizons:
         origins = [
@@ -62,7 +74,7 @@ def validate_with(
             for recording, start in zip(data.samples, starts, strict=True)
         ]
         if all(origins):
-            predicted = _predictions(joint, problem, values, data, origins, horizon)
+            predicted = _predictions(joint, problem, values, data, origins, horizon, follow)
             fits[horizon] = _percent(joint, predicted, spreads)
     return Validation(_percent(joint, runs, spreads), tuple(runs), fits)
 
@@ -110,6 +122,7 @@ def _predictions(
     data: Data,
     origins: Sequence[Sequence[int]],
     horizon: float,
+    follow: Follower,
 ) -> list[FreeRun]:
     """Predicted motion from each origin on, for a horizon in s or to the end of its recording."""
     whole = divide(data.samples, data.duration)  # one segment for each recording
@@ -126,10 +139,8 @@ def _predictions(
             total.append(last - first)
             recordings.append(recording)
             places.append(origin)
-    before = _windows(whole, firsts, warm, recordings)
-    states = following_states(model, values, before)
     windows = _windows(whole, firsts, total, recordings)
-    problem = replace(model, segments=windows)
+    problem, states = follow(model, values, windows, np.array(warm, dtype=np.int64))
     equations = problem.equations(Point(values, states), "nothing")
     measured = problem.timely(values)
     runs = []
@@ -145,6 +156,14 @@ def _predictions(
         time = samples.time[places[s] : places[s] + len(seen)]
         runs.append(FreeRun(time, channels, predicted))
     return runs
+
+
+def from_fitted_states(
+    model: SegmentedMotion, values: FloatArray, windows: Segments, warm: NDArray[np.int64]
+) -> tuple[SegmentedMotion, FloatArray]:
+    """The model over windows, from the states with which it follows their first samples best."""
+    states = following_states(model, values, replace(windows, lengths=warm))
+    return replace(model, segments=windows), states
 
 
 def _windows(

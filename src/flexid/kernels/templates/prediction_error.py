@@ -125,11 +125,12 @@ def mirror(normal):
 
 # Room for one segment: state, its rates, the residuals of a sample, their derivatives and one
 # combination of these, and the steps of the integrator; the columns of what is sought; and what no
-# segment changes: the noise of each row's position, and which outputs are late.
+# segment changes: the noise of each row's position, which outputs are late, and rows none of which
+# can stick.
 Room = namedtuple(
     "Room",
     "x rate errors rows mixed derivatives step alone modes at delay u du bends disturbance noise "
-    "is_late",
+    "is_late never_sticks",
 )
 
 
@@ -142,29 +143,37 @@ def run_segment(s, segments, sensors, model, substeps, room, results):
     x, rate, errors, rows, mixed, derivatives, step, alone, modes, at, delay, u, du, bends = room[
         :14
     ]
-    disturbance, noise, is_late = room[14:]
+    disturbance, noise, is_late, never_sticks = room[14:]
     normal, gradient, residuals, _ = results
-    gain, disturbance_gain, decay, directions = observer
+    gain, disturbance_gain, decay, directions, corrected = observer
     observed = gain.shape[2] > 0
+    directed = observed
     any_late = is_late.any() and not observed
     cost, h = 0.0, sample_times[s]
     for i in range(N_STATES):
         x[i] = initial_states[s, i]
     disturbance[:] = 0.0
     start_derivatives(derivatives)
-    motion = Motion(drives[starts[s]], modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
+    drive = drives[starts[s]]
+    can_stick = never_sticks if observed else dry
+    motion = Motion(drive, modes, can_stick, p[s], c, at, delay, u, du, bends, disturbance)
     first_modes(x, derivatives, h, noise, motion, alone)
     blocks = first_blocks[s + 1] - first_blocks[s]
     for k in range(starts[s], starts[s] + lengths[s]):
         b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
         if k > starts[s]:
             drive = drives[k - 1]
-            if observed:
+            if directed and k - starts[s] >= corrected[s]:  # from here on the model is alone
+                directed, can_stick = False, dry
+                motion = Motion(drive, modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
+                first_modes(x, derivatives, h, noise, motion, alone)
+            if directed:
                 for row in range(N_ROWS):
                     modes[row] = directions[k - 1, row]
-            motion = Motion(drive, modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
+            motion = Motion(drive, modes, can_stick, p[s], c, at, delay, u, du, bends, disturbance)
             cross_interval(x, derivatives, h, substeps, motion, step, alone)
-        motion = Motion(drives[k], modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
+        drive = drives[k]
+        motion = Motion(drive, modes, can_stick, p[s], c, at, delay, u, du, bends, disturbance)
         if any_late:
             rates_at(x, 0.0, motion, rate)
             if derivatives.n > 1:
@@ -188,6 +197,8 @@ def run_segment(s, segments, sensors, model, substeps, room, results):
             residuals[k, a] = errors[a]
         cost += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
         if observed:
+            if k - starts[s] >= corrected[s]:
+                errors[:] = 0.0
             gains = gain[s], disturbance_gain[s], decay[s]
             correct(x, derivatives, errors, rows, gains, motion)
     for b in range(first_blocks[s], first_blocks[s + 1]):
@@ -214,8 +225,8 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
               and the derivatives of both by the delay; coefficients of each segment; constants;
               which rows can stick; and the observer: for each segment the gains of the states and
               of the disturbances, one column for each output, or none, and what an interval leaves
-              of a disturbance; and the direction of each row's friction over the interval from
-              each sample on
+              of a disturbance; the direction of each row's friction over the interval from
+              each sample on; and after how many samples of a segment the model runs alone
     sought    places of the coefficients, and whether the input's delay is sought after them
     results   filled, all zero before: normal equations, shape (n_blocks, n, n), their right-hand
               sides, shape (n_blocks, n), residuals, shape of the outputs, and the weighted sum of
@@ -253,6 +264,7 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
         np.zeros(N_ROWS),
         position_noise(measured, whitening),
         (late != 0.0) | (late_columns >= 0),
+        np.zeros(N_ROWS, np.bool_),
     )
     for s in range(part[0], part[1]):
         costs[s] = run_segment(s, segments, sensors, model, substeps, room, results)
