@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, expm, solve_triangular
+from scipy.linalg import LinAlgError, expm
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
@@ -188,16 +188,19 @@ def _cost(
     """What sizes cost at a point, and the motion with their observer; None where it diverges."""
     segments = problem.segments
     recordings = np.unique(segments.recordings).tolist()
-    jacobians = {recording: problem.linearised(point, recording) for recording in recordings}
+    steps = [float(segments.sample_times[segments.recordings == r][0]) for r in recordings]
+    transitions = [
+        _transition(problem.linearised(point, recording), step)
+        for recording, step in zip(recordings, steps, strict=True)
+    ]
 
     def cost(sizes: Sizes) -> tuple[float, SegmentedMotion | None]:
         made, entropy = {}, 0.0
         try:
-            for recording, jacobian in jacobians.items():
-                own = segments.recordings == recording
-                sample_time = float(segments.sample_times[own][0])
-                made[recording] = _steady_gains(problem, jacobian, sample_time, sizes)
-                entropy += float(segments.lengths[own].sum()) * made[recording][4]
+            for recording, step, transition in zip(recordings, steps, transitions, strict=True):
+                made[recording] = _steady_gains(problem, transition, step, sizes)
+                count = segments.lengths[segments.recordings == recording].sum()
+                entropy += float(count) * made[recording][4]
         except (LinAlgError, ValueError):
             return _WORST, None
         gains = [
@@ -214,22 +217,31 @@ def _cost(
     return cost
 
 
+def _transition(jacobian: FloatArray, sample_time: float) -> FloatArray:
+    """What one interval makes of states and of disturbances that are constant over it.
+
+    Returns shape (n_states + n_rows, n_states + n_rows).
+    """
+    n, rows = len(jacobian), len(jacobian) // 2
+    forced = np.zeros((n + rows, n + rows))
+    forced[:n, :n] = jacobian
+    forced[1:n:2, n:] = np.eye(rows)
+    return np.asarray(expm(forced * sample_time), dtype=np.float64)
+
+
 def _steady_gains(
-    problem: SegmentedMotion, jacobian: FloatArray, sample_time: float, sizes: Sizes
+    problem: SegmentedMotion, transition: FloatArray, sample_time: float, sizes: Sizes
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Kalman's gains of states and disturbances, the decay, the whitening, and log det S.
 
     A disturbance is constant over an interval, which it enters with what the one before left of it
     and what the sample at its start has taught: d <- decay d + G e.
     """
-    n, rows = len(jacobian), len(jacobian) // 2
-    forced = np.zeros((n + rows, n + rows))
-    forced[:n, :n] = jacobian
-    forced[1:n:2, n:] = np.eye(rows)
-    step = np.asarray(expm(forced * sample_time), dtype=np.float64)
-    decay = np.exp(-sizes.rates * sample_time)
+    rows = len(sizes.rates)
+    n = len(transition) - rows
+    step, decay = transition.copy(), np.exp(-sizes.rates * sample_time)
     step[n:, n:] = np.diag(decay)
-    noise = np.zeros((n + rows, n + rows))
+    noise = np.zeros_like(step)
     noise[n:, n:] = np.diag(sizes.disturbances**2 * (1.0 - decay**2))
     sees = np.zeros((len(problem.segments.measured), n + rows))
     sees[np.arange(len(sees)), problem.segments.measured] = 1.0
@@ -238,9 +250,7 @@ def _steady_gains(
     covariance = sees @ predicted @ sees.T + sensors
     gain = np.asarray(np.linalg.solve(covariance, sees @ predicted).T, dtype=np.float64)
     triangle = np.linalg.cholesky(covariance)
-    whitening = np.asarray(
-        solve_triangular(triangle, np.eye(len(triangle)), lower=True), dtype=np.float64
-    )
+    whitening = np.tril(np.linalg.inv(triangle))
     entropy = 2.0 * float(np.log(np.diag(triangle)).sum())
     return gain[:n], gain[n:], decay, whitening, entropy
 

@@ -256,10 +256,13 @@ class SegmentedMotion:
 
         An observer takes them at any part of a sample, a bare motion at whole samples.
         """
-        delays = self.delays(values)
         if self.observer is not None:
-            return self._channels.on_time(delays)
-        return self._channels.timely(delays)[0]
+            return self.on_time(values)
+        return self._channels.timely(self.delays(values))[0]
+
+    def on_time(self, values: FloatArray) -> FloatArray:
+        """Outputs, shape (n_samples, n_outputs), moved by any part of a sample."""
+        return self._channels.on_time(self.delays(values))
 
     def equations(self, point: Point, by: By = "everything") -> Equations:
         """Run the model from a point and put up the normal equations."""

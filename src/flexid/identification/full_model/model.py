@@ -165,12 +165,13 @@ class Fitted:
     def unexplained(self) -> float:
         """Residuals beyond the sensors' noise over the deflection, root mean squares, at most 1.
 
-        With one encoder, over the motor's motion.
+        The deflection is that of encoders that are on time. With one encoder, the motor's motion
+        is in its place.
         """
         if self.excess <= 1.0:
             return 0.0
         segments, joint = self.problem.segments, self.structure.joint
-        motion = joint.channels_of(segments.outputs, segments.inputs)[:, -1]
+        motion = joint.channels_of(self.problem.on_time(self.values), segments.inputs)[:, -1]
         residuals = self.minimum.equations.residuals
         left = joint.channels_of(residuals, np.zeros_like(segments.inputs))[:, -1]
         beyond = float(np.mean(left**2)) * (1.0 - 1.0 / self.excess)
