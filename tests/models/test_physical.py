@@ -135,6 +135,35 @@ def test_rigid_joint_s_parameters():
     )
 
 
+def test_friction_by_direction():
+    """Assert that friction by direction is what brakes a rigid joint that turns either way."""
+    values = {**RIGID, "gamma_asymmetry": 0.02 / 1.6}
+    found = {p.name: p for p in rigid_parameters(values, input_is_torque=True)}
+    for direction, v in (("forwards", 1.0), ("backwards", -1.0)):
+        viscous = found[f"viscous_friction_{direction}"].value(values)
+        coulomb = found[f"coulomb_friction_{direction}"].value(values)
+        braking = 0.1 * v + 0.02 * abs(v) + 0.4 * v - 0.05
+        assert v * (viscous + coulomb) == pytest.approx(braking, rel=1e-13)
+    assert "coulomb_friction_forwards" not in {p.name for p in rigid_parameters(RIGID, True)}
+
+
+def test_gradient_of_friction_by_direction():
+    """Assert that its gradient is the derivative, in the inertia too."""
+    values = {**RIGID, "gamma_asymmetry": 0.02 / 1.6}
+    names = list(values)
+    for parameter in rigid_parameters(values, input_is_torque=True):
+        if "wards" in parameter.name:
+            slopes = [
+                (
+                    parameter.value({**values, n: values[n] * (1 + 1e-6)})
+                    - parameter.value({**values, n: values[n] * (1 - 1e-6)})
+                )
+                / (2e-6 * values[n])
+                for n in names
+            ]
+            np.testing.assert_allclose(parameter.gradient(values, names), slopes, rtol=1e-7)
+
+
 def test_every_rigid_coefficient_has_a_unit_and_a_meaning():
     """Assert that each coefficient of the rigid joint has a unit and enters some parameter."""
     names = rigid_joint(RIGID_TERMS).coefficients

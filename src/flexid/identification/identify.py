@@ -58,6 +58,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.intervals import interval
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.parameter_kinds import Directional
 from flexid.models.terms import SMOOTHING
 from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log
@@ -243,7 +244,13 @@ def _removed(
         estimate, job.joint, unknowns, {}, without_estimate(full.at_bound, given), job.input_unit
     )
     found = parameter_estimates(job.joint, estimate, unknowns, every, job.input_unit, thresholds)
-    return {name: p for name, p in found.items() if name not in kept}
+    # Friction by direction of a model without asymmetry is its mean, which is reported.
+    known = {*kept} | {
+        p.name
+        for p in job.joint.parameters(full.structure.joint.units, job.input_unit == "N m")
+        if isinstance(p, Directional)
+    }
+    return {name: p for name, p in found.items() if name not in known}
 
 
 def _values(fit: LeastSquaresFit) -> dict[str, float]:

@@ -81,6 +81,57 @@ class Product:
 
 
 @dataclass(frozen=True)
+class Directional:
+    """A friction in one direction: an even and an odd coefficient, added or taken, times a product.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and SI unit.
+    odd, even : str
+        The coefficient that changes its sign with the direction, and the one that does not.
+    sign : float
+        Of the even one.
+    exponents : mapping of str to int
+        The product, of other coefficients.
+    beside : tuple of str, optional
+        Coefficients without which a model does not distinguish the directions.
+    """
+
+    name: str
+    unit: str
+    odd: str
+    even: str
+    sign: float
+    exponents: Mapping[str, int] = field(default_factory=dict)
+    beside: tuple[str, ...] = ()
+
+    @property
+    def _factor(self) -> Product:
+        return Product(self.name, self.unit, self.exponents)
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients it depends on."""
+        return (self.odd, self.even, *self.exponents, *self.beside)
+
+    def value(self, coefficients: Mapping[str, float]) -> float:
+        """Value of the parameter; infinite where a denominator is zero."""
+        both = coefficients[self.odd] + self.sign * coefficients[self.even]
+        return both * self._factor.value(coefficients)
+
+    def gradient(
+        self, coefficients: Mapping[str, float], names: Collection[str]
+    ) -> NDArray[np.float64]:
+        """Derivative of the value with respect to the named coefficients, shape (n_names,)."""
+        both = coefficients[self.odd] + self.sign * coefficients[self.even]
+        weights = {self.odd: 1.0, self.even: self.sign}
+        own = np.array([weights.get(name, 0.0) for name in names])
+        factor = self._factor
+        return both * factor.gradient(coefficients, names) + own * factor.value(coefficients)
+
+
+@dataclass(frozen=True)
 class Amplitude:
     """Amplitude of ``sine sin x + cosine cos x`` times a product, as that of a tilted gravity.
 

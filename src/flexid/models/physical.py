@@ -11,7 +11,13 @@ Gravity that has a sine and a cosine is the exception: an amplitude and an angle
 
 from collections.abc import Collection, Mapping
 
-from flexid.models.parameter_kinds import Amplitude, PhysicalParameter, Product, ZeroAngle
+from flexid.models.parameter_kinds import (
+    Amplitude,
+    Directional,
+    PhysicalParameter,
+    Product,
+    ZeroAngle,
+)
 
 _JOINT_STIFFNESS = {"alpha1": 1, "beta1": -1}
 _LINK_INERTIA = {"alpha1": 1, "beta1": -1, "theta2": -1}
@@ -93,6 +99,37 @@ _LINK_RATIOS: tuple[PhysicalParameter, ...] = (
 )
 """What the link's row alone gives, which knows no torque."""
 
+
+def _by_direction(suffix: str, units: tuple[str, str], **exponents: int) -> list[Directional]:
+    """Friction forwards and backwards, where viscous friction differs between the directions.
+
+    A constant force is then counted as Coulomb friction that differs, as which it acts.
+    """
+    directions = (("forwards", 1.0), ("backwards", -1.0))
+    return [
+        Directional(
+            f"viscous_friction_{direction}{suffix}",
+            units[0],
+            "gamma_viscous",
+            "gamma_asymmetry",
+            sign,
+            exponents,
+        )
+        for direction, sign in directions
+    ] + [
+        Directional(
+            f"coulomb_friction_{direction}{suffix}",
+            units[1],
+            "gamma_coulomb",
+            "gamma_offset",
+            -sign,
+            exponents,
+            ("gamma_asymmetry",),
+        )
+        for direction, sign in directions
+    ]
+
+
 _RIGID_WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("gravity_torque", "N m", {"gamma1": 1, "beta1": -1}),
     Amplitude("gravity_torque", "N m", "gamma1", "gamma_cosine", {"beta1": -1}),
@@ -101,6 +138,7 @@ _RIGID_WITH_TORQUE: tuple[PhysicalParameter, ...] = (
     Product("viscous_friction", "N m s/rad", {"gamma_viscous": 1, "beta1": -1}),
     Product("coulomb_friction", "N m", {"gamma_coulomb": 1, "beta1": -1}),
     Product("offset_torque", "N m", {"gamma_offset": 1, "beta1": -1}),
+    *_by_direction("", ("N m s/rad", "N m"), beta1=-1),
 )
 
 _RIGID_RATIOS: tuple[PhysicalParameter, ...] = (
@@ -110,6 +148,7 @@ _RIGID_RATIOS: tuple[PhysicalParameter, ...] = (
     Product("viscous_friction_per_inertia", "1/s", {"gamma_viscous": 1}),
     Product("coulomb_friction_per_inertia", "1/s^2", {"gamma_coulomb": 1}),
     Product("offset_torque_per_inertia", "1/s^2", {"gamma_offset": 1}),
+    *_by_direction("_per_inertia", ("1/s", "1/s^2")),
     Product("input_gain_per_inertia", "rad/s^2/{input}", {"beta1": 1}),
 )
 

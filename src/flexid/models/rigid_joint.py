@@ -2,10 +2,12 @@
 
     x1' = x2
     x2' = -gamma1 sin x1 - gamma_viscous x2 - gamma_coulomb tanh(x2/w) + gamma_offset + beta1 u
+          - gamma_asymmetry |x2|
 
 x1, x2 are position and velocity at the link side of the gear. This is the flexible joint of Huang
 (2003), eq. (4), for a stiffness without bound; beta1 is then the inverse of the inertia of motor
-and link *together*, not of the motor alone.
+and link *together*, not of the motor alone. Viscous friction is gamma_viscous + gamma_asymmetry
+forwards and gamma_viscous - gamma_asymmetry backwards.
 """
 
 from collections.abc import Collection, Mapping
@@ -23,6 +25,7 @@ RIGID_TERMS: dict[str, dict[str, str]] = {
     "gravity": {"gamma1": "-sin(x1)"},
     "gravity_cosine": {"gamma_cosine": "-cos(x1)"},
     "viscous": {"gamma_viscous": "-x2"},
+    "viscous_asymmetry": {"gamma_asymmetry": "-abs(x2)"},
     "coulomb": {"gamma_coulomb": f"-tanh(x2/{SMOOTHING})"},
     "offset": {"gamma_offset": "1"},
 }
@@ -32,6 +35,7 @@ RIGID_UNITS: dict[str, str] = {
     "gamma1": "1/s^2",
     "gamma_cosine": "1/s^2",
     "gamma_viscous": "1/s",
+    "gamma_asymmetry": "1/s",
     "gamma_coulomb": "rad/s^2",
     "gamma_offset": "rad/s^2",
     "beta1": "rad/s^2/{input}",
