@@ -20,6 +20,7 @@ from flexid.identification.estimation.disturbed import (
     fit_disturbed_to,
     follower,
 )
+from flexid.identification.estimation.doubts import Doubted, coil_lag, covariance_of
 from flexid.identification.estimation.final_fits import (
     FILTER_RATE,
     FinalFits,
@@ -104,7 +105,8 @@ def answer(
         if exact is None:
             raise
         return exact
-    if exact is not None and _core_width(exact) <= _core_width(disturbed):
+    nearly = exact is not None and exact.fits.reported.unexplained <= thresholds.exact_share
+    if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
         return _judged(exact, exact.fits.choice.fitted, job, whole, recordings)
     return disturbed
 
@@ -137,7 +139,9 @@ def _exact(
     progress("fit to all data")
     fits = final_fits(choice, whole, recordings, job.settings.filter_rate, thresholds)
     progress("what the model does without")
-    return Answer(fits, validation, with_doubts(fits, job.delay_in_doubt, thresholds))
+    estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
+    doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
+    return Answer(fits, validation, estimate.widened(covariance_of((coil_lag,), doubted)))
 
 
 def _disturbed(
@@ -152,7 +156,7 @@ def _disturbed(
     validation = validate(undisturbed, whole, recordings.starts, follow=follow)
     refitted = fit_disturbed_to(fitted, whole)
     fits = _fits(refitted, recordings, job)
-    estimate = disturbed_estimate(refitted, whole)
+    estimate = disturbed_estimate(refitted, whole, job.input_unit)
     estimate = estimate.widened(hidden_covariance(fits.reported, fits.full, fits.scales))
     disturbances = Disturbances(refitted.shares, refitted.fitted.data.samples[0].sample_time)
     found = Answer(fits, validation, estimate, disturbances)

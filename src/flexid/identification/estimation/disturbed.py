@@ -22,6 +22,7 @@ from flexid.estimators.innovations import Innovations, Sizes, fit_innovations, p
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
+from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimation.band import (
     PER_PERIOD,
@@ -30,6 +31,7 @@ from flexid.identification.estimation.band import (
     thinned,
     thinning,
 )
+from flexid.identification.estimation.doubts import DOUBTS, Doubted, covariance_of
 from flexid.identification.estimation.excitations import row_sizes
 from flexid.identification.estimation.skew import shifted, skew
 from flexid.identification.full_model.fitting import lengths, motion_at
@@ -40,18 +42,11 @@ from flexid.identification.structure.validation import Follower
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import TermEvidence
 from flexid.identification.vocabulary.thresholds import Thresholds
-from flexid.models.flexible_joint import DISSIPATIVE
 from flexid.recording.recording import Hold
 from flexid.recording.velocities import position_noise
 
 _ROUNDS = 3  # of taking terms away
 _BANDS = (0.5, 2.0)  # of the usual number of samples per period
-_REPEATED = 0.2  # of what a row leaves unexplained, that may look like any one of its terms
-_FRICTION_REPEATED = 0.7  # the same of a friction: another law looks most like the laws there are
-_LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
-_ECCENTRICITY = 5e-4  # rad, standard deviation: 0.03 degrees, of encoders in good joints
-_GAUGE = 0.025  # of the scale of a deflection's sensor, standard deviation: one of strain gauges
-_CALIBRATION = 2e-3  # of a value, standard deviation: no scale of a rig is known better
 _LEAST_TURN = 0.5  # rad, below which gravity is as straight as a spring, within 1 %
 _GRAVITY = frozenset({"theta1", "theta_cosine", "gamma1", "gamma_cosine"})
 _RATE = 20.0  # 1/s, of the filter that shows how much each term moves its row
@@ -141,7 +136,7 @@ def follower(found: Disturbed, data: Data) -> Follower:
     return follow
 
 
-def disturbed_estimate(found: Disturbed, data: Data) -> Estimate:
+def disturbed_estimate(found: Disturbed, data: Data, input_unit: str) -> Estimate:
     """The estimate with the spread between bands and halves in its covariance."""
     fitted = found.fitted
     estimate = Estimate.of(fitted.fit)
@@ -160,23 +155,28 @@ def disturbed_estimate(found: Disturbed, data: Data) -> Estimate:
         by_chance = 0.25 * (_variances(halves[0]) + _variances(halves[1]))
         beyond = _beyond(0.5 * (halves[0].values - halves[1].values), by_chance)
         added += np.outer(beyond, beyond)
-    if data.relative_to:
-        other = _again(found, _rescaled(data, 1.0 + _GAUGE), found.factor)
-        if other is not None:
-            change = other.values - fitted.values
-            added += np.outer(change, change)
-    scale = _CALIBRATION * np.abs(fitted.values)
-    beyond = _repeated(found) ** 2 + scale**2 + _by_eccentricity(fitted, data) ** 2
-    return estimate.widened(added + np.diag(beyond))
+    doubted = Doubted(
+        fitted,
+        row_sizes(_squares(fitted).rows),
+        dict(found.shares),
+        input_unit,
+        _by_gauge(found, data),
+    )
+    return estimate.widened(added + covariance_of(DOUBTS, doubted))
 
 
-def _by_eccentricity(fitted: Fitted, data: Data) -> FloatArray:
-    """Deviation of each value, shape (k,), by errors of two encoders that repeat once per turn.
+def _squares(fitted: Fitted) -> LeastSquaresFit:
+    return least_squares_start(fitted.structure, fitted.data, _RATE)[1]
 
-    Through the spring they look like gravity, and nothing in the log tells them apart.
-    """
-    pulls = 0.0 if data.relative_to else _ECCENTRICITY * abs(fitted.by_name.get("theta2", 0.0))
-    return np.array([pulls * (name in _LINK_GRAVITY) for name in fitted.names])
+
+def _by_gauge(found: Disturbed, data: Data) -> FloatArray | None:
+    """Change of each value, shape (k,), where a deflection's sensor shows 1 % more."""
+    if not data.relative_to:
+        return None
+    other = _again(found, _rescaled(data, 1.01), found.factor)
+    return (
+        np.zeros(len(found.fitted.names)) if other is None else other.values - found.fitted.values
+    )
 
 
 def _rescaled(data: Data, scale: float) -> Data:
@@ -193,20 +193,6 @@ def _rescaled(data: Data, scale: float) -> Data:
         velocities[:, 0] = speed + scale * (velocities[:, 0] - speed)
         rescaled.append(replace(samples, positions=positions, velocities=velocities))
     return replace(data, samples=tuple(rescaled))
-
-
-def _repeated(found: Disturbed) -> FloatArray:
-    """Deviation of each value, shape (k,), by what is unexplained and looks like its term."""
-    fitted = found.fitted
-    _, squares = least_squares_start(fitted.structure, fitted.data, _RATE)
-    sizes = row_sizes(squares.rows)
-    rows = {name: _name(row.name) for row in squares.rows for name in row.coefficients}
-    deviations = []
-    for name in fitted.names:
-        share = found.shares[rows[name]] / sizes[name] if sizes.get(name) else 0.0
-        friction = name.partition("[")[0] in DISSIPATIVE
-        deviations.append((_FRICTION_REPEATED if friction else _REPEATED) * share)
-    return np.array(deviations)
 
 
 def _beyond(difference: FloatArray, variance: FloatArray) -> FloatArray:

@@ -116,6 +116,14 @@ class Thresholds:
         "make them: drives with such a term leave up to 0.08 without it, an arm in a laboratory "
         "0.16 to 0.7, two axes taken for one 0.18; beyond it disturbances are fitted, no terms",
     )
+    exact_share: float = _threshold(
+        0.005,
+        "1",
+        "residuals beyond noise over the deflection, up to which a fit that knows of no more than "
+        "that noise may be reported all the same: noise of the torque and jitter leave 0.001 or "
+        "less and it is right; a second bending mode and a dead zone leave 0.009 and more, and "
+        "its intervals miss by 6 standard deviations",
+    )
     lost_share: float = _threshold(
         0.007,
         "1",

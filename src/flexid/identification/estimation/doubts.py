@@ -1,0 +1,159 @@
+"""What a rig may do that its log does not show, and by how much it may move each value.
+
+A fit with disturbances allows for what comes and goes. Scales, encoders and amplifiers err in the
+same way all the time, so that nothing in the log tells their errors from other parameters. Each
+doubt says by how much the values may be off, as directions of errors, shape (k, m): the covariance
+grows by the directions times their transpose.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexid.arrays import FloatArray
+from flexid.estimators.channel_timing import INPUT
+from flexid.identification.full_model.model import Fitted
+from flexid.identification.vocabulary.evidence import balance_of
+from flexid.models.flexible_joint import DISSIPATIVE
+
+_CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better
+_FURTHER_MODES = 0.005  # of a link's inertia: by its next bending mode it looks heavier
+_CABLE = 0.01  # of the spring's torque, that a cable adds: it pulls the link back as gravity does
+_ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
+_GAUGE = 0.015  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 %
+_DEAD_ZONE = 0.015  # of the gain of an amplifier, which a dead zone of 1 % of its range takes away
+_COIL = 1e-3  # s: time constants of motors' coils are hardly longer, whatever the delay
+_UNEXPLAINED = 0.2  # of what a row leaves unexplained, that may look like any one of its terms
+_UNEXPLAINED_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
+
+_LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
+_SPRINGS = frozenset({"theta2", "alpha1"})
+_VISCOUS = frozenset({"alpha2", "gamma_viscous"})
+
+
+@dataclass(frozen=True, eq=False)
+class Doubted:
+    """A fit, and what the doubts look at."""
+
+    fitted: Fitted  # of k values
+    sizes: dict[str, float]  # what one unit of each coefficient moves, over its row's acceleration
+    shares: dict[str, float]  # what each balance leaves unexplained, over its acceleration
+    input_unit: str
+    # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
+    by_gauge: FloatArray | None
+
+    def diagonal(self, of: Callable[[str, float], float]) -> FloatArray:
+        """Directions of errors that are independent, from name and value of each."""
+        fitted = self.fitted
+        named = zip(fitted.names, fitted.values.tolist(), strict=True)
+        return np.diag([of(name, value) for name, value in named])
+
+    def common(self, factor: float, balance: str) -> FloatArray:
+        """Direction of an error by which all coefficients of a balance grow by a factor."""
+        delays = self.fitted.structure.timing.sought
+        own = [balance_of(name) == balance and name not in delays for name in self.fitted.names]
+        return factor * np.where(own, self.fitted.values, 0.0)[:, None]
+
+
+Doubt = Callable[[Doubted], FloatArray]
+
+
+def calibration(doubted: Doubted) -> FloatArray:
+    """No sensor's scale is known better."""
+    return doubted.diagonal(lambda _, value: _CALIBRATION * value)
+
+
+def further_modes(doubted: Doubted) -> FloatArray:
+    """A link that bends looks heavier towards its next mode."""
+    return doubted.common(_FURTHER_MODES, "link")
+
+
+def cable(doubted: Doubted) -> FloatArray:
+    """A cable pulls the link back as gravity does."""
+    return doubted.diagonal(lambda name, _: _CABLE * _per_size(doubted, name, _LINK_GRAVITY))
+
+
+def eccentric_encoders(doubted: Doubted) -> FloatArray:
+    """Two encoders that err once per turn look like gravity through the spring."""
+    if doubted.by_gauge is not None:
+        return np.zeros((len(doubted.fitted.names), 0))
+    pull = _ECCENTRICITY * abs(doubted.fitted.by_name.get("theta2", 0.0))
+    return doubted.diagonal(lambda name, _: pull * (name in _LINK_GRAVITY))
+
+
+def gauge_scale(doubted: Doubted) -> FloatArray:
+    """A deflection's sensor has a scale that nothing else shows.
+
+    Where it hardly changes a spring, the log says nothing of the deflection that is shown.
+    """
+    if doubted.by_gauge is None:
+        return np.zeros((len(doubted.fitted.names), 0))
+    springs = np.array([name in _SPRINGS for name in doubted.fitted.names])
+    least = np.where(springs, np.abs(doubted.fitted.values), 0.0)
+    change = 100.0 * doubted.by_gauge
+    grown = np.where(np.signbit(change), -1.0, 1.0) * np.maximum(np.abs(change), least)
+    return _GAUGE * grown[:, None]
+
+
+def coil_lag(doubted: Doubted) -> FloatArray:
+    """A voltage's delay may be the lag of the motor's coil, of which the back-EMF has no part.
+
+    With a time constant τ in place of a delay, viscous friction α over inertia makes the inertia
+    look smaller by the share α τ.
+    """
+    values, structure = doubted.fitted.by_name, doubted.fitted.structure
+    delay = values.get(INPUT, structure.timing.delays.get(INPUT, 0.0))
+    viscous = sum(value for name, value in values.items() if name in _VISCOUS)
+    if doubted.input_unit != "V":
+        return np.zeros((len(values), 0))
+    # Anything between none and all of the delay: a uniform distribution about half of it.
+    lag = float(np.clip(delay, 0.0, _COIL))
+    return doubted.common(abs(viscous) * lag / np.sqrt(3.0), "motor")
+
+
+def dead_zone(doubted: Doubted) -> FloatArray:
+    """An amplifier passes less of a small voltage than of a large one."""
+    gain = _DEAD_ZONE * (doubted.input_unit == "V")
+    return doubted.diagonal(lambda name, value: gain * value * (name == "beta1"))
+
+
+def looks_like_a_term(doubted: Doubted) -> FloatArray:
+    """What a balance leaves unexplained may look like any one of its terms in part."""
+
+    def deviation(name: str, _: float) -> float:
+        friction = name.partition("[")[0] in DISSIPATIVE
+        part = _UNEXPLAINED_FRICTION if friction else _UNEXPLAINED
+        size = doubted.sizes.get(name, 0.0)
+        return part * doubted.shares[balance_of(name)] / size if size else 0.0
+
+    return doubted.diagonal(deviation)
+
+
+DOUBTS: tuple[Doubt, ...] = (
+    calibration,
+    further_modes,
+    cable,
+    eccentric_encoders,
+    gauge_scale,
+    coil_lag,
+    dead_zone,
+    looks_like_a_term,
+)
+"""Of a fit with disturbances. An exact fit of a voltage has `coil_lag` alone."""
+
+
+def covariance_of(doubts: tuple[Doubt, ...], doubted: Doubted) -> FloatArray:
+    """What some doubts add to a covariance, shape (k, k)."""
+    return sum(_squares(doubts, doubted), np.zeros((len(doubted.fitted.names),) * 2))
+
+
+def _squares(doubts: tuple[Doubt, ...], doubted: Doubted) -> Iterator[FloatArray]:
+    for doubt in doubts:
+        directions = doubt(doubted)
+        yield directions @ directions.T
+
+
+def _per_size(doubted: Doubted, name: str, of: frozenset[str]) -> float:
+    size = doubted.sizes.get(name, 0.0)
+    return 1.0 / size if size and name in of else 0.0
