@@ -129,8 +129,16 @@ def test_samples_that_are_lost(every: int, said: bool):
     """Assert that lost samples are found in positions alone, and that two are not worth a word."""
     kept = np.arange(COUNT) % every != every - 1
     columns = {name: CLEAN[name][kept] for name in POSITIONS}
-    found = read_log(columns | {"time [s]": STEP * np.arange(kept.sum())}).warnings
-    assert [("samples were lost" in w and "log the time" in w) for w in found] == [True] * said
+    log = read_log(columns | {"time [s]": STEP * np.arange(kept.sum())})
+    assert [("were lost" in w and "log the time" in w) for w in log.warnings] == [True] * said
+    if said:  # and are put back
+        (recording,) = log.recordings
+        count = len(recording)
+        assert count > 0.99 * COUNT
+        part = slice(0, COUNT // 3)
+        np.testing.assert_allclose(
+            recording.needed_link_position[part], CLEAN[LINK][part], atol=20 * NOISE
+        )
 
 
 def test_spikes_are_replaced():

@@ -1,7 +1,7 @@
-"""Single samples that no motion explains: spikes of an encoder, and places where samples are lost.
+"""Single samples that no motion explains: spikes of an encoder, and samples that are lost.
 
-A sample, or a step, is compared with the cubic through its four neighbours. What differs by much
-more than noise while all around it is calm is no motion.
+A sample is compared with the cubic through its four neighbours. What differs by much more than
+noise while all around it is calm is no motion.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexid.recording.caution import Caution, Rank
+from flexid.recording.channel import INPUTS
+from flexid.recording.lost_samples import counted_on, lost_samples, put_back
 from flexid.recording.names import MOST_TIMES, first_times
 from flexid.recording.sampling import GAP
 from flexid.recording.velocities import position_noise
@@ -28,19 +30,17 @@ _SENSORS = ("link_position", "motor_position", "deflection")
 _OFF = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0  # what a cubic through the others leaves over
 _SPIKE = 20.0  # times the noise, by which a spike is off: 14 standard deviations
 _CALM = 0.4  # of a spike, up to which the motion around it bends; where it stops dead, more than 1
-_CLEAR = 12.0  # times the noise, by which a step is off: 4.5 standard deviations
 _AROUND = 8  # samples on either side
 _MOST = 0.01  # share of spikes, up to which a channel is mended: more are no single errors
-_WHOLE = 0.25  # of a step, by which a long one may differ from whole steps
 _FEWEST_PLACES = 3  # where samples are lost: fewer change next to nothing
 
 
 def mended(
     file: str, channels: dict[str, Channel], time: FloatArray
-) -> tuple[dict[str, Channel], tuple[str, ...]]:
-    """Replace spikes of encoders, and warn of lost samples that the time does not show."""
+) -> tuple[dict[str, Channel], FloatArray, tuple[str, ...]]:
+    """Replace spikes of encoders, and put back lost samples that the time does not show."""
     if len(time) < 4 * _AROUND:
-        return channels, ()
+        return channels, time, ()
     clock = np.diff(time)
     even = clock <= GAP * np.median(clock)
     sensors = {name: channels[name] for name in _SENSORS if name in channels}
@@ -60,15 +60,21 @@ def mended(
                 f"by up to {np.abs(sizes).max():.2g} rad (at {_times(time, places)}), so a cubic "
                 f"through these was taken instead: check the sensor and its cable"
             )
-        lost = _lost([channels[name].values for name in sensors], even)
-    if len(lost) >= _FEWEST_PLACES:
+        lost = lost_samples([channels[name].values for name in sensors], time)
+    places = np.flatnonzero(lost)
+    if len(places) >= _FEWEST_PLACES:
+        channels = {
+            name: put_back(channel, lost, held=name in INPUTS) for name, channel in channels.items()
+        }
         columns = " and ".join(repr(channel.column) for channel in sensors.values())
         warnings.append(
-            f"{file}: columns {columns}: in {len(lost)} places all positions advance by whole "
-            f"steps more than around them (at {_times(time, lost)}), as if samples were lost and "
-            f"the time was counted from the rest: log the time of each sample"
+            f"{file}: columns {columns}: in {len(places)} places all positions advance by whole "
+            f"steps more than around them (at {_times(time, places)}): {lost.sum()} samples were "
+            f"lost and the time counted from the rest, so they were put back by interpolation: "
+            f"log the time of each sample"
         )
-    return channels, tuple(Caution(warning, Rank.DATA) for warning in warnings)
+        time = counted_on(time, lost)
+    return channels, time, tuple(Caution(warning, Rank.DATA) for warning in warnings)
 
 
 def _off(values: FloatArray) -> FloatArray:
@@ -98,22 +104,6 @@ def _spikes(values: FloatArray, even: NDArray[np.bool_]) -> Iterator[tuple[int, 
         if low <= values[place] <= high and abs(off[place]) > 0.5 * (high - low):
             continue
         yield int(place), float(off[place])
-
-
-def _lost(positions: list[FloatArray], even: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Steps in which every position moves by the same whole number of steps more."""
-    agreed, before = even, None
-    for values in positions:
-        steps = np.diff(values)
-        more = _off(steps)
-        times = more / (steps - more)
-        whole = np.rint(times)
-        agreed = agreed & (np.abs(more) > _CLEAR * position_noise(values))
-        agreed &= (whole >= 1.0) & (np.abs(times - whole) < _WHOLE)
-        if before is not None:
-            agreed &= whole == before
-        before = whole
-    return np.flatnonzero(agreed)
 
 
 def _times(time: FloatArray, places: NDArray[np.intp]) -> str:

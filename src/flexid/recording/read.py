@@ -43,7 +43,8 @@ def log_of_table(table: Table, columns: MapSource | None = None, clock: Clock | 
     check_increasing(table, time.column, time.values)
     if clock is None:  # what a part ends with may go on in the next one
         channels, time, frozen = without_frozen(table.file, channels, time)
-        channels, odd = mended(table.file, channels, time.values)
+        channels, values, odd = mended(table.file, channels, time.values)
+        time = replace(time, values=values)
         warnings += frozen + odd
     grid = even_grid(table, time.column, time.values)
     warnings += grid.warnings
