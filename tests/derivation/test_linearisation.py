@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from systems import ALL
 
-from flexid.derivation.linearisation import moving_model
+from flexid.derivation.linearisation import linear_model, moving_model
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -32,8 +32,10 @@ def test_linearisation_is_the_slope_of_the_right_hand_side(
         slope = (rates[0] - rates[1]) / (2.0 * step)
         # The differences err by step²/6 of the third derivative.
         np.testing.assert_allclose(found[:, place], slope, rtol=1e-6, atol=1e-6)
-    gains = np.empty((len(x), len(u)))
-    module.input_slopes(x, u, p, c, gains)
+    again, gains = np.empty_like(found), np.empty((len(x), len(u)))
+    exec(linear_model(ALL[name]), plain := {})
+    plain["slopes"](x.tolist(), u.tolist(), p.tolist(), c.tolist(), again, gains)
+    np.testing.assert_allclose(again, found, rtol=1e-14)
     for place in range(len(u)):
         for side, nudge in enumerate((step, -step)):
             moved = u.copy()

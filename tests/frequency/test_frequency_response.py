@@ -82,6 +82,9 @@ def test_it_is_that_of_the_two_mass_drive(estimate):
     np.testing.assert_allclose(by_output["motor velocity"].values, motor, rtol=1e-9)
     np.testing.assert_allclose(by_output["link velocity"].values, link, rtol=1e-9)
     assert by_output["link velocity"].unit == "rad/s/(N m)"
+    assert repr(found) == (
+        "<FrequencyResponse: link velocity, motor velocity; 50 frequencies, 0.01 to 300 Hz>"
+    )
 
 
 def test_gravity_counts_where_the_link_hangs(estimate):

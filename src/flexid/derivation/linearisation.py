@@ -6,7 +6,7 @@ import sympy as sp
 
 from flexid.derivation.model_functions import model_functions, unpack_variables
 from flexid.derivation.sensitivities import derivative
-from flexid.derivation.source import assignments, function, unpack
+from flexid.derivation.source import IMPORTS, assignments, function, unpack
 from flexid.derivation.symbolic import SymbolicRow, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
@@ -33,24 +33,30 @@ def linearisation_function(symbolic: SymbolicSystem) -> str:
     )
 
 
-def input_slopes_function(symbolic: SymbolicSystem) -> str:
-    """Source of ``input_slopes(x, u, p, c, b)``: fills b, (N_STATES, N_INPUTS), with ∂x'/∂u."""
-    rates, inputs = symbolic.right_hand_side, symbolic.inputs
-    targets = [f"_b[{i}, {j}]" for i in range(len(rates)) for j in range(len(inputs))]
-    return function(
-        "input_slopes(_x, _u, _p, _c, _b)",
-        "_b = ∂x'/∂u for coefficients _p and constants _c.",
-        unpack_variables(symbolic),
-        unpack("_p", symbolic.coefficients),
-        assignments(targets, [derivative(rate, u) for rate in rates for u in inputs]),
-    )
-
-
 def moving_model(system: ParametricSystem, purpose: str) -> str:
     """Source of what a model needs to move by itself: `model_functions`, and its linearisation."""
+    linear = linearisation_function(symbolic_system(system))
+    return "\n\n".join((model_functions(system, purpose), linear))
+
+
+def linear_model(system: ParametricSystem) -> str:
+    """Source of ``slopes(x, u, p, c, a, b)`` in plain Python: fills a = ∂x'/∂x, b = ∂x'/∂u."""
     symbolic = symbolic_system(system)
-    linear = linearisation_function(symbolic), input_slopes_function(symbolic)
-    return "\n\n".join((model_functions(system, purpose), *linear))
+    derivatives = {
+        f"_{array}[{i}, {j}]": derivative(rate, by)
+        for array, others in (("a", symbolic.states), ("b", symbolic.inputs))
+        for i, rate in enumerate(symbolic.right_hand_side)
+        for j, by in enumerate(others)
+    }
+    slopes = function(
+        "slopes(_x, _u, _p, _c, _a, _b)",
+        "_a = ∂x'/∂x and _b = ∂x'/∂u for coefficients _p and constants _c.",
+        unpack_variables(symbolic),
+        unpack("_p", symbolic.coefficients),
+        assignments([*derivatives], [*derivatives.values()]),
+        decorator="",
+    )
+    return f"{IMPORTS}\n\n\n{slopes}"
 
 
 def _jump(row: SymbolicRow) -> sp.Expr:

@@ -111,7 +111,10 @@ def function(
     *body: str,
     decorator: str = 'njit(cache=True, error_model="numpy")',
 ) -> str:
-    """A compiled function from its signature, its docstring and blocks of indented lines."""
+    """A function from its signature, its docstring and blocks of indented lines.
+
+    It is compiled, unless the decorator is empty.
+    """
     blocks = "\n".join(block for block in body if block)
-    head = f'@{decorator}\ndef {signature}:\n    """{docstring}"""'
-    return f"{head}\n{blocks}\n"
+    head = f"@{decorator}\n" * bool(decorator)
+    return f'{head}def {signature}:\n    """{docstring}"""\n{blocks}\n'

@@ -106,6 +106,12 @@ class FrequencyResponse:
     level: float
     unknown: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        outputs = ", ".join(response.output for response in self.responses)
+        low, high = self.frequency[0], self.frequency[-1]
+        count = len(self.frequency)
+        return f"<FrequencyResponse: {outputs}; {count} frequencies, {low:.3g} to {high:.3g} Hz>"
+
 
 def frequency_response(
     result: Identification,
@@ -131,10 +137,10 @@ def frequency_response(
     omega = 2.0 * np.pi * hertz
     band = response_band(joint, omega, level)
     positions = joint.positions(omega)
-    input_name, unit = _input(result)
+    input_name, unit = _input(joint, result)
     responses = []
-    for row, name in enumerate(_outputs(joint)):
-        values = positions[:, row] * (1.0 if joint.kind == "link" else 1j * omega)
+    for row, name in enumerate(joint.shown.outputs):
+        values = positions[:, row] * (1j * omega if joint.shown.by_force else 1.0)
         size, angle = np.abs(values), np.angle(values)
         moves = bool(size.all())
         responses.append(
@@ -155,15 +161,9 @@ def frequency_response(
     )
 
 
-def _outputs(joint: LinearJoint) -> tuple[str, ...]:
-    if joint.kind == "link":
-        return ("link position",)
-    return ("link velocity", "motor velocity")[-joint.rows :]
-
-
-def _input(result: Identification) -> tuple[str, str]:
+def _input(joint: LinearJoint, result: Identification) -> tuple[str, str]:
     """Name of the input, and the unit of a response to it."""
-    if result.model == "link":
+    if not joint.shown.by_force:
         return "motor position", "rad/rad"
     per_input = result.coefficients["beta1"].unit.removeprefix("rad/s^2")
     names = {"/(N m)": "torque", "/A": "current", "/V": "voltage"}
@@ -172,14 +172,9 @@ def _input(result: Identification) -> tuple[str, str]:
 
 def _characteristic(joint: LinearJoint, level: float) -> tuple[Frequency, ...]:
     """Antiresonance and resonance, by the delta method on their logarithms."""
-    if joint.kind == "rigid":
-        return ()
-    # Of the link alone, and of all rows; gravity's own slow swing is no resonance of the joint.
-    parts = {"antiresonance": 1, "resonance": joint.rows}
-    if joint.rows == 1:
-        parts = {"antiresonance": 1}
     found = []
-    for name, rows in parts.items():
+    # Gravity's own slow swing is no resonance of the joint.
+    for name, rows in joint.shown.characteristic.items():
         stiffness = joint.stiffness[:, :rows, :rows]
         matrix = -(stiffness[0] + np.tensordot(joint.values, stiffness[1:], 1))
         squares, right = (np.asarray(part, np.complex128) for part in np.linalg.eig(matrix))

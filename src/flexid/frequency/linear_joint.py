@@ -11,6 +11,7 @@ and so has no part in it.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import atan2
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,23 +20,41 @@ from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.identification.preparation.joint import Kind, joint_of
 from flexid.identification.result.identification import Identification
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
-from flexid.simulation.free_run import free_run_kernel
 from flexid.stored_estimates.rebuilt import described, rebuilt
 from flexid.symmetric import eigen
 
 ComplexArray = NDArray[np.complex128]
 
 
+class Shown(NamedTuple):
+    """What is shown of a kind of joint."""
+
+    outputs: Mapping[str, str]  # name and channel, row by row
+    by_force: bool  # whether velocities over a force, else positions over a position
+    characteristic: Mapping[str, int]  # rows that move, from the first, at each characteristic
+
+
+_MOTOR = {"motor velocity": "motor_position"}
+SHOWN: Mapping[Kind, Shown] = {
+    "flexible": Shown(
+        {"link velocity": "link_position", **_MOTOR}, True, {"antiresonance": 1, "resonance": 2}
+    ),
+    "link": Shown({"link position": "link_position"}, False, {"antiresonance": 1}),
+    "rigid": Shown(_MOTOR, True, {}),
+}
+
+
 @dataclass(frozen=True, eq=False)
 class LinearJoint:
     """A joint about a place of rest; `linear_joint` makes one."""
 
-    kind: Kind
+    shown: Shown
     values: FloatArray  # (k,): coefficients in the model's order
     stiffness: FloatArray  # K, (1 + k, n_rows, n_rows): without coefficients, then of each
     damping: FloatArray  # D, likewise
-    gain: FloatArray  # B, (1 + k, n_rows, n_inputs), likewise
+    gain: FloatArray  # B, (1 + k, n_rows, n_inputs), likewise: of the input and its derivatives
     deviations: FloatArray  # (k, m): square root of the covariance, as far as it is finite
     names: tuple[str, ...]  # of the coefficients
     free: NDArray[np.bool_]  # (k,): not determined by the log
@@ -77,10 +96,10 @@ class LinearJoint:
         return impedance, self._drive(omega, gain)
 
     def _drive(self, omega: FloatArray, gain: FloatArray) -> ComplexArray:
-        """What the input does to each row: a torque, or the motor's position and velocity."""
-        if self.kind == "link":
-            return gain[..., 0] + 1j * omega[..., None] * gain[..., 1]
-        return gain[..., 0].astype(np.complex128)
+        """What an input of size 1, with its derivatives, does to each row."""
+        jw = 1j * omega[..., None]
+        parts = [gain[..., order] * jw**order for order in range(gain.shape[-1])]
+        return np.asarray(np.sum(parts, axis=0), dtype=np.complex128)
 
 
 def linear_joint(result: Identification, position: float | None = None) -> LinearJoint:
@@ -104,7 +123,7 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     used = (slopes != 0.0).any(axis=0) & finite
     freedom = [n for n, is_used in zip(result.fit.degrees_of_freedom, used, strict=True) if is_used]
     return LinearJoint(
-        result.model,
+        SHOWN[result.model],
         np.array(list(found.values())),
         *_matrices(system, rest),
         slopes[:, used] @ _square_root(result.fit.covariance[np.ix_(used, used)]),
@@ -142,18 +161,24 @@ def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatA
 
     They are affine in the coefficients, so unit vectors tell the parts apart.
     """
-    kernel = free_run_kernel(system)
+    slopes_of = load_kernel("linear_model", [system.digest], lambda: _source(system)).slopes
     rows, count = len(system.rows), len(system.coefficients)
     x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
     x[::2] = rest
     if len(u) > 1:  # the motor's position, beside its velocity
         u[0] = rest
-    constants = np.array(list(system.constants.values()))
+    constants = list(system.constants.values())
     slopes = np.empty((1 + count, 2 * rows, 2 * rows))
     gains = np.empty((1 + count, 2 * rows, len(u)))
     for place, coefficients in enumerate(np.vstack((np.zeros(count), np.eye(count)))):
-        kernel.linearised(x, u, coefficients, constants, slopes[place], np.empty(rows))
-        kernel.input_slopes(x, u, coefficients, constants, gains[place])
+        point = (x.tolist(), u.tolist(), coefficients.tolist(), constants)
+        slopes_of(*point, slopes[place], gains[place])
     for parts in (slopes, gains):
         parts[1:] -= parts[0]
     return slopes[:, 1::2, ::2], slopes[:, 1::2, 1::2], gains[:, 1::2]
+
+
+def _source(system: ParametricSystem) -> str:
+    from flexid.derivation.linearisation import linear_model
+
+    return linear_model(system)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.frequency.linear_joint import SHOWN
 from flexid.identification.result.identification import Identification
 from flexid.recording.recording import Hold, Recording
 
@@ -57,7 +58,7 @@ def spectral_estimates(
         alike = [r for r in recordings if r.sample_time == sample_time]
         samples = max(len(r) for r in alike)
         length = max(_SHORTEST, samples // _SEGMENTS)
-        for output, channel in _outputs(result).items():
+        for output, channel in SHOWN[result.model].outputs.items():
             spectra = [
                 _spectra(*_differenced(r, result, channel), sample_time, length)
                 for r in alike
@@ -68,20 +69,12 @@ def spectral_estimates(
     return tuple(found)
 
 
-def _outputs(result: Identification) -> dict[str, str]:
-    """Outputs, and the channels that they are taken from."""
-    if result.model == "link":
-        return {"link position": "link_position"}
-    motor = {"motor velocity": "motor_position"}
-    return motor if result.model == "rigid" else {"link velocity": "link_position", **motor}
-
-
 def _differenced(
     recording: Recording, result: Identification, channel: str
 ) -> tuple[FloatArray, FloatArray]:
     """Input and output, shape (n - 1,) each; a position as its differences over the samples."""
     output = np.diff(getattr(recording, channel)) / recording.sample_time
-    if result.model == "link":
+    if not SHOWN[result.model].by_force:
         return np.diff(recording.motor_position) / recording.sample_time, output
     return recording.needed_input[1:], output
 
@@ -120,7 +113,7 @@ def _estimate(
     alignment = result.choices.alignment
     late = alignment.link_delay.value if output.startswith("link") else 0.0
     values = between / u
-    if result.model != "link":
+    if SHOWN[result.model].by_force:
         late += alignment.input_delay.value
         values *= jw * sample_time / -np.expm1(-jw * sample_time)
         values /= _held(result.choices.hold, frequency, sample_time)
