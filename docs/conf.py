@@ -45,7 +45,6 @@ copybutton_prompt_is_regexp = True
 # The interface, in the order in which it is written.
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
-autodoc_preserve_defaults = True  # 1 / 3, not its sixteen digits
 numpydoc_show_class_members = False
 # A name between single backticks is a link, if there is anything of that name.
 default_role = "py:obj"
