@@ -17,11 +17,6 @@ def parse_names(text: str) -> tuple[str, ...]:
 def parse_known(assignments: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]:
     """Values by name, and standard deviations of those that have one.
 
-    Raises
-    ------
-    SettingError
-        If one is neither name=number nor name=number±number, or a name stands twice.
-
     Examples
     --------
     >>> parse_known(["motor_inertia=0.3", "theta2=100+-5"])
@@ -48,11 +43,6 @@ def parse_known(assignments: Iterable[str]) -> tuple[dict[str, float], dict[str,
 def parse_bounds(assignments: Iterable[str]) -> dict[str, tuple[float, float]]:
     """Lower and upper ends by name; an end left out is infinite.
 
-    Raises
-    ------
-    SettingError
-        If one is no name=lower:upper, or a name stands twice.
-
     Examples
     --------
     >>> parse_bounds(["alpha2=0:", "theta2=50:200"])
@@ -77,11 +67,6 @@ def parse_bounds(assignments: Iterable[str]) -> dict[str, tuple[float, float]]:
 
 def parse_values(option: str, assignments: Iterable[str]) -> dict[str, float]:
     """Numbers by dotted path.
-
-    Raises
-    ------
-    SettingError
-        If one is no path=number, or a path stands twice.
 
     Examples
     --------
@@ -115,13 +100,7 @@ def _check_new(option: str, name: str, before: Container[str]) -> None:
 
 
 def parse_number(option: str, text: str) -> float | Literal["auto"]:
-    """A number, or ``auto``.
-
-    Raises
-    ------
-    SettingError
-        If the text is neither.
-    """
+    """A number, or ``auto``."""
     if text == "auto":
         return "auto"
     try:

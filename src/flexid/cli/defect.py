@@ -13,13 +13,6 @@ def defect_message(error: Exception, arguments: Sequence[str]) -> str:
     """One paragraph: what happened, and how to report it.
 
     The traceback goes into a temporary file.
-
-    Parameters
-    ----------
-    error : Exception
-        What no command foresaw.
-    arguments : sequence of str
-        Of the command line.
     """
     command = " ".join(["flexid", *arguments])
     again = " ".join(["flexid", "--debug", *arguments])

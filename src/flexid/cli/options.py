@@ -23,13 +23,7 @@ if TYPE_CHECKING:
 
 
 def directory(text: str) -> Path:
-    """A directory to write into.
-
-    Raises
-    ------
-    SettingError
-        If its name is empty.
-    """
+    """A directory to write into."""
     if not text.strip():
         raise SettingError("--out", "its name is empty: name a directory, e.g. results")
     return Path(text)
@@ -198,13 +192,7 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _arm_alone(options: dict[str, Any], defaults: dict[str, Any], takes_arms: bool) -> Path:
-    """The file of an arm.
-
-    Raises
-    ------
-    SettingError
-        If the command takes no arms, or another option was given that is for one joint.
-    """
+    """The file of an arm."""
     if not takes_arms:
         raise SettingError("model", f"{options['model']!r} is an arm: only flexid identify does it")
     for name, value in options.items():

@@ -19,13 +19,7 @@ _MOST_WARNINGS = 3  # that anybody acts on at once
 
 @contextmanager
 def output(out: Path | None) -> Iterator[Path | None]:
-    """Directory whose files appear when all are written; none if none is wanted.
-
-    Raises
-    ------
-    SettingError
-        If it cannot be written; a long computation had better not begin.
-    """
+    """Directory whose files appear when all are written; none if none is wanted."""
     if out is None:
         yield None
         return
@@ -43,26 +37,7 @@ def hand_over(
     as_json: bool,
     directory: Path | None,
 ) -> None:
-    """Print an answer and write its files: a full disk must not lose what is printed.
-
-    Parameters
-    ----------
-    document : mapping
-        What is printed as JSON.
-    show : callable
-        Prints tables instead.
-    write : callable
-        Writes the files into a directory.
-    as_json : bool
-        Whether JSON is wanted.
-    directory : Path or None
-        Where to write, if anywhere.
-
-    Raises
-    ------
-    OSError
-        What failed first, when all has been tried.
-    """
+    """Print an answer and write its files: a full disk must not lose what is printed."""
     failures = []
     for step in (
         lambda: print_document(document) if as_json else show(),
@@ -95,16 +70,7 @@ def print_document(document: Mapping[str, Any]) -> None:
 
 
 def print_warnings(warnings: Sequence[str], errors: "Console", rest: str = "") -> None:
-    """Print warnings on standard error, a line each.
-
-    Parameters
-    ----------
-    warnings : sequence of str
-        In the order in which to act on them.
-    errors : Console
-    rest : str, optional
-        What shows those after the first three; all are printed if nothing does.
-    """
+    """Print warnings on standard error, a line each."""
     shown = warnings[:_MOST_WARNINGS] if rest else warnings
     for warning in shown:
         errors.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)

@@ -9,13 +9,6 @@ ANGLES = frozenset({"gravity_angle", "eccentricity_angle", "ripple_angle"})
 def difference(name: str, a: float, b: float) -> float:
     """B's value minus A's, of an angle the shorter way round.
 
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-    a, b : float
-        Its values; in rad, of an angle.
-
     Examples
     --------
     >>> round(difference("gravity_angle", 3.1, -3.1), 3)

@@ -25,36 +25,16 @@ Values = Mapping[str, ValueEstimate]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two estimates side by side.
+    """Two estimates side by side."""
 
-    Parameters
-    ----------
-    labels : tuple of str
-        What A and B are called: their files, if they have any.
-    models : tuple of str
-        Which joint was identified in each.
-    parameters, coefficients : mapping of str to Difference
-        By name, in the order of A, then what B has beside that.
-    together : JointTest or None
-        All coefficients of both at once; None where that cannot be tested.
-    logs : {"different", "some shared", "same"}
-        Whether both were made from the same logs.
-    settings : mapping of str to tuple of str
-        What was asked for, chosen or used otherwise: A's and B's, by name.
-    warnings : tuple of str
-        What limits the comparison.
-    provenance : mapping
-        Version, and that of both estimates.
-    """
-
-    labels: tuple[str, str]
-    models: tuple[str, str]
-    parameters: Mapping[str, Difference]
+    labels: tuple[str, str]  # what A and B are called: their files, if they have any
+    models: tuple[str, str]  # which joint was identified in each
+    parameters: Mapping[str, Difference]  # by name, in the order of A, then what B has beside that
     coefficients: Mapping[str, Difference]
-    together: JointTest | None
-    logs: Sharing
+    together: JointTest | None  # all coefficients of both at once; None where that cannot be tested
+    logs: Sharing  # whether both were made from the same logs
     settings: Mapping[str, tuple[str, str]]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # what limits the comparison
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -94,24 +74,7 @@ class Comparison:
 def compare_estimates(
     a: Identification, b: Identification, labels: tuple[str, str] = ("A", "B")
 ) -> Comparison:
-    """Compare two estimates number by number, and as a whole.
-
-    Parameters
-    ----------
-    a, b : Identification
-        Before and after, or of one drive and another.
-    labels : tuple of str, optional
-        What they are called.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    SettingError
-        If both are the same estimate.
-    """
+    """Compare two estimates number by number, and as a whole."""
     if _same(a, b):
         raise SettingError(
             "compare",
@@ -162,19 +125,7 @@ def _differences(
     logs: Sharing,
     unlike: Mapping[tuple[str, str], str],
 ) -> dict[str, Difference]:
-    """Differences of all that either model has, by name.
-
-    Parameters
-    ----------
-    known : tuple of mapping of str to ValueEstimate
-        What each estimate says anything of.
-    reported : tuple of mapping of str to ValueEstimate
-        What each model has.
-    logs : Sharing
-        Whether both were made from the same logs.
-    unlike : mapping of tuple to str
-        Coefficients whose shapes are of unlike widths, and why that forbids to compare them.
-    """
+    """Differences of all that either model has, by name."""
     names = dict.fromkeys([*reported[0], *reported[1]])
     found = {}
     for name in names:
@@ -207,13 +158,6 @@ def _judged(
 
 def holm(probabilities: Sequence[float], chance: float) -> list[bool]:
     """Which of several differences are significant, if any may be so by chance only this rarely.
-
-    Parameters
-    ----------
-    probabilities : sequence of float
-        Of each difference by chance.
-    chance : float
-        That any of them is called significant where there is none.
 
     Examples
     --------

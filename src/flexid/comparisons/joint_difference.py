@@ -27,38 +27,17 @@ _MANY = 1e9  # degrees of freedom, as good as infinite
 
 @dataclass(frozen=True)
 class JointTest:
-    """All coefficients of two estimates at once.
+    """All coefficients of two estimates at once."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Those that both hold, k of them.
-    statistic : float
-        Hotelling's T².
-    degrees_of_freedom : float
-        Of the covariance; infinite where it is known.
-    probability : float
-        Of a T² as large for one drive, by chance.
-    significant : bool
-        Whether that is too small, beside the differences that are judged one by one.
-    """
-
-    names: tuple[str, ...]
-    statistic: float
-    degrees_of_freedom: float
-    probability: float
+    names: tuple[str, ...]  # those that both hold, k of them
+    statistic: float  # Hotelling's T²
+    degrees_of_freedom: float  # of the covariance; infinite where it is known
+    probability: float  # of a T² as large for one drive, by chance
     significant: bool = False
 
 
 def welch(deviations: Sequence[float], degrees_of_freedom: Sequence[float]) -> float:
     """Degrees of freedom of a sum's variance, after Welch and Satterthwaite.
-
-    Parameters
-    ----------
-    deviations : sequence of float
-        Standard deviation of each part.
-    degrees_of_freedom : sequence of float
-        Of each.
 
     Examples
     --------
@@ -73,21 +52,7 @@ def welch(deviations: Sequence[float], degrees_of_freedom: Sequence[float]) -> f
 
 
 def joint_test(a: Identification, b: Identification, names: Collection[str]) -> JointTest | None:
-    """Test whether all that two estimates hold together differs by more than chance.
-
-    Parameters
-    ----------
-    a, b : Identification
-        From different logs.
-    names : collection of str
-        Coefficients that can be compared: they mean the same in both, in one unit.
-
-    Returns
-    -------
-    JointTest or None
-        None where less than two coefficients are in both, or the logs are too short to test as
-        many at once.
-    """
+    """Test whether all that two estimates hold together differs by more than chance."""
     common = [name for name in names if _known(a.fit, name) and _known(b.fit, name)]
     if len(common) < 2:
         return None
@@ -106,24 +71,7 @@ def hotelling(
     covariances: tuple[FloatArray, FloatArray],
     degrees_of_freedom: tuple[float, float],
 ) -> JointTest | None:
-    """Hotelling's test of two means whose covariances differ.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of k differences.
-    difference : array, shape (k,)
-        Their values.
-    covariances : tuple of array, shape (k, k)
-        Of either mean, estimated.
-    degrees_of_freedom : tuple of float
-        Of either.
-
-    Returns
-    -------
-    JointTest or None
-        None where there are too few degrees of freedom for so many differences.
-    """
+    """Hotelling's test of two means whose covariances differ."""
     count = len(names)
     scale = np.sqrt(np.diag(covariances[0]) + np.diag(covariances[1]))
     if not (np.isfinite(scale).all() and (scale > 0.0).all()):

@@ -40,13 +40,7 @@ def used_widths(estimate: Identification) -> Mapping[str, float]:
 
 
 def unlike_width(a: Identification, b: Identification) -> Mapping[tuple[str, str], str]:
-    """Why what rests on a coefficient cannot be compared, by coefficient and constant.
-
-    Parameters
-    ----------
-    a, b : Identification
-        Two estimates.
-    """
+    """Why what rests on a coefficient cannot be compared, by coefficient and constant."""
     found = {}
     for coefficient, shape in _constants():
         first, second = (estimate.choices.shapes.get(shape) for estimate in (a, b))

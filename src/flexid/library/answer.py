@@ -127,13 +127,7 @@ def html_figure(figure: "Figure") -> str:
 
 
 def data_frame(columns: Mapping[str, Any], backend: str) -> Any:
-    """A data frame of a library.
-
-    Raises
-    ------
-    SettingError
-        If there is no such library here.
-    """
+    """A data frame of a library."""
     import narwhals as nw
 
     from flexid.errors import SettingError

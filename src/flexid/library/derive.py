@@ -78,13 +78,7 @@ def observer_text(observer: "SymbolicObserver", to: str) -> str:
 
 
 def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) -> ParametricSystem:
-    """The model that is meant.
-
-    Raises
-    ------
-    SettingError
-        If terms are given for a model that states its own.
-    """
+    """The model that is meant."""
     if isinstance(model, str) and model == SHIPPED:
         from flexid.models.flexible_joint import PAPER_TERMS, flexible_joint
 

@@ -14,13 +14,7 @@ R = TypeVar("R")
 
 
 def entrance(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a function answer arguments that it does not have in a sentence.
-
-    Raises
-    ------
-    ArgumentError
-        Of the function made: if a keyword is unknown, or an argument is missing or one too many.
-    """
+    """Make a function answer arguments that it does not have in a sentence."""
     signature = inspect.signature(function)
     name = function.__name__
 

@@ -148,13 +148,7 @@ def estimator_settings(
     sample_time: float | None,
     given: Mapping[str, Any],
 ) -> EstimatorSettings | None:
-    """Settings of the estimator: what is given, else as it was identified; None if none is meant.
-
-    Raises
-    ------
-    SettingError
-        If there is no sample time, or it is not the log's.
-    """
+    """Settings of the estimator: what is given, else as identified; None if none is meant."""
     if sample_time is None and samples is None:
         if given:
             raise SettingError(

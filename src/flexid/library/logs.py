@@ -98,24 +98,7 @@ def samples(log: "OneLog", *, columns: "Columns | None" = None) -> "tuple[Sample
 
 
 def all_logs(function: str, logs: Any, columns: Any) -> list[Log]:
-    """Logs from what a user gives.
-
-    Parameters
-    ----------
-    function : str
-        Who asks, for the message.
-    logs : Logs
-        One, or a list.
-    columns : path, mapping or None
-        A column map.
-
-    Raises
-    ------
-    ArgumentError
-        If something holds no log.
-    RecordingError
-        If a log cannot be used.
-    """
+    """Logs from what a user gives."""
     if isinstance(logs, list | tuple):
         if not logs:
             raise ArgumentError(function, "logs", f"is an empty list: give {_WANTED}")

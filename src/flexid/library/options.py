@@ -58,24 +58,7 @@ def joint_settings(
     validation_share: Any = 1 / 3,
     **numbers: Any,
 ) -> "Settings":
-    """Settings of an identification.
-
-    Parameters
-    ----------
-    function : str
-        Who asks, for messages.
-    known, bounds, model, terms, hold, validation_share
-        As `flexid.identify` takes them.
-    **numbers
-        The other settings: numbers, or ``"auto"``.
-
-    Raises
-    ------
-    ArgumentError
-        If one is of a wrong type.
-    SettingError
-        If a value cannot be used.
-    """
+    """Settings of an identification."""
     from flexid.identification.preparation.settings import Settings
 
     values, deviations = as_known(function, known)

@@ -161,13 +161,7 @@ def validate(
 
 
 def stored_estimate(function: str, estimate: Any) -> Any:
-    """An estimate as a path or a document.
-
-    Raises
-    ------
-    ArgumentError
-        If it is neither.
-    """
+    """An estimate as a path or a document."""
     from flexid.library.joint_estimate import JointEstimate
 
     if isinstance(estimate, JointEstimate):

@@ -10,13 +10,7 @@ from flexid.report.digits import format_with_interval
 
 
 def comparison_summary(comparison: Comparison) -> tuple[str, ...]:
-    """What has changed, how sure that is, and what it rests on.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Of two estimates.
-    """
+    """What has changed, how sure that is, and what it rests on."""
     return tuple(_sentences(comparison))
 
 

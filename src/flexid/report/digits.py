@@ -13,13 +13,6 @@ def format_with_interval(
 ) -> tuple[str, str, str]:
     """Numbers as text, with as many digits as the width of the interval justifies.
 
-    Parameters
-    ----------
-    value, lower, upper : float
-        The number and the ends of its interval.
-    digits : int, optional
-        Significant digits of the width that are kept.
-
     Examples
     --------
     >>> format_with_interval(99.98731, 99.93, 100.04)

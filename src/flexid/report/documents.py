@@ -136,13 +136,7 @@ def _finite(value: Any) -> Any:
 
 
 def write_document(path: Path, text: str) -> None:
-    """Write a file that appears whole or not at all.
-
-    Raises
-    ------
-    SettingError
-        If it cannot be written.
-    """
+    """Write a file that appears whole or not at all."""
     temporary = None
 
     def write(place: Path) -> None:
@@ -161,13 +155,7 @@ def write_document(path: Path, text: str) -> None:
 
 @contextmanager
 def output_directory(out: Path) -> Iterator[Path]:
-    """Directory to write into, whose files move to `out` only when all are written.
-
-    Raises
-    ------
-    SettingError
-        If `out` is a file or cannot be written.
-    """
+    """Directory to write into, whose files move to `out` only when all are written."""
     existed = out.exists()
     try:
         str(out).encode()

@@ -21,15 +21,7 @@ _COLOURS: dict[Verdict, str] = {"determined": "green", "weak": "yellow", "undete
 
 
 def print_identification(result: Identification, *, explain: bool = False) -> None:
-    """Print parameters, coefficients, validation and choices on standard output.
-
-    Parameters
-    ----------
-    result : Identification
-        What to print.
-    explain : bool, optional
-        Print the evidence for the choices as well.
-    """
+    """Print parameters, coefficients, validation and choices on standard output."""
     print_parts([*identification_parts(result), *(explanation(result) if explain else ())])
 
 

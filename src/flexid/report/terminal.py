@@ -53,18 +53,10 @@ _SPELLED = {
 
 @dataclass(frozen=True)
 class Cell:
-    """What stands at one place of a table.
+    """What stands at one place of a table."""
 
-    Parameters
-    ----------
-    texts : tuple of str
-        From the one with most digits to the one with fewest; one of them is printed, whole.
-    style : str, optional
-        Its colour.
-    """
-
-    texts: tuple[str, ...]
-    style: str = ""
+    texts: tuple[str, ...]  # the one with most digits first; one of them is printed, whole
+    style: str = ""  # a colour
 
     def at(self, level: int) -> str:
         """The text with so much left out."""
@@ -77,24 +69,12 @@ class Cell:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
-
-    Parameters
-    ----------
-    heading : str
-        Above it.
-    right : bool, optional
-        Whether it stands on the right, as numbers do.
-    spare : int, optional
-        Columns that may be left out where there is no room have a number; the largest goes first.
-    wraps : bool, optional
-        Whether it holds sentences, which may be broken into lines; one column of a table may.
-    """
+    """A column of a table."""
 
     heading: str
-    right: bool = False
-    spare: int = 0
-    wraps: bool = False
+    right: bool = False  # as numbers stand
+    spare: int = 0  # where there is no room, columns with the largest number are left out first
+    wraps: bool = False  # sentences, which may be broken into lines; for one column of a table
 
 
 def numbers(*headings: str) -> tuple[Column, ...]:
@@ -108,17 +88,10 @@ class Table:
 
     It is printed with fewer digits where it would be too wide, then with fewer columns, then as a
     line for each row, in this order.
-
-    Parameters
-    ----------
-    title : str
-        Above it.
-    columns : sequence of Column
-        The first one names the rows.
     """
 
     title: str
-    columns: Sequence[Column]
+    columns: Sequence[Column]  # the first one names the rows
     _rows: list[tuple[Cell, ...] | None] = field(default_factory=list)
 
     @property

@@ -36,21 +36,11 @@ _Value = TypeVar("_Value", bound="ValueEstimate")
 
 
 class EstimateFile(NamedTuple):
-    """An estimate as it is stored.
+    """An estimate as it is stored."""
 
-    Parameters
-    ----------
-    name : str
-        The file, for messages.
-    raw : bytes
-        Its text.
-    content : dict
-        What that says.
-    """
-
-    name: str
-    raw: bytes
-    content: dict[str, Any]
+    name: str  # the file, for messages
+    raw: bytes  # its text
+    content: dict[str, Any]  # what that says
 
     @property
     def refuse(self) -> Refuse:
@@ -61,18 +51,7 @@ class EstimateFile(NamedTuple):
 
 
 def read_estimate(estimate: Path | str | Mapping[str, Any]) -> EstimateFile:
-    """Read a stored estimate.
-
-    Parameters
-    ----------
-    estimate : path or mapping
-        An ``estimate.json`` of ``flexid identify``, the folder that holds it, or its content.
-
-    Raises
-    ------
-    SettingError
-        If it cannot be read, is no estimate, or is of a newer version.
-    """
+    """Read a stored estimate."""
     if isinstance(estimate, Mapping):
         raw = json.dumps(estimate, default=str).encode()
         return _checked(EstimateFile("estimate", raw, dict(estimate)))
@@ -102,13 +81,7 @@ def _checked(file: EstimateFile) -> EstimateFile:
 
 
 def stored_identification(file: EstimateFile) -> "Identification":
-    """The identification that a file holds; its time series, which are not stored, are empty.
-
-    Raises
-    ------
-    SettingError
-        If a part is missing or is not what it should be.
-    """
+    """The identification that a file holds; its time series, which are not stored, are empty."""
     from flexid.analysis.excitation import Excitation
     from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.estimate import Estimate

@@ -22,42 +22,18 @@ _SAME = 1e-6  # relative difference of a tied coefficient to what it follows fro
 
 @dataclass(frozen=True)
 class Described:
-    """What makes up the model of an estimate.
-
-    Parameters
-    ----------
-    model : {"flexible", "link", "rigid"}
-        Which joint.
-    coefficients : mapping of str to float
-        Those that are there; an offset of the second log is ``"offset[2]"``.
-    hold : {"zero", "linear", "cubic"}
-        Behaviour of the input between samples.
-    delays : mapping of str to float
-        In s, by name.
-    coulomb_velocity : float or None
-        Velocity in rad/s over which friction is smoothed; None where it is dry.
-    shapes : mapping of str to float
-        Constants of shapes, by name.
-    """
+    """What makes up the model of an estimate."""
 
     model: Kind
-    coefficients: Mapping[str, float]
+    coefficients: Mapping[str, float]  # an offset of the second log is "offset[2]"
     hold: Hold
-    delays: Mapping[str, float] = field(default_factory=dict)
-    coulomb_velocity: float | None = None
-    shapes: Mapping[str, float] = field(default_factory=dict)
+    delays: Mapping[str, float] = field(default_factory=dict)  # in s, by name
+    coulomb_velocity: float | None = None  # in rad/s; None where friction is dry
+    shapes: Mapping[str, float] = field(default_factory=dict)  # constants of shapes, by name
 
 
 def described(result: Identification, group: int) -> Described:
-    """The model of an identification as it holds for one of its logs, counted from 0.
-
-    Parameters
-    ----------
-    result : Identification
-        What was found.
-    group : int
-        The log.
-    """
+    """The model of an identification as it holds for one of its logs, counted from 0."""
     own = {name: c.value for name, c in result.coefficients.items() if "[" not in name}
     label = f"[{group + 1}]"
     own |= {
@@ -88,21 +64,11 @@ def input_unit_of(result: Identification) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Rebuilt:
-    """A model with its values.
+    """A model with its values."""
 
-    Parameters
-    ----------
-    structure : Structure
-        Joint, terms that are off, hold and delays, none of which is sought.
-    unknowns : Unknowns
-        The coefficients that are there.
-    values : array, shape (k,)
-        Their values.
-    """
-
-    structure: Structure
+    structure: Structure  # none of whose delays is sought
     unknowns: Unknowns
-    values: FloatArray
+    values: FloatArray  # of the unknowns, shape (k,)
 
     @property
     def joint(self) -> Joint:
@@ -112,19 +78,7 @@ class Rebuilt:
     def motion(
         self, segments: Segments, noise: FloatArray, data: Data, sought: Sequence[str] = ()
     ) -> tuple[SegmentedMotion, Point]:
-        """The model over segments, with initial states near the measured positions.
-
-        Parameters
-        ----------
-        segments : Segments
-            Of the data.
-        noise : array, shape (n_rows,)
-            Standard deviation of each position's noise.
-        data : Data
-            What was measured relative to what.
-        sought : sequence of str, optional
-            Delays that are taken for unknown.
-        """
+        """The model over segments, with initial states near the measured positions."""
         timing = self.structure.timing
         delays = [name for name in (INPUT, LINK) if name in sought]
         timing = Timing(timing.hold, timing.delays, tuple(delays), data.relative_to)
@@ -138,18 +92,6 @@ def rebuilt(described: Described, given: Collection[str] = ()) -> Rebuilt:
     """Build the model of an estimate.
 
     Offsets that were found log by log have nothing to say of another log; their mean is taken.
-
-    Parameters
-    ----------
-    described : Described
-        The estimate.
-    given : collection of str, optional
-        Coefficients that were not estimated: they are no unknowns of the model.
-
-    Raises
-    ------
-    SettingError
-        If the coefficients are none of this model's, or what it needs is missing.
     """
     values = _by_coefficient(described.coefficients)
     joint = joint_of(described.model)

@@ -34,54 +34,19 @@ _SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator a
 
 @dataclass(frozen=True, kw_only=True)
 class EstimateValidation(Validation):
-    """Predictions of logs by a model that was not fitted to them.
-
-    Parameters
-    ----------
-    model : {"flexible", "link", "rigid"}
-        The joint of the estimate.
-    residuals : mapping of float to mapping of str to float
-        Root mean square in rad of what each channel is off, by horizon in s; infinite for the free
-        run.
-    noise : mapping of str to float
-        Standard deviation in rad of each channel's noise.
-    warnings : tuple of str
-        What limits the test.
-    provenance : mapping
-        Version, estimate and logs with their hashes.
-    """
+    """Predictions of logs by a model that was not fitted to them."""
 
     model: Kind
     residuals: Mapping[float, Mapping[str, float]]
-    noise: Mapping[str, float]
-    warnings: tuple[str, ...] = ()
+    noise: Mapping[str, float]  # standard deviation in rad of each channel's noise
+    warnings: tuple[str, ...] = ()  # what limits the test
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
 
 def validate_estimate(
     estimate: Path | str | Mapping[str, Any], logs: Sequence[Log]
 ) -> EstimateValidation:
-    """Predict logs with an estimate as it is: nothing is fitted but the state at each start.
-
-    Parameters
-    ----------
-    estimate : path or mapping
-        An ``estimate.json`` of ``flexid identify``, or its content.
-    logs : sequence of Log
-        With the same kind of input as those that it was made from. What is tested is all but the
-        first half second of each recording.
-
-    Returns
-    -------
-    EstimateValidation
-
-    Raises
-    ------
-    SettingError
-        If the estimate cannot be read, or is none of a joint of flexid.
-    RecordingError
-        If the logs do not go together or with the estimate, or are too short.
-    """
+    """Predict logs with an estimate as it is: nothing is fitted but the state at each start."""
     file = read_estimate(estimate)
     name, raw, _ = file
     stored, model = _model(file)
