@@ -1,6 +1,5 @@
 """Help: whole sentences, examples that parse, types that can be read; and completion."""
 
-import importlib
 import os
 import re
 import subprocess
@@ -10,6 +9,8 @@ import pytest
 import typer
 
 from flexid.cli.commands import app
+from flexid.cli.options import sentences
+from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
 
 GROUP = typer.main.get_command(app)
 COMMANDS = sorted(GROUP.commands)  # type: ignore[attr-defined]
@@ -38,8 +39,8 @@ def test_help_of_a_command(flexid, command):
 
 def examples():
     """Return each example of every command."""
-    for command in COMMANDS:
-        yield from importlib.import_module(f"flexid.cli.{command}").EXAMPLES
+    for command in GROUP.commands.values():  # type: ignore[attr-defined]
+        yield from re.findall(r"^  flexid (.*)$", command.epilog, re.MULTILINE)
 
 
 @pytest.mark.parametrize("example", [*examples()])
@@ -50,6 +51,18 @@ def test_examples_are_accepted(example, tmp_path, monkeypatch):
     command = GROUP.commands[name]  # type: ignore[attr-defined]
     context = command.make_context(name, arguments)
     assert context.params
+
+
+def test_terms_are_listed(flexid):
+    """Assert that the help names every term of a joint."""
+    page = flexid("identify", "--help").stdout
+    assert all(name in page for name in (*TERMS, *SHAPE_TERMS))
+
+
+@pytest.mark.parametrize("text", ["What it is. As `flexid.read_log` takes it.", "What it is."])
+def test_what_only_python_has_is_not_in_the_help(text):
+    """Assert that sentences with names of Python are left out, and the others kept."""
+    assert sentences(text) == "What it is."
 
 
 def test_python_m_flexid():
@@ -72,13 +85,3 @@ def test_the_shell_completes_commands():
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True
     )
     assert done.stdout.split() == ["identify"]
-
-
-def test_identify_and_excitation_have_the_same_settings():
-    """Assert that what decides an identification can be said to both commands."""
-    found = {
-        name: {option for p in GROUP.commands[name].params for option in p.opts}  # type: ignore[attr-defined]
-        for name in ("identify", "excitation")
-    }
-    assert found["identify"] - found["excitation"] == {"--stream", "--explain"}
-    assert not found["excitation"] - found["identify"]

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from flexid.cli.encoding import spell_what_cannot_be_encoded
 from flexid.cli.output import hand_over, print_document, print_warnings
+from flexid.library.answer import Answer
 from flexid.report.terminal import Column, Table, print_parts
 
 LITTLE_ROOM = """
@@ -40,25 +41,35 @@ def test_a_full_disk_loses_no_result(examples, tmp_path):
     assert list(out.iterdir()) == []
 
 
+class Failing(Answer):
+    """An answer that cannot be printed, or cannot be written."""
+
+    def __init__(self, failing):
+        self.failing = failing
+        self.taken = []
+
+    def step(self, name):
+        """Take note, and fail if it is this step's turn."""
+        self.taken.append(name)
+        if name == self.failing:
+            raise OSError("no room")
+
+    def _parts(self):
+        self.step("show")
+        return ()
+
+    def _document(self):
+        self.step("write")
+        return {}
+
+
 @pytest.mark.parametrize("failing", ["show", "write"])
 def test_what_fails_does_not_keep_the_rest(tmp_path, failing):
     """Assert that files are written though nothing can be printed, and the other way round."""
-    taken = []
-
-    def step(name):
-        taken.append(name)
-        if name == failing:
-            raise OSError("no room")
-
+    answer = Failing(failing)
     with pytest.raises(OSError, match="no room"):
-        hand_over(
-            {},
-            lambda: step("show"),
-            lambda _: step("write"),
-            as_json=False,
-            directory=tmp_path,
-        )
-    assert taken == ["show", "write"]
+        hand_over(answer, {"as_json": False, "out": tmp_path}, tmp_path, Console(), "")
+    assert answer.taken == ["show", "write"]
 
 
 @pytest.fixture(params=["ascii", "cp1252"])

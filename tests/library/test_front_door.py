@@ -11,43 +11,13 @@ from pathlib import Path
 import pytest
 
 import flexid
-from flexid.cli.campaign import campaign as campaign_command
-from flexid.cli.compare import compare as compare_command
-from flexid.cli.derive import derive as derive_command
-from flexid.cli.design import design as design_command
-from flexid.cli.excitation import excitation as excitation_command
-from flexid.cli.export import export as export_command
-from flexid.cli.identify import identify as identify_command
-from flexid.cli.reproduce import reproduce as reproduce_command
-from flexid.cli.simulate import simulate as simulate_command
-from flexid.cli.validate import validate as validate_command
 from flexid.cli.watch import watch as watch_command
-
-COMMANDS = {
-    "identify": identify_command,
-    "validate": validate_command,
-    "compare": compare_command,
-    "excitation": excitation_command,
-    "design": design_command,
-    "derive": derive_command,
-    "export": export_command,
-    "simulate": simulate_command,
-    "campaign": campaign_command,
-    "reproduce": reproduce_command,
-    "watch": watch_command,
-}
 
 HOMES: dict[str, str] = vars(flexid)["_HOMES"]
 NAMES: list[str] = vars(flexid)["__all__"]
 
-PRINTING = {"out", "as_json", "explain", "strict", "csv"}
-"""Options that say how a command hands its answer over; the answer has methods for that."""
-
-OWN_NAMES = {"values": "set"}
-"""Parameters of commands that are called otherwise than their option."""
-
-OF_PYTHON = {"progress", "thresholds"}
-"""What only a program can give."""
+OF_A_COMMAND = {"as_json"}
+"""An option of a command that says how the answer is printed."""
 
 HEAVY = {"numpy", "scipy", "numba", "sympy", "polars", "matplotlib", "pydantic", "rich", "typer"}
 
@@ -103,19 +73,14 @@ def test_a_misspelt_name_is_answered():
     assert caught.value.obj is flexid
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_function_has_its_commands_options(name):
-    """Assert that the names are the same, and what is given where an option is not."""
-    command = inspect.signature(COMMANDS[name]).parameters
-    function = inspect.signature(getattr(flexid, name)).parameters
-    wanted = {OWN_NAMES.get(option, option) for option in command} - PRINTING
-    if name in {"campaign", "export"}:
-        wanted |= {"out"}  # where the rows are kept, and the files
-    assert wanted == set(function) - OF_PYTHON
+def test_watch_has_its_commands_options():
+    """Assert that the one command that declares its options itself has the function's."""
+    command = inspect.signature(watch_command).parameters
+    function = inspect.signature(flexid.watch).parameters
+    assert {*command} - OF_A_COMMAND == {*function}
     for option, parameter in command.items():
-        twin = function.get(OWN_NAMES.get(option, option))
-        if twin is not None and option not in {"to", "source"}:  # which a program may not need
-            assert twin.default == parameter.default, option
+        if option not in {"source", *OF_A_COMMAND}:  # without which a program may feed samples
+            assert function[option].default == parameter.default, option
 
 
 @pytest.mark.parametrize("name", [*offered(inspect.isfunction)])

@@ -2,27 +2,17 @@
 
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperArgument, TyperCommand
 
-from flexid.cli import (
-    campaign,
-    compare,
-    derive,
-    design,
-    excitation,
-    export,
-    identify,
-    reproduce,
-    simulate,
-    studio,
-    validate,
-    watch,
-)
+from flexid.cli import studio, watch
+from flexid.cli.campaign import campaign
 from flexid.cli.encoding import open_what_is_closed, spell_what_cannot_be_encoded
 from flexid.cli.exit_status import ExitStatus
+from flexid.cli.generated import Command, PlainCommand, register
+from flexid.cli.identify import identify
+from flexid.cli.texts import derive, export, simulate
 from flexid.errors import ConvergenceError, FlexidError, SimulationError
 from flexid.library.threads import in_one_thread
 
@@ -41,36 +31,145 @@ app = typer.Typer(
 )
 
 
-class _Command(TyperCommand):
-    """A command whose help shows its arguments without their Python types."""
+COMMANDS = (
+    Command(
+        "identify",
+        (
+            "identify examples/flexible_joint.csv --out results",
+            "identify run1.csv run2.csv --known motor_inertia=0.3+-0.01",
+            "identify arm.csv --columns map.toml --bounds joint_stiffness=50:200",
+            "identify day.parquet --stream --strict",
+            "identify run.csv --model arm.toml",
+        ),
+        "0 where every parameter is determined or weak; 1 where one is not determined, and the "
+        "answer says which and why; with --strict, 1 where one is weak, too; 2 for bad input.",
+        doing="identifying",
+        writes="report.html, estimate.json and the figures",
+        flags=("explain", "strict"),
+        notes="A planar arm of several elastic joints is described by a TOML file after --model, "
+        "and its channels are numbered.",
+        more="--explain",
+        done=lambda answer, flags: answer.supports(strict=flags["strict"]),
+        run=identify,
+    ),
+    Command(
+        "validate",
+        (
+            "validate results/estimate.json run3.csv --out results",
+            "validate results run3.csv --min-fit 80",
+        ),
+        "0 when it is done; 1 where the free run is below --min-fit; 2 for bad input.",
+        doing="predicting",
+        writes="report.html, validation.json and the figures",
+        flags=("min_fit",),
+        more="--json",
+        done=lambda answer, flags: answer.supports(flags["min_fit"]),
+    ),
+    Command(
+        "compare",
+        (
+            "compare before/estimate.json after/estimate.json",
+            "compare drive1 drive2 --out differences",
+            "compare before after --json",
+        ),
+        "0 where everything was compared and no change is seen; 1 where something has changed, or "
+        "is not determined in both, and the answer says what; 2 for bad input.",
+        writes="comparison.json, comparison.png and report.html",
+        done=lambda answer, _flags: answer.agree,
+    ),
+    Command(
+        "excitation",
+        (
+            "excitation examples/flexible_joint.csv",
+            "excitation run1.csv --known motor_inertia=0.3 --out results",
+        ),
+        "as of flexid identify.",
+        doing="examining",
+        writes="excitation.json and excitation.png",
+        flags=("strict",),
+        more="flexid identify --explain",
+        done=lambda answer, flags: answer.supports(strict=flags["strict"]),
+    ),
+    Command(
+        "design",
+        (
+            "design examples/drive.toml --out results",
+            "design examples/drive.toml --kind trajectory --duration 20",
+        ),
+        "0 where every coefficient would be determined to 10 % or better; 1 where some would not, "
+        "and the answer says which; 2 for bad input.",
+        doing="searching",
+        writes="command.csv, design.json and design.png",
+        done=lambda answer, _flags: answer.supported,
+    ),
+    Command(
+        "derive",
+        (
+            "derive flexible-joint --to latex",
+            "derive examples/models/pendulum.toml --to c",
+        ),
+        "0 when it is done, 2 for bad input, which includes a model that has no observer.",
+        run=derive,
+    ),
+    Command(
+        "export",
+        (
+            "export results/estimate.json --to c99 --sample-time 0.001 --out drive",
+            "export flexible-joint --to c99 --log run.csv --out drive",
+            "export results/estimate.json --to mjcf --out scene",
+            "export results/estimate.json --to fmu --sample-time 0.001 --out units",
+        ),
+        "0 when it is done, 2 for bad input.",
+        doing="exporting",
+        run=export,
+    ),
+    Command(
+        "simulate",
+        (
+            "simulate experiments/sampled_joint.toml --out run",
+            "simulate experiments/huang2003.toml --set controller.k=30",
+        ),
+        "0 when the run is done; 1 where it diverges or cannot meet its tolerance; 2 for bad "
+        "input.",
+        doing="simulating",
+        writes="report.html, run.json, run.parquet, log.parquet, figures",
+        flags=("csv",),
+        run=simulate,
+    ),
+    Command(
+        "campaign",
+        (
+            "campaign experiments/noise_campaign.toml --out noise",
+            "campaign --summary noise",
+        ),
+        "0 where every run has its row, however it ended; 1 for a summary in which no run "
+        "finished; 2 for bad input; 3 where it was interrupted, with all complete parts kept.",
+        done=lambda answer, _flags: bool(answer.result.finished),
+        run=campaign,
+    ),
+    Command(
+        "reproduce",
+        ("reproduce --out results",),
+        "0 in any case but bad input, which is 2.",
+        doing="reproducing",
+        writes="report.html, result.json and the figures",
+    ),
+)
+"""The commands that call a function of the library of the same name."""
 
-    def __init__(self, *arguments: Any, **keywords: Any) -> None:
-        super().__init__(*arguments, **keywords)
-        for parameter in self.params:
-            if isinstance(parameter, TyperArgument):
-                setattr(parameter, "display_type_rich", lambda ctx: None)  # noqa: ARG005, B010
 
-
-def _register(command: Callable[..., None], examples: tuple[str, ...]) -> None:
-    """Add a command; its docstring's first sentence stands in the list of commands, whole."""
+def _register_own(command: Callable[..., None], examples: tuple[str, ...]) -> None:
+    """Add a command that declares its options itself."""
     epilog = "\n".join(["\b", "Examples:", *(f"  flexid {example}" for example in examples)])
     summary = (command.__doc__ or "").partition("\n\n")[0]
-    app.command(cls=_Command, short_help=summary, epilog=epilog)(command)
+    app.command(cls=PlainCommand, short_help=summary, epilog=epilog)(command)
 
 
-# One line per command. Their modules import nothing heavy before they are called.
-_register(in_one_thread(identify.identify), identify.EXAMPLES)
-_register(in_one_thread(validate.validate), validate.EXAMPLES)
-_register(compare.compare, compare.EXAMPLES)
-_register(in_one_thread(excitation.excitation), excitation.EXAMPLES)
-_register(in_one_thread(design.design), design.EXAMPLES)
-_register(derive.derive, derive.EXAMPLES)
-_register(in_one_thread(export.export), export.EXAMPLES)
-_register(in_one_thread(watch.watch), watch.EXAMPLES)
-_register(studio.studio, studio.EXAMPLES)
-_register(simulate.simulate, simulate.EXAMPLES)
-_register(campaign.campaign, campaign.EXAMPLES)
-_register(in_one_thread(reproduce.reproduce), reproduce.EXAMPLES)
+for _command in COMMANDS:
+    register(app, _command)
+    if _command.name == "export":  # in the order of the help
+        _register_own(in_one_thread(watch.watch), watch.EXAMPLES)
+        _register_own(studio.studio, studio.EXAMPLES)
 
 
 def _show_version(wanted: bool) -> None:

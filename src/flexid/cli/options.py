@@ -1,10 +1,12 @@
-"""Arguments and options that several commands have in common, each declared once."""
+"""Options of the command line: how their values are written, and what the library makes of them.
 
-import inspect
+Names, defaults and words of the help are those of the library's functions; see `generated`.
+"""
+
+import re
 from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -13,51 +15,112 @@ from flexid.cli.assignments import (
     parse_known,
     parse_names,
     parse_number,
+    parse_values,
 )
 from flexid.errors import SettingError
-from flexid.models.arm_name import is_arm_file
+from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
 from flexid.readers.formats import kinds
 
-if TYPE_CHECKING:
-    from flexid.identification.preparation.settings import Settings
+
+class Option(NamedTuple):
+    """How the value of a parameter of the library is written on the command line."""
+
+    kind: Any  # what the text is parsed as
+    metavar: str | None = None  # None: the choices that the parameter's documentation lists
+    convert: Callable[[str, Any], Any] = lambda _name, value: value  # to what the library takes
+    note: str = ""  # in the help, after the words of the library
+
+
+def _known(_name: str, texts: list[str]) -> dict[str, Any]:
+    values, deviations = parse_known(texts)
+    return {n: (v, deviations[n]) if n in deviations else v for n, v in values.items()}
 
 
 def directory(text: str) -> Path:
-    """A directory to write into."""
+    """A directory to write into; a `SettingError` if its name is empty."""
     if not text.strip():
         raise SettingError("--out", "its name is empty: name a directory, e.g. results")
     return Path(text)
 
 
-def out_option(what: str) -> Any:
-    """The option ``--out`` of a command that writes some files."""
-    return typer.Option(metavar="DIR", parser=directory, help=f"Write {what} into this directory.")
+_FILE = Option(Path | None, "FILE")
+_SECONDS = Option(float | None, "SECONDS")
+_DELAY = Option(str, "SECONDS", parse_number)
+_NUMBER = Option(int | None, "NUMBER")
+_LOGS = Option(list[Path], "LOG", note=f"Files: {kinds()}.")
+_ESTIMATE = Option(str, "ESTIMATE")
+_NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
 
+ARGUMENTS = {
+    "logs": _LOGS,
+    "estimate": _ESTIMATE,
+    "a": Option(str, "A"),
+    "b": Option(str, "B"),
+    "drive": Option(Path, "DRIVE"),
+    "model": Option(str, "MODEL"),
+    "what": Option(str, "ESTIMATE|MODEL"),
+    "experiment": Option(Path | None, "EXPERIMENT"),
+}
+"""What stands without a name, by parameter of the library."""
 
-Logs = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="LOG",
-        help=f"Logs of one drive: {kinds()}.",
-        show_default=False,
+OPTIONS = {
+    "bounds": Option(
+        list[str] | None,
+        "NAME=LOW:HIGH",
+        lambda _name, texts: parse_bounds(texts),
+        "Such as joint_stiffness=50:200 or motor_viscous_friction=0:. May be repeated.",
     ),
-]
+    "columns": _FILE,
+    "coulomb_velocity": Option(str, "RAD/S", parse_number),
+    "criterion": Option(str | None),
+    "duration": _SECONDS,
+    "estimate": Option(Path | None, "FILE"),
+    "filter_rate": Option(str | None, "1/S", parse_number),
+    "gain": Option(list[str] | None, "NAME=VALUE", parse_values, "May be repeated."),
+    "hold": Option(str | None),
+    "input_delay": _DELAY,
+    "kind": Option(str | None),
+    "known": Option(
+        list[str] | None,
+        "NAME=VALUE",
+        _known,
+        "Such as motor_inertia=0.3 or joint_stiffness=100+-5. May be repeated.",
+    ),
+    "link_delay": _DELAY,
+    "log": _FILE,
+    "memory": _SECONDS,
+    "model": Option(str, "MODEL"),
+    "out": Option(Path | None, "DIR", lambda _name, path: directory(str(path))),
+    "sample_time": _SECONDS,
+    "scheduler": Option(str | None, "ADDRESS"),
+    "seed": _NUMBER,
+    "segment_duration": _DELAY,
+    "set": Option(
+        list[str] | None,
+        "PATH=VALUE",
+        parse_values,
+        "Such as controller.k=30. May be repeated.",
+    ),
+    "stream": Option(bool),
+    "summary": Option(Path | None, "DIR"),
+    "terms": Option(
+        str | None,
+        "NAMES",
+        lambda _name, text: text if text == "auto" else parse_names(text),
+        f"Names between commas: {_NAMES}.",
+    ),
+    "to": Option(str),
+    "unknown_input_gain": Option(bool),
+    "validation_share": Option(float, "SHARE"),
+    "velocities": Option(bool),
+    "workers": _NUMBER,
+}
+"""What has a name, by parameter of the library."""
 
 Columns = Annotated[
     Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Read the logs' columns as this TOML map says: renamed, scaled, combined.",
-    ),
+    typer.Option(metavar="FILE", help="A column map for raw columns: a TOML file."),
 ]
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
-
-Strict = Annotated[
-    bool,
-    typer.Option("--strict", help="Exit with status 1 where something is weak, too."),
-]
-
 Known = Annotated[
     list[str] | None,
     typer.Option(
@@ -66,140 +129,48 @@ Known = Annotated[
         "with a standard deviation (joint_stiffness=100+-5). May be repeated.",
     ),
 ]
-_Bounds = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME=LOW:HIGH",
-        help="Keep a physical parameter or coefficient within bounds (joint_stiffness=50:200, "
-        "motor_viscous_friction=0:). May be repeated.",
-    ),
-]
 Model = Annotated[
     str,
     typer.Option(
         metavar="MODEL",
         help="Model of the joint: flexible, link (the link alone, driven by the measured motor "
-        "position, without the torque), rigid (the motor's encoder alone), or the TOML file of an "
-        "arm of several joints.",
+        "position, without the torque) or rigid (the motor's encoder alone).",
     ),
 ]
-_Terms = Annotated[
-    str,
-    typer.Option(
-        metavar="NAMES", help="Terms of the model beside the joint spring, between commas."
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+
+FLAGS: dict[str, tuple[Any, Any]] = {
+    "strict": (
+        Annotated[
+            bool, typer.Option("--strict", help="Exit with status 1 where something is weak, too.")
+        ],
+        False,
     ),
-]
-_Hold = Annotated[
-    str,
-    typer.Option(
-        metavar="WORD",
-        help="How the input behaves between samples: zero (held), linear or cubic (smooth).",
+    "explain": (
+        Annotated[bool, typer.Option("--explain", help="Show the evidence for every choice.")],
+        False,
     ),
-]
-_InputDelay = Annotated[
-    str, typer.Option(metavar="SECONDS", help="How much later than recorded the input acts.")
-]
-_LinkDelay = Annotated[
-    str,
-    typer.Option(metavar="SECONDS", help="How much later than the motor's the link encoder is."),
-]
-_CoulombVelocity = Annotated[
-    str,
-    typer.Option(
-        metavar="RAD/S",
-        help="Velocity over which Coulomb friction changes its sign; auto: at once.",
+    "csv": (
+        Annotated[
+            bool, typer.Option("--csv", help="Write the time series as CSV, too; needs --out.")
+        ],
+        False,
     ),
-]
-_FilterRate = Annotated[
-    str, typer.Option(metavar="1/S", help="Rate of the filter of least squares.")
-]
-_SegmentDuration = Annotated[
-    str,
-    typer.Option(metavar="SECONDS", help="Length of the segments over which the model is fitted."),
-]
-_ValidationShare = Annotated[
-    float,
-    typer.Option(
-        metavar="SHARE",
-        show_default="a third",
-        help="Share of each log, at its end, that is kept out of the fit and predicted.",
+    "min_fit": (
+        Annotated[
+            float | None,
+            typer.Option(
+                metavar="PERCENT",
+                help="Exit with status 1 where the free run explains less of a channel.",
+            ),
+        ],
+        None,
     ),
-]
+}
+"""What says how an answer is handed over, with its default."""
 
 
-def _settings(
-    known: Known = None,
-    bounds: _Bounds = None,
-    model: Model = "auto",
-    terms: _Terms = "auto",
-    hold: _Hold = "auto",
-    input_delay: _InputDelay = "auto",
-    link_delay: _LinkDelay = "auto",
-    coulomb_velocity: _CoulombVelocity = "auto",
-    filter_rate: _FilterRate = "auto",
-    segment_duration: _SegmentDuration = "auto",
-    validation_share: _ValidationShare = 1 / 3,
-) -> "Settings":
-    from flexid.identification.preparation.settings import Settings
-
-    values, deviations = parse_known(known or [])
-    return Settings(
-        model=model,  # type: ignore[arg-type] - Settings checks it
-        terms="auto" if terms == "auto" else parse_names(terms),
-        known=values,
-        known_deviations=deviations,
-        bounds=parse_bounds(bounds or []),
-        hold=hold,  # type: ignore[arg-type] - Settings checks it
-        input_delay=parse_number("--input-delay", input_delay),
-        link_delay=parse_number("--link-delay", link_delay),
-        coulomb_velocity=parse_number("--coulomb-velocity", coulomb_velocity),
-        filter_rate=parse_number("--filter-rate", filter_rate),
-        segment_duration=parse_number("--segment-duration", segment_duration),
-        validation_share=validation_share,
-    )
-
-
-def with_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of an identification in place of its parameter ``settings``.
-
-    A command with a parameter ``arm`` takes arms, too: that is the file after ``--model``.
-    """
-    shared = inspect.signature(_settings).parameters
-    takes_arms = "arm" in inspect.signature(command).parameters
-    own = {n: p for n, p in inspect.signature(command).parameters.items() if n != "arm"}
-
-    @wraps(command)
-    def with_options(**given: Any) -> None:
-        options = {name: given.pop(name) for name in shared}
-        if is_arm_file(options["model"]):
-            arm = _arm_alone(options, {n: p.default for n, p in shared.items()}, takes_arms)
-            command(**given, settings=_settings(), arm=arm)
-        else:
-            command(**given, settings=_settings(**options))
-
-    parameters: list[inspect.Parameter] = []
-    for name, parameter in own.items():
-        parameters += shared.values() if name == "settings" else [parameter]
-    hints = get_type_hints(_settings, localns=_LATE, include_extras=True) | get_type_hints(
-        command, localns=_LATE, include_extras=True
-    )
-    # What Typer reads in place of the function's own.
-    with_options.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [p.replace(annotation=hints[p.name], kind=p.KEYWORD_ONLY) for p in parameters]
-    )
-    with_options.__annotations__ = {p.name: hints[p.name] for p in parameters}
-    return with_options
-
-
-def _arm_alone(options: dict[str, Any], defaults: dict[str, Any], takes_arms: bool) -> Path:
-    """The file of an arm."""
-    if not takes_arms:
-        raise SettingError("model", f"{options['model']!r} is an arm: only flexid identify does it")
-    for name, value in options.items():
-        if name != "model" and value != defaults[name]:
-            option = name.replace("_", "-")
-            raise SettingError(option, "is for one joint, and --model names an arm: leave it out")
-    return Path(options["model"])
-
-
-_LATE = {"Settings": object}  # not imported before it is needed
+def sentences(text: str) -> str:
+    """What of a docstring is for everybody: its sentences without backquotes."""
+    parts = re.split(r"(?<=\.) +(?=[A-Z`])", " ".join(text.split()))
+    return " ".join(part for part in parts if "`" not in part)

@@ -4,7 +4,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,8 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from flexid.library.answer import Answer
 
 _MOST_WARNINGS = 3  # that anybody acts on at once
 
@@ -30,19 +32,22 @@ def output(out: Path | None) -> Iterator[Path | None]:
 
 
 def hand_over(
-    document: Mapping[str, Any],
-    show: Callable[[], None],
-    write: Callable[[Path], None],
-    *,
-    as_json: bool,
-    directory: Path | None,
+    answer: "Answer", flags: Mapping[str, Any], files: Path | None, errors: "Console", rest: str
 ) -> None:
-    """Print an answer and write its files: a full disk must not lose what is printed."""
+    """Print an answer and write its files: a full disk must not lose what is printed.
+
+    The `OSError` that came first is raised when all has been tried; `rest` shows the warnings that
+    are not printed.
+    """
+
+    def write() -> None:
+        if files is not None:
+            out, csv = str(flags["out"]), flags.get("csv", False)
+            answer._write_files(files, as_typed(), out, csv=csv)
+
+    print_warnings(answer.warnings, errors, rest)
     failures = []
-    for step in (
-        lambda: print_document(document) if as_json else show(),
-        lambda: directory is None or write(directory),
-    ):
+    for step in (lambda: _print_answer(answer, flags), write):
         try:
             step()
         except BrokenPipeError:  # whoever read the answer has seen enough
@@ -51,6 +56,15 @@ def hand_over(
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def _print_answer(answer: "Answer", flags: Mapping[str, Any]) -> None:
+    from flexid.report.terminal import print_parts
+
+    if flags["as_json"]:
+        print_document(answer._document())
+    else:
+        print_parts([*answer._parts(), *(answer._evidence() if flags.get("explain") else ())])
 
 
 def as_typed() -> str:

@@ -1,4 +1,4 @@
-"""What all answers have in common: text, a page of a notebook, a document."""
+"""What all answers have in common: text, a page of a notebook, a document, figures, files."""
 
 import base64
 import html
@@ -7,6 +7,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.library.checks import as_path
@@ -14,6 +15,7 @@ from flexid.library.checks import as_path
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
@@ -27,13 +29,32 @@ class Answer(ABC):
     command of the same name prints.
     """
 
+    _file = "result.json"  # among what the command writes
+    _formats: tuple[str, ...] = ("png",)  # of the figures
+
     @abstractmethod
     def _parts(self) -> "Iterable[Part]":
         """Tables and sentences of the answer."""
 
+    def _evidence(self) -> "Iterable[Part]":
+        """What the choices rest on, for ``--explain``."""
+        return ()
+
     @abstractmethod
     def _document(self) -> Mapping[str, Any]:
         """Everything but the time series; numbers that JSON does not have may be in it."""
+
+    def _charts(self) -> "Sequence[Chart]":
+        """Figures, the most important one first."""
+        return ()
+
+    def _write_data(self, directory: Path, *, csv: bool) -> None:  # noqa: B027 - most have none
+        """Write the time series of the answer."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What one should know before trusting the numbers."""
+        return ()
 
     @property
     def document(self) -> Mapping[str, Any]:
@@ -63,16 +84,57 @@ class Answer(ABC):
 
         write_document(as_path("save", "path", path), to_json(self.document))
 
+    def save_figures(self, directory: "str | PathLike[str]") -> None:
+        """Write the figures that the command writes with ``--out``.
+
+        Parameters
+        ----------
+        directory : path
+            Where they go; made if it is not there.
+
+        Raises
+        ------
+        SettingError
+            If it cannot be written, or the answer was loaded and has no time series.
+        """
+        from flexid.report.charts.figure import save_charts
+        from flexid.report.documents import output_directory
+
+        with output_directory(as_path("save_figures", "directory", directory)) as files:
+            save_charts(self._charts(), files, self._formats)
+
+    def _page(self, command: str = "", out: str = "") -> "Page | None":  # noqa: ARG002
+        """A page to send; `command` repeats the answer, whose files are in `out`."""
+        return None
+
+    def _write_files(self, directory: Path, command: str, out: str, *, csv: bool) -> None:
+        """Write what the command writes: document, time series, figures and page."""
+        from flexid.report.charts.figure import save_charts
+        from flexid.report.documents import to_json
+        from flexid.report.page.render import save_page
+
+        (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")
+        self._write_data(directory, csv=csv)
+        save_charts(self._charts(), directory, self._formats)
+        page = self._page(command, out)
+        if page is not None:
+            save_page(page, directory)
+
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(self.summary())}</pre>"
+        from flexid.report.charts.figure import draw
+
+        text = f"<pre>{html.escape(self.summary())}</pre>"
+        warnings = (html_paragraph(f"Warning: {warning}") for warning in self.warnings)
+        figures = (html_figure(draw(chart)) for chart in self._charts()[:1])
+        return "".join((text, *warnings, *figures))
 
 
 class ReportedAnswer(Answer):
     """An answer that has a page to send."""
 
     @abstractmethod
-    def _page(self) -> "Page":
-        """What the page says."""
+    def _page(self, command: str = "", out: str = "") -> "Page":
+        """The page to send."""
 
     def report(self, path: "str | PathLike[str]") -> None:
         """Write a page to send: one HTML file with the answer, its tables and all figures.
@@ -127,14 +189,14 @@ def html_figure(figure: "Figure") -> str:
 
 
 def data_frame(columns: Mapping[str, Any], backend: str) -> Any:
-    """A data frame of a library."""
+    """A data frame of a library; a `SettingError` if that library is not installed."""
     import narwhals as nw
 
     from flexid.errors import SettingError
 
     known = ("polars", "pandas", "pyarrow")
     if backend not in known:
-        raise SettingError("backend", f"{backend!r} is none: give one of {', '.join(known)}")
+        raise SettingError("backend", f"must be one of {', '.join(known)}, got {backend!r}")
     try:
         return nw.from_dict(columns, backend=backend).to_native()  # type: ignore[arg-type]
     except ImportError:

@@ -11,9 +11,10 @@ from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from flexid.campaigns import Summary
+    from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
@@ -26,6 +27,8 @@ class CampaignResult(ReportedAnswer):
     result : Summary
         Statuses, distributions, and which input matters.
     """
+
+    _file = "summary.json"
 
     def __init__(self, result: "Summary") -> None:
         self.result = result
@@ -62,36 +65,20 @@ class CampaignResult(ReportedAnswer):
 
         return data_frame(campaign_rows(self.directory).to_dict(as_series=False), backend)
 
-    def save_figures(self, directory: "str | PathLike[str]") -> None:
-        """Write the figures that ``flexid campaign --summary`` writes.
-
-        Parameters
-        ----------
-        directory : path
-            Where they go; made if it is not there.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
-        """
+    def _charts(self) -> "Sequence[Chart]":
         from flexid.report.campaign_charts import campaign_charts
-        from flexid.report.charts.figure import save_charts
-        from flexid.report.documents import output_directory
 
-        with output_directory(as_path("save_figures", "directory", directory)) as files:
-            save_charts(campaign_charts(self.result), files)
+        return campaign_charts(self.result)
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.campaign_table import campaign_parts
 
         return campaign_parts(self.result)
 
-    def _page(self) -> "Page":
-        from flexid.report.campaign_charts import campaign_charts
+    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
         from flexid.report.page.campaign_page import campaign_page
 
-        return campaign_page(self.result, campaign_charts(self.result))
+        return campaign_page(self.result, self._charts())
 
     def __repr__(self) -> str:
         statuses = ", ".join(f"{name} {count}" for name, count in self.statuses.items())
@@ -110,22 +97,23 @@ def campaign(
     summary: "str | PathLike[str] | None" = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> CampaignResult:
-    """Run an experiment many times, as its ``[campaign]`` table says, or summarise what was run.
+    """Run an experiment many times, or summarise such runs.
 
-    A campaign that was interrupted goes on with the same call, and ends with the same rows.
+    What varies stands in the file's table named campaign. A campaign that was interrupted goes on
+    with the same command, and ends with the same rows.
 
     Parameters
     ----------
     experiment : path, optional
-        A TOML file with a ``[campaign]`` table; none with `summary`.
+        A TOML file with a table named campaign.
     out : path, optional
         Directory of the rows; a campaign begun there goes on.
     workers : int, optional
         Threads; all cores if not given.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers run it instead, such as ``"tcp://host:8786"``.
+        Address of a Dask scheduler whose workers run it instead, such as tcp://host:8786.
     summary : path, optional
-        Directory of a campaign to summarise; then nothing is run.
+        Directory of a campaign to summarise instead.
     progress : callable, optional
         Called with the number of runs whose rows are kept, and the number of all.
 

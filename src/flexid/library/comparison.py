@@ -4,19 +4,21 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from flexid.comparisons import comparison as worker
 from flexid.errors import ArgumentError
-from flexid.library.answer import ReportedAnswer, data_frame, html_figure, html_paragraph
+from flexid.library.answer import ReportedAnswer, data_frame
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.figure import Figure
 
+    from flexid.comparisons.comparison import Comparison
+    from flexid.comparisons.number_difference import Difference
     from flexid.identification.result.identification import Identification
     from flexid.library.joint_estimate import JointEstimate
+    from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
@@ -32,16 +34,18 @@ class EstimateComparison(ReportedAnswer):
         What was found.
     """
 
-    def __init__(self, result: worker.Comparison) -> None:
+    _file = "comparison.json"
+
+    def __init__(self, result: "Comparison") -> None:
         self.result = result
 
     @property
-    def parameters(self) -> Mapping[str, worker.Difference]:
+    def parameters(self) -> "Mapping[str, Difference]":
         """By name, each parameter of either estimate: difference, interval and outcome."""
         return self.result.parameters
 
     @property
-    def coefficients(self) -> Mapping[str, worker.Difference]:
+    def coefficients(self) -> "Mapping[str, Difference]":
         """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
         return self.result.coefficients
 
@@ -109,9 +113,13 @@ class EstimateComparison(ReportedAnswer):
     def plot(self) -> "Figure":
         """Both values of each number with their intervals, relative to A's, a panel each."""
         from flexid.report.charts.figure import draw
+
+        return draw(self._charts()[0])
+
+    def _charts(self) -> "Sequence[Chart]":
         from flexid.report.comparison_chart import comparison_chart
 
-        return draw(comparison_chart(self.result))
+        return (comparison_chart(self.result),)
 
     def _document(self) -> Mapping[str, Any]:
         from flexid.report.comparison_document import comparison_document
@@ -123,19 +131,15 @@ class EstimateComparison(ReportedAnswer):
 
         return comparison_parts(self.result)
 
-    def _page(self) -> "Page":
+    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
         from flexid.report.page.comparison_page import comparison_page
 
-        return comparison_page(self.result)
+        return comparison_page(self.result, command)
 
     def __repr__(self) -> str:
         compared = sum(d.compared for d in self.result.decisive.values())
         changed = ", ".join(self.changed) or "none"
         return f"<EstimateComparison: {compared} compared, changed: {changed}>"
-
-    def _repr_html_(self) -> str:
-        warnings = "".join(html_paragraph(f"Warning: {text}") for text in self.warnings)
-        return super()._repr_html_() + warnings + html_figure(self.plot())
 
 
 @entrance
@@ -143,16 +147,17 @@ def compare(
     a: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
     b: "JointEstimate | str | PathLike[str] | Mapping[str, Any]",
 ) -> EstimateComparison:
-    """Compare two estimates: what differs, and whether chance explains it.
+    """Compare two estimates: what has changed, and how surely.
 
-    Before and after a repair, two drives of a batch, two settings on one log. Each difference has
-    a 95 % interval; what is called changed has to be so beside all others that are compared.
+    Before and after a repair, two drives of a batch, two settings on one log. Each difference is
+    B's value minus A's, with a 95 % interval; what is called changed is so beyond chance, however
+    many numbers are compared.
 
     Parameters
     ----------
     a, b : JointEstimate, path or mapping
-        What `flexid.identify` returned, an ``estimate.json`` or the folder that holds it, or the
-        content of one. Differences are b's value minus a's.
+        An estimate.json of flexid identify, or the folder that holds it. Or what `flexid.identify`
+        returned, or the content of a file.
 
     Returns
     -------
@@ -166,8 +171,10 @@ def compare(
     ArgumentError
         If an argument is of a wrong type.
     """
+    from flexid.comparisons.comparison import compare_estimates
+
     (first, label_a), (second, label_b) = _taken("a", a), _taken("b", b)
-    return EstimateComparison(worker.compare_estimates(first, second, (label_a, label_b)))
+    return EstimateComparison(compare_estimates(first, second, (label_a, label_b)))
 
 
 def _taken(argument: str, estimate: Any) -> "tuple[Identification, str]":

@@ -1,6 +1,6 @@
 """The observer's equations of a model: `flexid.derive`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,8 +15,25 @@ if TYPE_CHECKING:
 SHIPPED = "flexible-joint"
 """Name of the model that needs no file."""
 
-TARGETS = ("latex", "python", "c")
-"""What the equations are printed as."""
+
+class ObserverText(str):
+    """Equations as text, with what to know of them.
+
+    Parameters
+    ----------
+    text : str
+        The equations.
+    notes : tuple of str
+        What is integrated numerically, and which rates of inputs the observer needs.
+    """
+
+    notes: tuple[str, ...]
+
+    def __new__(cls, text: str, notes: tuple[str, ...] = ()) -> "ObserverText":
+        """The text with its notes."""
+        made = super().__new__(cls, text)
+        made.notes = notes
+        return made
 
 
 @entrance
@@ -26,24 +43,27 @@ def derive(
     to: Literal["latex", "python", "c"] = "latex",
     terms: Iterable[str] | None = None,
     unknown_input_gain: bool = False,
-) -> str:
-    """Derive the parametric observer of a model and print its equations.
+) -> ObserverText:
+    """Derive a model's observer as LaTeX, Python or C.
+
+    The observer estimates the model's coefficients while the machine runs (Huang, 2003).
 
     Parameters
     ----------
     model : ParametricSystem or path
-        A model, a TOML model file, or ``"flexible-joint"``.
+        A TOML model file, or flexible-joint. Or a `ParametricSystem`.
     to : {"latex", "python", "c"}, optional
-        What to print.
+        What the equations are printed as.
     terms : iterable of str, optional
-        Terms of ``"flexible-joint"``; the paper's if not given.
+        Terms of flexible-joint; those of the paper if not given.
     unknown_input_gain : bool, optional
-        Estimate ``beta1`` of ``"flexible-joint"`` as well.
+        Estimate beta1 of flexible-joint as well.
 
     Returns
     -------
     str
-        The equations as LaTeX, a Python module, or a C99 file.
+        The equations as LaTeX, a Python module, or a C99 file. Its `notes` are sentences on what is
+        integrated numerically, and on rates of inputs that the observer needs.
 
     Raises
     ------
@@ -56,25 +76,30 @@ def derive(
     ArgumentError
         If an option is unknown or of a wrong type.
     """
-    if to not in TARGETS:
-        raise SettingError("to", f"{to!r} is none{did_you_mean(str(to), TARGETS)}")
-    return observer_text(derived_observer(declared(model, terms, unknown_input_gain)), to)
-
-
-def derived_observer(system: ParametricSystem) -> "SymbolicObserver":
-    """The parametric observer of a model."""
     from flexid.derivation.observer import derive_observer
-
-    return derive_observer(system)
-
-
-def observer_text(observer: "SymbolicObserver", to: str) -> str:
-    """The equations of an observer as one of `TARGETS`."""
     from flexid.derivation.printing_c import c_observer
     from flexid.derivation.printing_latex import latex_observer
     from flexid.derivation.printing_python import python_observer
 
-    return {"latex": latex_observer, "python": python_observer, "c": c_observer}[to](observer)
+    printers = {"latex": latex_observer, "python": python_observer, "c": c_observer}
+    if to not in printers:
+        raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), printers)}")
+    observer = derive_observer(declared(model, terms, unknown_input_gain))
+    return ObserverText(printers[to](observer), tuple(_notes(observer)))
+
+
+def _notes(observer: "SymbolicObserver") -> Iterator[str]:
+    if observer.quadratures:
+        yield (
+            f"no sound closed form for the immersion of {', '.join(observer.quadratures)}; "
+            f"integrated numerically"
+        )
+    if observer.input_rates:
+        rates = ", ".join(map(str, observer.input_rates))
+        yield (
+            f"the observer needs the input's rate of change: {rates}; least squares (flexid "
+            f"identify) does not"
+        )
 
 
 def declared(model: Any, terms: Iterable[str] | None, unknown_input_gain: bool) -> ParametricSystem:

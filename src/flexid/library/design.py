@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import Answer, data_frame, html_figure
+from flexid.library.answer import Answer, data_frame
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.library.options import as_number
@@ -14,12 +15,13 @@ from flexid.library.threads import in_one_thread
 from flexid.library.validation import stored_estimate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.figure import Figure
 
     from flexid.experiment_design.result import Design
     from flexid.library.joint_estimate import JointEstimate
+    from flexid.report.charts.description import Chart
     from flexid.report.terminal import Part
 
 
@@ -34,9 +36,16 @@ class ExperimentDesign(Answer):
         What of an estimate the design does not heed, or rests on at its peril.
     """
 
+    _file = "design.json"
+
     def __init__(self, result: "Design", warnings: tuple[str, ...] = ()) -> None:
         self.result = result
-        self.warnings = warnings
+        self._warnings = warnings
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What of an estimate the design does not heed, or rests on at its peril."""
+        return self._warnings
 
     @property
     def deviations(self) -> Mapping[str, float]:
@@ -68,9 +77,18 @@ class ExperimentDesign(Answer):
     def plot(self) -> "Figure":
         """The torque, the motion that it makes, its tones, and what they would determine."""
         from flexid.report.charts.figure import draw
+
+        return draw(self._charts()[0])
+
+    def _charts(self) -> "Sequence[Chart]":
         from flexid.report.design_chart import design_chart
 
-        return draw(design_chart(self.result))
+        return (design_chart(self.result),)
+
+    def _write_data(self, directory: Path, *, csv: bool) -> None:  # noqa: ARG002
+        from flexid.report.design_files import save_command
+
+        save_command(self.result, directory)
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.design_table import design_parts
@@ -85,9 +103,6 @@ class ExperimentDesign(Answer):
             f"worst coefficient within {worst:.2g} %>"
         )
 
-    def _repr_html_(self) -> str:
-        return super()._repr_html_() + html_figure(self.plot())
-
 
 @entrance
 @in_one_thread
@@ -101,7 +116,9 @@ def design(
     seed: int = 0,
     progress: Progress = silent,
 ) -> ExperimentDesign:
-    """Design an experiment that determines every coefficient, within limits, and check it.
+    """Design a motion that determines the parameters.
+
+    It keeps to the drive's limits, and is checked on drives that are wrong by 30 %.
 
     Parameters
     ----------
@@ -112,11 +129,12 @@ def design(
     criterion : {"E", "D"}, optional
         Make the worst direction small, or the volume; as the file says if not given.
     duration : float, optional
-        Length of the experiment in s; as the file says if not given.
+        Seconds that the experiment lasts; as the file says if not given.
     estimate : JointEstimate or path, optional
-        An earlier estimate, whose values replace the file's parameters.
+        An estimate.json of flexid identify, whose values replace the file's parameters. Or what
+        `flexid.identify` returned.
     seed : int, optional
-        Of the search's random starts.
+        Seed of the search's random starts.
     progress : callable, optional
         Called with the name of each step that is done.
 

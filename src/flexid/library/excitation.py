@@ -4,25 +4,26 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Unpack
 
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import Answer, html_figure
+from flexid.library.answer import Answer
 from flexid.library.entrance import entrance
 from flexid.library.identify import identify
-from flexid.library.joint_estimate import JointEstimate
 from flexid.library.logs import all_logs
 from flexid.library.options import joint_settings
 from flexid.library.shared_options import options_of
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.figure import Figure
 
     from flexid.experiment_design.advice import Advice
     from flexid.experiment_design.assessment import CoefficientAssessment
     from flexid.experiment_design.excitation_report import ExcitationReport
+    from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.library.options import JointOptions
+    from flexid.report.charts.description import Chart
     from flexid.report.terminal import Part
 
 
@@ -35,12 +36,16 @@ class LogExcitation(Answer):
         What was found.
     """
 
+    _file = "excitation.json"
+
     def __init__(self, result: "ExcitationReport") -> None:
         self.result = result
 
     @property
-    def estimate(self) -> JointEstimate:
+    def estimate(self) -> "JointEstimate":
         """What `flexid.identify` finds in the log."""
+        from flexid.library.joint_estimate import JointEstimate
+
         return JointEstimate(self.result.identification)
 
     @property
@@ -61,7 +66,7 @@ class LogExcitation(Answer):
         strict : bool, optional
             Count what is weak as not determined.
         """
-        return self.estimate.supports(strict=strict)
+        return self.result.identification.supports(strict=strict)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -76,9 +81,13 @@ class LogExcitation(Answer):
     def plot(self) -> "Figure":
         """Widths of the intervals, and the tones of the input."""
         from flexid.report.charts.figure import draw
+
+        return draw(self._charts()[0])
+
+    def _charts(self) -> "Sequence[Chart]":
         from flexid.report.excitation_report_chart import excitation_report_chart
 
-        return draw(excitation_report_chart(self.result))
+        return (excitation_report_chart(self.result),)
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.excitation_table import excitation_parts
@@ -89,9 +98,6 @@ class LogExcitation(Answer):
         found = [c.verdict for c in self.coefficients.values()]
         determined = f"{found.count('determined')} of {len(found)} coefficients determined"
         return f"<LogExcitation: {determined}>"
-
-    def _repr_html_(self) -> str:
-        return super()._repr_html_() + html_figure(self.plot())
 
 
 @entrance
@@ -104,14 +110,15 @@ def excitation(
     progress: Progress = silent,
     **options: "Unpack[JointOptions]",
 ) -> LogExcitation:
-    """Say how well a log determines each coefficient, which are confounded, and what to add.
+    """Say what a log determines, and what motion to add.
 
-    The log is identified as `flexid.identify` does it, with the same options and the same answers.
+    The log is identified as flexid identify does it, with the same options and the same answers.
+    Added is what each coefficient is confused with, and which sine would help.
 
     Parameters
     ----------
     logs : log or list of logs
-        Of one drive, as `flexid.identify` takes them.
+        Logs of one drive. As `flexid.identify` takes them.
 
     Returns
     -------

@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from flexid.errors import ArgumentError, SettingError
-from flexid.exports.estimator import EstimatorSettings
-from flexid.exports.source import ExportSource, source_of_identification
-from flexid.exports.targets import TARGETS, ExportRequest, export_to
 from flexid.library.checks import as_path, kind_of
 from flexid.library.derive import SHIPPED, declared
 from flexid.library.entrance import did_you_mean, entrance
+from flexid.library.threads import in_one_thread
 from flexid.models.parametric_system import ParametricSystem
 
 if TYPE_CHECKING:
     from flexid.estimators.samples import Samples
+    from flexid.exports.estimator import EstimatorSettings
+    from flexid.exports.source import ExportSource
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, OneLog
 
@@ -37,6 +37,7 @@ class ExportedFiles(NamedTuple):
 
 
 @entrance
+@in_one_thread
 def export(
     what: "JointEstimate | ParametricSystem | str | PathLike[str]",
     *,
@@ -47,42 +48,46 @@ def export(
     velocities: bool = False,
     gain: Mapping[str, float] | None = None,
     filter_rate: float | None = None,
-    memory_time: float | None = None,
+    memory: float | None = None,
     log: "OneLog | None" = None,
     columns: "Columns | None" = None,
     terms: Iterable[str] | None = None,
 ) -> ExportedFiles:
     """Write an estimate or a model as code or files for another tool.
 
+    c99 is the online estimator as one header and one source in C, with an example and a test
+    vector. mjcf is the joint of an estimate as a scene for MuJoCo; what MuJoCo has no word for is
+    left out, with a warning. fmu is the plant of an estimate and, with a sample time, the online
+    estimator as FMUs for co-simulation, with sources and, where there is a compiler, compiled.
+
     Parameters
     ----------
     what : JointEstimate, ParametricSystem or path
-        What `flexid.identify` returned, an ``estimate.json``, a model, a TOML model file, or
-        ``"flexible-joint"``.
+        An estimate.json, a TOML model file, or flexible-joint. Or what `flexid.identify` returned,
+        or a `ParametricSystem`.
     to : {"c99", "mjcf", "fmu"}
-        The target: ``"c99"``, the online estimator in C for a drive; ``"mjcf"``, the joint of an
-        estimate as a MuJoCo scene; ``"fmu"``, the plant of an estimate for simulators, and with a
-        sample time the online estimator, as FMUs of FMI 2.0 and 3.0.
+        The online estimator in C99, a scene of MuJoCo, or FMUs of FMI 2.0 and 3.0.
     out : path
         Directory for the files.
     sample_time : float, optional
         Seconds between the estimator's samples; the log's if there is one.
     hold : {"zero", "linear"}, optional
-        The input between samples; as it was identified, else held.
+        The input between samples; as it was identified, else zero.
     velocities : bool, optional
-        Whether the estimator takes measured velocities, too.
+        Take measured velocities, too.
     gain : mapping of str to float, optional
-        Constant gains by row or coefficient, the paper's observer; else least-squares gain.
+        Constant gains by row or coefficient, the paper's observer, which needs velocities; least
+        squares if not given.
     filter_rate : float, optional
         Rate in 1/s of the filter that positions pass; as it was identified, else 20.
-    memory_time : float, optional
-        Seconds after which a sample weighs 1/e as much; 60 if not given, infinite if ``inf``.
+    memory : float, optional
+        Seconds after which a sample counts 1/e as much, or inf; 60 if not given.
     log : log, optional
-        Motion for the test vector, as `flexid.read_log` takes it.
+        Motion for the test vector. As `flexid.read_log` takes it.
     columns : path or mapping, optional
-        A column map for the log, as `flexid.identify` takes it.
+        A column map for the log. As `flexid.identify` takes it.
     terms : iterable of str, optional
-        Terms of ``"flexible-joint"``; the paper's if not given.
+        Terms of flexible-joint; those of the paper if not given.
 
     Returns
     -------
@@ -100,17 +105,18 @@ def export(
     ArgumentError
         If an option is unknown or of a wrong type.
     """
+    from flexid.exports.targets import TARGETS, ExportRequest, export_to
     from flexid.report.documents import output_directory
 
     if to not in TARGETS:
-        raise SettingError("to", f"{to!r} is none{did_you_mean(str(to), TARGETS)}")
+        raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), TARGETS)}")
     source = export_source(what, terms)
     samples = None if log is None else _longest(log, columns, source)
     given: dict[str, Any] = {
         "hold": hold,
         "gains": gain,
         "filter_rate": filter_rate,
-        "memory_time": memory_time,
+        "memory_time": memory,
         "velocities": velocities or None,
     }
     settings = estimator_settings(
@@ -122,8 +128,9 @@ def export(
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
 
 
-def export_source(what: Any, terms: Iterable[str] | None = None) -> ExportSource:
+def export_source(what: Any, terms: Iterable[str] | None = None) -> "ExportSource":
     """The model that is meant, with what is known of it."""
+    from flexid.exports.source import ExportSource, source_of_identification
     from flexid.library.joint_estimate import JointEstimate
 
     if isinstance(what, JointEstimate):
@@ -143,12 +150,14 @@ def export_source(what: Any, terms: Iterable[str] | None = None) -> ExportSource
 
 
 def estimator_settings(
-    source: ExportSource,
+    source: "ExportSource",
     samples: "Samples | None",
     sample_time: float | None,
     given: Mapping[str, Any],
-) -> EstimatorSettings | None:
+) -> "EstimatorSettings | None":
     """Settings of the estimator: what is given, else as identified; None if none is meant."""
+    from flexid.exports.estimator import EstimatorSettings
+
     if sample_time is None and samples is None:
         if given:
             raise SettingError(
@@ -173,7 +182,7 @@ def estimator_settings(
     return EstimatorSettings(h, start=source.values, **(found | dict(given)))
 
 
-def _longest(log: Any, columns: Any, source: ExportSource) -> "Samples":
+def _longest(log: Any, columns: Any, source: "ExportSource") -> "Samples":
     """Samples of a log's longest recording; raise if its input is not the estimate's."""
     from flexid.library.logs import one_log, samples
 

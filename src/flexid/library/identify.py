@@ -8,14 +8,13 @@ from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
-from flexid.library.joint_estimate import JointEstimate
-from flexid.library.logs import all_logs, as_columns
 from flexid.library.options import joint_settings
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
     from flexid.identification.preparation.settings import Settings
     from flexid.identification.vocabulary.thresholds import Thresholds
+    from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.library.options import AutoHold, AutoModel, AutoNumber, Bounds, Known, Terms
 
@@ -40,34 +39,35 @@ def identify(
     stream: bool = False,
     thresholds: "Thresholds | None" = None,
     progress: Progress = silent,
-) -> JointEstimate:
-    """Identify a flexible joint: physical parameters with intervals and a verdict.
+) -> "JointEstimate":
+    """Find a drive's parameters, with intervals and verdicts.
 
-    What is ``"auto"`` is chosen from the log, in one fit with the parameters. With one encoder the
-    joint is taken as rigid; without an input the link is identified alone.
+    The logs are of one drive with an elastic joint: two encoders and the motor's torque, voltage or
+    current. With one encoder the joint is taken as rigid; without an input the link is identified
+    alone, driven by the motor's motion. What is auto is chosen from the logs.
 
     Parameters
     ----------
     logs : log or list of logs
-        Of one drive: paths of files, data frames of pandas, Polars, PyArrow or
-        another library that narwhals knows, mappings of arrays, or what `flexid.read_log` read.
-        Columns are found by name, with their unit in brackets: ``"time [s]"``,
-        ``"link_position [deg]"``, ``"motor_position [deg]"``, ``"motor_torque [N m]"``.
+        Logs of one drive. Paths of files, data frames of pandas, Polars, PyArrow or another library
+        that `narwhals` knows, mappings of arrays, or what `flexid.read_log` read. Columns are found
+        by name, with their unit in brackets: ``"time [s]"``, ``"link_position [deg]"``,
+        ``"motor_position [deg]"``, ``"motor_torque [N m]"``.
     columns : path or mapping, optional
-        A column map, which renames, scales and combines raw columns: a TOML file, or what it would
-        hold, such as ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
+        A column map, which renames, scales and combines raw columns: a TOML file. Or what it would
+        hold, ``{"motor_position": {"column": "pot_V", "scale": 35.32, "unit": "deg"}}``.
     known : mapping of str to float or (float, float), optional
         Physical parameters or coefficients that are known, with their standard deviation if they
-        have one: ``{"motor_inertia": (0.3, 0.01)}``. Values of the package ``uncertainties`` serve
-        too.
+        have one. For example ``{"motor_inertia": (0.3, 0.01)}``, or values of the package
+        ``uncertainties``.
     bounds : mapping of str to (float, float), optional
-        Lower and upper end of physical parameters or coefficients, None where there is none:
+        Lower and upper end of physical parameters or coefficients. None where there is no end:
         ``{"joint_stiffness": (50, None)}``.
     model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint: flexible; the link alone, driven by the measured motor position, without the
-        input; or rigid, from the motor's encoder alone. What the log shows, if not given.
+        Model of the joint: flexible; link, the link alone, driven by the measured motor position,
+        without the input; or rigid, from the motor's encoder alone.
     terms : iterable of str, optional
-        Terms of the model beside the joint spring: see `flexid.TERMS`.
+        Terms of the model beside the joint spring. See `flexid.TERMS` and `flexid.SHAPE_TERMS`.
     hold : {"auto", "zero", "linear", "cubic"}, optional
         The input between samples: held, on straight lines, or smooth.
     input_delay : float, optional
@@ -75,11 +75,11 @@ def identify(
     link_delay : float, optional
         Seconds by which the link's encoder lags behind the motor's.
     coulomb_velocity : float, optional
-        Velocity in rad/s over which Coulomb friction changes sign; ``"auto"``: at once.
+        Velocity in rad/s over which Coulomb friction changes sign; auto: at once.
     filter_rate : float, optional
         Rate in 1/s of the filter of least squares.
     segment_duration : float, optional
-        Length in s of the segments of the prediction error.
+        Seconds of the segments over which the model is fitted.
     validation_share : float, optional
         Share of each log, at its end, that is kept out of the fit and predicted.
     stream : bool, optional
@@ -113,6 +113,8 @@ def identify(
     """
     from flexid.identification.identify import identify as run
     from flexid.identification.vocabulary.thresholds import THRESHOLDS
+    from flexid.library.joint_estimate import JointEstimate
+    from flexid.library.logs import all_logs
 
     settings = joint_settings(
         "identify",
@@ -133,10 +135,12 @@ def identify(
             raise SettingError("thresholds", "are not for a stream: leave them out")
         return JointEstimate(_streamed(logs, columns, settings, progress))
     read = all_logs("identify", logs, columns)
-    return JointEstimate(run(read, settings, progress, thresholds or THRESHOLDS))
+    found = run(read, settings, progress, thresholds or THRESHOLDS)
+    return JointEstimate(found, made_from=(read, settings))
 
 
 def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress) -> Any:
+    from flexid.library.logs import as_columns
     from flexid.streaming.whole_log import identify_stream
 
     if isinstance(logs, list | tuple) and len(logs) == 1:
@@ -148,12 +152,12 @@ def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress)
         as_columns("identify", columns),
         settings,
         progress,
-        lambda _done, _total: None,
+        lambda done, total: progress(f"{done / total:.0%} of {total / 1e6:.3g} million samples"),
     )
 
 
 @entrance
-def load(path: "str | os.PathLike[str]") -> JointEstimate:
+def load(path: "str | os.PathLike[str]") -> "JointEstimate":
     """Read an estimate that was saved, by `JointEstimate.save` or by ``flexid identify --out``.
 
     Parameters
@@ -172,6 +176,7 @@ def load(path: "str | os.PathLike[str]") -> JointEstimate:
     SettingError
         If the file cannot be read, is no estimate, or was written by a newer version.
     """
+    from flexid.library.joint_estimate import JointEstimate
     from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
     file = read_estimate(Path(as_path("load", "path", path)))

@@ -1,8 +1,11 @@
 """What `flexid.identify` returns: an estimate to look at, to compute with, to keep, to test."""
 
-from collections.abc import Mapping
+import shlex
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +29,7 @@ from flexid.library.answer import (
     html_paragraph,
     html_table,
 )
+from flexid.library.entrance import did_you_mean
 from flexid.library.estimate_plots import EstimatePlots
 
 if TYPE_CHECKING:
@@ -34,9 +38,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexid.frequency.frequency_response import FrequencyResponse
+    from flexid.identification.preparation.settings import Settings
     from flexid.library.logs import Columns, Logs, OneLog
     from flexid.library.prediction import Prediction
     from flexid.library.validation import EstimateValidation
+    from flexid.recording.recording import Log
+    from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
 
@@ -54,9 +61,32 @@ class JointEstimate(ReportedAnswer):
         The same as a document, if it was read from one.
     """
 
-    def __init__(self, result: Identification, document: Mapping[str, Any] | None = None) -> None:
+    _file = "estimate.json"
+
+    def __init__(
+        self,
+        result: Identification,
+        document: Mapping[str, Any] | None = None,
+        *,
+        made_from: "tuple[Sequence[Log], Settings] | None" = None,
+    ) -> None:
         self.result = result
         self._stored = document
+        self._made_from = made_from
+
+    def __getitem__(self, name: str) -> ValueEstimate:
+        """A parameter or coefficient by name."""
+        if name not in self._every:
+            raise SettingError(
+                name, f"the estimate has no such value{did_you_mean(name, self._every)}"
+            )
+        return self._every[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._every)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._every
 
     @property
     def model(self) -> str:
@@ -66,17 +96,17 @@ class JointEstimate(ReportedAnswer):
     @property
     def parameters(self) -> Mapping[str, ParameterEstimate]:
         """Physical parameters by name: value, unit, interval, verdict and reason of each."""
-        return self.result.parameters
+        return MappingProxyType(self.result.parameters)
 
     @property
     def coefficients(self) -> Mapping[str, CoefficientEstimate]:
         """Lumped coefficients of the model by name, likewise."""
-        return self.result.coefficients
+        return MappingProxyType(self.result.coefficients)
 
     @property
     def removed(self) -> Mapping[str, ParameterEstimate]:
         """Parameters that the model does without: how large they could be."""
-        return self.result.removed
+        return MappingProxyType(self.result.removed)
 
     @property
     def disturbances(self) -> Disturbances | None:
@@ -86,7 +116,7 @@ class JointEstimate(ReportedAnswer):
     @property
     def fit_percent(self) -> Mapping[str, float]:
         """By channel, how much of the held-out data a free run repeats, in per cent."""
-        return self.result.validation.fit_percent
+        return MappingProxyType(self.result.validation.fit_percent)
 
     @property
     def verdict(self) -> Verdict:
@@ -111,7 +141,17 @@ class JointEstimate(ReportedAnswer):
     @property
     def provenance(self) -> Mapping[str, Any]:
         """Version, settings, and the logs with their hashes."""
-        return self.result.provenance
+        return MappingProxyType(self.result.provenance)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Terms of the model beside the joint spring."""
+        return self.result.choices.terms
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """What was asked for, by option; what was ``"auto"`` is chosen from the log."""
+        return MappingProxyType(self.result.provenance.get("settings", {}))
 
     @cached_property
     def _every(self) -> dict[str, ValueEstimate]:
@@ -219,14 +259,17 @@ class JointEstimate(ReportedAnswer):
         explain : bool, optional
             Add the evidence for every choice.
         """
-        from flexid.report.explanation_table import explanation
-
-        return as_text([*self._parts(), *(explanation(self.result) if explain else ())])
+        return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.identification_table import identification_parts
 
         return identification_parts(self.result)
+
+    def _evidence(self) -> "Iterable[Part]":
+        from flexid.report.explanation_table import explanation
+
+        return explanation(self.result)
 
     @property
     def plot(self) -> EstimatePlots:
@@ -342,33 +385,33 @@ class JointEstimate(ReportedAnswer):
             self.result, given, frequency=frequency, position=position, level=level
         )
 
-    def save(self, path: "str | PathLike[str]") -> None:
-        """Write an ``estimate.json``, which `flexid.load` and the commands read.
-
-        Parameters
-        ----------
-        path : path
-            The file; one that is there is replaced.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
-        """
-        super().save(path)
-
-    def _page(self) -> "Page":
+    def _charts(self) -> "Sequence[Chart]":
         from flexid.report.identification_charts import identification_charts
+
+        return identification_charts(self.result)
+
+    def _page(self, command: str = "", out: str = "") -> "Page":
         from flexid.report.page.identification_page import identification_page
 
-        return identification_page(self.result, identification_charts(self.result))
+        stored = shlex.quote(str(Path(out) / self._file))
+        return identification_page(self.result, self._charts(), command, stored, self._advice())
+
+    def _advice(self) -> list[str]:
+        """What motion would determine more, where something is lacking: it takes some seconds."""
+        if self.verdict == "determined" or self._made_from is None:
+            return []
+        from flexid.experiment_design.excitation_report import look_into
+        from flexid.report.excitation_table import advice_lines
+
+        found = look_into(self.result, *self._made_from)
+        return [*advice_lines(found.advice, found.input_unit)]
 
     def __repr__(self) -> str:
-        verdicts = [p.verdict for p in self.parameters.values()]
-        determined = f"{verdicts.count('determined')} of {len(verdicts)} parameters determined"
+        verdicts = Counter(p.verdict for p in self.parameters.values())
+        determined = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
         fits = [fit for fit in self.fit_percent.values() if not np.isnan(fit)]
         worst = f", free run {min(fits):.1f} %" if fits else ""
-        return f"<JointEstimate: {self.model} joint, {determined}{worst}>"
+        return f"<JointEstimate: {self.model} joint, parameters: {determined}{worst}>"
 
     def _repr_html_(self) -> str:
         from flexid.report.digits import format_with_interval

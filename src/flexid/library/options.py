@@ -5,8 +5,9 @@ from collections.abc import Iterable, Mapping
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict
 
-from flexid.errors import ArgumentError
+from flexid.errors import ArgumentError, SettingError
 from flexid.library.checks import kind_of
+from flexid.models.arm_name import is_arm_file
 
 if TYPE_CHECKING:
     from flexid.identification.preparation.joint import Kind
@@ -62,6 +63,10 @@ def joint_settings(
     from flexid.identification.preparation.settings import Settings
 
     values, deviations = as_known(function, known)
+    if isinstance(model, str) and is_arm_file(model):
+        raise SettingError(
+            "model", f"{model!r} is an arm: only the command flexid identify takes it"
+        )
     if not isinstance(hold, str):
         raise ArgumentError(function, "hold", f"is {kind_of(hold)}: give a name such as 'zero'")
     if not isinstance(model, str):

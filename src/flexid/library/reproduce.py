@@ -1,18 +1,17 @@
 """The paper, run and checked: `flexid.reproduce`."""
 
 from collections.abc import Mapping
-from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer
-from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
+    from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
     from flexid.studies.huang2003.evidence import Claim
@@ -28,6 +27,8 @@ class PaperReproduction(ReportedAnswer):
         All runs, and what they amount to.
     """
 
+    _formats = ("png", "pdf")
+
     def __init__(self, result: "Reproduction") -> None:
         self.result = result
 
@@ -41,36 +42,20 @@ class PaperReproduction(ReportedAnswer):
 
         return reproduction_document(self.result)
 
-    def save_figures(self, directory: "str | PathLike[str]") -> None:
-        """Write the figures that ``flexid reproduce --out`` writes.
+    def _charts(self) -> "Sequence[Chart]":
+        from flexid.report.huang2003_charts import reproduction_charts
 
-        Parameters
-        ----------
-        directory : path
-            Where they go; made if it is not there.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written.
-        """
-        from flexid.report.charts.figure import save_charts
-        from flexid.report.documents import output_directory
-        from flexid.report.huang2003_charts import FORMATS, reproduction_charts
-
-        with output_directory(as_path("save_figures", "directory", directory)) as files:
-            save_charts(reproduction_charts(self.result), files, FORMATS)
+        return reproduction_charts(self.result)
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.huang2003_table import reproduction_parts
 
         return reproduction_parts(self.result)
 
-    def _page(self) -> "Page":
-        from flexid.report.huang2003_charts import reproduction_charts
+    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
         from flexid.report.page.reproduction_page import reproduction_page
 
-        return reproduction_page(self.result, reproduction_charts(self.result))
+        return reproduction_page(self.result, self._charts())
 
     def __repr__(self) -> str:
         verdicts = [claim.verdict for claim in self.claims]
@@ -80,7 +65,9 @@ class PaperReproduction(ReportedAnswer):
 @entrance
 @in_one_thread
 def reproduce(*, progress: Progress = silent) -> PaperReproduction:
-    """Reproduce Huang (2003): Table I, Figures 1 to 5, the readings, every claim.
+    """Reproduce the paper, and check its claims.
+
+    Huang (2003): Table I, Figures 1 to 5, both readings of its control law, and every claim.
 
     Parameters
     ----------

@@ -3,22 +3,23 @@
 from collections.abc import Mapping
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexid.library.answer import ReportedAnswer, data_frame, html_figure
+from flexid.library.answer import ReportedAnswer, data_frame
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
-from flexid.library.logs import all_logs
 from flexid.library.options import as_mapping, as_number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.figure import Figure
 
     from flexid.experiments.experiment import Experiment
     from flexid.experiments.measures import Measures
     from flexid.recording.recording import Log
+    from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
     from flexid.simulation.run import Run
@@ -34,6 +35,8 @@ class SimulatedRun(ReportedAnswer):
     result : Run
         What it did, with all states, inputs and estimates as arrays.
     """
+
+    _file = "run.json"
 
     def __init__(self, experiment: "Experiment", result: "Run") -> None:
         self.experiment = experiment
@@ -72,40 +75,45 @@ class SimulatedRun(ReportedAnswer):
             If the model is none of a joint.
         """
         from flexid.experiments.run_columns import log_columns
+        from flexid.library.logs import all_logs
 
         return all_logs("log", log_columns(self.result), None)[0]
 
     def plot_motion(self) -> "Figure":
         """Reference and tracked state, the error between them, and the inputs."""
         from flexid.report.charts.figure import draw
-        from flexid.report.run_charts import motion_chart
 
-        return draw(motion_chart(self.experiment.name, self.result))
+        return draw(self._charts()[0])
 
     def plot_estimates(self) -> "Figure":
         """Every estimate over time, with the true value and the band in which it is settled."""
         from flexid.report.charts.figure import draw
-        from flexid.report.run_charts import observer_chart
 
-        return draw(observer_chart(self.experiment.name, self.result))
+        return draw(self._charts()[1])
+
+    def _charts(self) -> "Sequence[Chart]":
+        from flexid.report.run_charts import run_charts
+
+        return run_charts(self.experiment.name, self.result)
+
+    def _write_data(self, directory: Path, *, csv: bool) -> None:
+        from flexid.report.run_series import save_run_series
+
+        save_run_series(self.result, directory, csv)
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.run_table import run_parts
 
         return run_parts(self.experiment, self.result, self.measures)
 
-    def _page(self) -> "Page":
+    def _page(self, command: str = "", out: str = "") -> "Page":
         from flexid.report.page.run_page import run_page
-        from flexid.report.run_charts import run_charts
 
-        charts = run_charts(self.experiment.name, self.result)
-        return run_page(self.experiment, self.result, self.measures, charts)
+        log = str(Path(out) / "log.parquet") if out else ""
+        return run_page(self.experiment, self.result, self.measures, self._charts(), command, log)
 
     def __repr__(self) -> str:
         return f"<SimulatedRun: {self.experiment.name}, {self.result.time[-1]:g} s>"
-
-    def _repr_html_(self) -> str:
-        return super()._repr_html_() + html_figure(self.plot_motion())
 
 
 @entrance
@@ -114,14 +122,17 @@ def simulate(
     *,
     set: Mapping[str, float] | None = None,  # noqa: A002 - as the command calls it
 ) -> SimulatedRun:
-    """Simulate an experiment: plant, controller and observer, with all values from a file.
+    """Simulate a closed loop with an observer, from a file.
+
+    Plant, controller, reference, observer, sensors and noise stand in the experiment file.
 
     Parameters
     ----------
     experiment : path
         A TOML file.
     set : mapping of str to float, optional
-        Numbers in the file that are to be others, by dotted path: ``{"controller.k": 30.0}``.
+        Numbers that replace those of the file, by dotted path. For example
+        ``{"controller.k": 30.0}``.
 
     Returns
     -------

@@ -1,25 +1,26 @@
 """A stored estimate, or one at hand, on other logs."""
 
 from collections.abc import Mapping
+from math import isnan
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
-from flexid.library.answer import ReportedAnswer, data_frame, html_figure, html_paragraph
+from flexid.library.answer import ReportedAnswer, data_frame
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
-from flexid.library.logs import all_logs
 from flexid.library.threads import in_one_thread
 from flexid.library.validation_plots import ValidationPlots
-from flexid.stored_estimates import validate_estimate as worker
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
+    from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
+    from flexid.stored_estimates.validate_estimate import EstimateValidation as Validated
 
 
 class EstimateValidation(ReportedAnswer):
@@ -33,7 +34,9 @@ class EstimateValidation(ReportedAnswer):
         What was found.
     """
 
-    def __init__(self, result: worker.EstimateValidation) -> None:
+    _file = "validation.json"
+
+    def __init__(self, result: "Validated") -> None:
         self.result = result
 
     @property
@@ -60,6 +63,17 @@ class EstimateValidation(ReportedAnswer):
     def warnings(self) -> tuple[str, ...]:
         """What limits the test."""
         return self.result.warnings
+
+    def supports(self, min_fit: float | None = None) -> bool:
+        """Whether the free run explains enough of every channel that moves.
+
+        Parameters
+        ----------
+        min_fit : float, optional
+            Least fit in per cent of the free run; any will do if not given.
+        """
+        moving = [fit for fit in self.fit_percent.values() if not isnan(fit)]
+        return min_fit is None or (bool(moving) and min(moving) >= min_fit)
 
     @property
     def plot(self) -> ValidationPlots:
@@ -101,21 +115,20 @@ class EstimateValidation(ReportedAnswer):
 
         return validation_parts(self.result)
 
-    def _page(self) -> "Page":
-        from flexid.report.page.validation_page import validation_page
+    def _charts(self) -> "Sequence[Chart]":
         from flexid.report.residual_chart import residual_chart
         from flexid.report.validation_chart import validation_chart
 
-        charts = (validation_chart(self.result), residual_chart(self.result))
-        return validation_page(self.result, charts)
+        return (validation_chart(self.result), residual_chart(self.result))
+
+    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
+        from flexid.report.page.validation_page import validation_page
+
+        return validation_page(self.result, self._charts(), command)
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{channel} {fit:.1f} %" for channel, fit in self.fit_percent.items())
         return f"<EstimateValidation: free run {fits}>"
-
-    def _repr_html_(self) -> str:
-        warnings = "".join(html_paragraph(f"Warning: {text}") for text in self.warnings)
-        return super()._repr_html_() + warnings + html_figure(self.plot.fit())
 
 
 @entrance
@@ -126,7 +139,7 @@ def validate(
     *,
     columns: "Columns | None" = None,
 ) -> EstimateValidation:
-    """Predict other logs of the same drive with an estimate as it is.
+    """Predict other logs of the same drive with an estimate.
 
     Nothing is fitted but the state at the start of each prediction, which is taken from the half
     second before it. Predictions begin all over each log, for 0.05, 0.2, 1 and 5 s, and once for
@@ -135,11 +148,12 @@ def validate(
     Parameters
     ----------
     estimate : JointEstimate, path or mapping
-        What `flexid.identify` returned, an ``estimate.json``, or the content of one.
+        An estimate.json of flexid identify, or the folder that holds it. Or what `flexid.identify`
+        returned, or the content of a file.
     logs : log or list of logs
-        As `flexid.read_log` takes them, with the same kind of input.
+        Logs of the same drive, with the same kind of input. As `flexid.read_log` takes them.
     columns : path or mapping, optional
-        A column map for raw sensor columns, as `flexid.identify` takes it.
+        A column map for raw sensor columns. As `flexid.identify` takes it.
 
     Returns
     -------
@@ -155,9 +169,12 @@ def validate(
     ArgumentError
         If an argument is of a wrong type.
     """
+    from flexid.library.logs import all_logs
+    from flexid.stored_estimates.validate_estimate import validate_estimate
+
     stored = stored_estimate("validate", estimate)
     read = all_logs("validate", logs, columns)
-    return EstimateValidation(worker.validate_estimate(stored, read))
+    return EstimateValidation(validate_estimate(stored, read))
 
 
 def stored_estimate(function: str, estimate: Any) -> Any:

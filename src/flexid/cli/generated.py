@@ -1,0 +1,193 @@
+"""Commands made from functions of the library: signature, defaults and docstring become options."""
+
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperArgument, TyperCommand
+
+from flexid.cli.exit_status import ExitStatus
+from flexid.cli.options import ARGUMENTS, FLAGS, OPTIONS, AsJson, directory, sentences
+from flexid.cli.output import hand_over, output
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from flexid.library.answer import Answer
+
+_OF_PYTHON = ("progress", "thresholds")  # parameters that only a program can give
+
+Options = Mapping[str, Any]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a command is beside the function of the library that it calls."""
+
+    name: str  # of both
+    examples: tuple[str, ...]
+    status: str  # what its exit status says
+    doing: str = ""  # shown while it works
+    writes: str = ""  # with --out
+    flags: tuple[str, ...] = ()  # of `FLAGS`
+    notes: str = ""  # a paragraph of the help
+    more: str = ""  # what shows the warnings after the first three
+    done: Callable[["Any", Options], bool] = lambda _answer, _flags: True  # or exit status 1
+    run: "Callable[[Command, Options, Options], None] | None" = None  # in place of `present`
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The function of the library."""
+        import flexid
+
+        return getattr(flexid, self.name)
+
+
+def register(app: typer.Typer, command: Command) -> None:
+    """Add a command to the command line."""
+    documented = inspect.getdoc(command.function) or ""
+    head, _, rest = documented.partition("\n\n")
+    said = [sentences(part) for part in _prose(rest)]
+    body = [head, *said, command.notes, f"Exit status: {command.status}"]
+    epilog = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
+
+    def call(**given: Any) -> None:
+        flags = {
+            name: given.pop(name) for name in (*command.flags, "out", "as_json") if name in given
+        }
+        if "out" in _parameters(command):
+            given["out"] = flags.pop("out", None)
+        (command.run or present)(command, _converted(command, given), flags)
+
+    parameters = [*_from_library(command, documented), *_of_printing(command)]
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] - read by Typer
+    call.__annotations__ = {p.name: p.annotation for p in parameters}
+    call.__doc__ = "\n\n".join(filter(None, body))
+    app.command(command.name, cls=PlainCommand, short_help=head, epilog="\n".join(epilog))(call)
+
+
+class PlainCommand(TyperCommand):
+    """A command whose help shows its arguments without their Python types."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        for parameter in self.params:
+            if isinstance(parameter, TyperArgument):
+                setattr(parameter, "display_type_rich", lambda ctx: None)  # noqa: ARG005, B010
+
+
+def present(command: Command, options: Options, flags: Options) -> None:
+    """Call the library, print the answer, write its files, and end with its exit status."""
+    show(command, flags, lambda progress: called(command, options, progress))
+
+
+def called(command: Command, options: Options, progress: Progress) -> Any:
+    """What the library answers."""
+    if "progress" in _parameters(command):
+        return command.function(**options, progress=progress)
+    return command.function(**options)
+
+
+def show(command: Command, flags: Options, work: "Callable[[Progress], Answer]") -> None:
+    """Print what a piece of work comes to, write its files, and end with its exit status."""
+    from rich.console import Console
+
+    errors = Console(stderr=True)
+    with output(flags.get("out")) as files:
+        with working(errors, command.doing) as progress:
+            answer = work(progress)
+        rest = "" if flags.get("explain") else command.more
+        with working(errors, "drawing" if files else ""):
+            hand_over(answer, flags, files, errors, rest)
+    if not command.done(answer, flags):
+        raise typer.Exit(ExitStatus.LACKING)
+
+
+@contextmanager
+def working(errors: "Console", doing: str) -> Iterator[Progress]:
+    """Say on a terminal what goes on; gives what takes each step in words."""
+    if not doing:
+        yield lambda _step: None
+        return
+    first = f"{doing} (the first run on a machine compiles for up to a minute)"
+    with errors.status(first) as status:
+        yield lambda step: status.update(f"{doing}: {step}")
+
+
+def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(command.function).parameters
+
+
+def _from_library(command: Command, documented: str) -> Iterator[inspect.Parameter]:
+    described = _described(documented)
+    for name, parameter in _parameters(command).items():
+        if name in _OF_PYTHON:
+            continue
+        named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        option = (OPTIONS if named else ARGUMENTS)[name]
+        choices, words = described[name]
+        text = f"{sentences(words)} {option.note}".strip()
+        default = shown_default(parameter.default)
+        if named:
+            declared = [f"--{name.replace('_', '-')}"]
+            metavar = option.metavar or (f"<{choices}>" if choices else None)
+            info: Any = typer.Option(*declared, metavar=metavar, help=text)
+        else:
+            info = typer.Argument(metavar=option.metavar, help=text, show_default=False)
+        annotation = Annotated[option.kind, info]
+        yield inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
+        )
+
+
+def _of_printing(command: Command) -> Iterator[inspect.Parameter]:
+    flags = {name: FLAGS[name] for name in command.flags}
+    if command.writes:
+        text = f"Write {command.writes} into this directory."
+        option = typer.Option(metavar="DIR", parser=directory, help=text)
+        flags["out"] = (Annotated[Any, option], None)
+    flags["as_json"] = (AsJson, False)
+    for name, (annotation, default) in flags.items():
+        yield inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
+        )
+
+
+def shown_default(default: Any) -> Any:
+    """A default as the help has it: a float with three digits."""
+    return float(f"{default:.3g}") if isinstance(default, float) else default
+
+
+def _converted(command: Command, given: Options) -> dict[str, Any]:
+    """What the library takes; what is as usual is left to the library."""
+    found = {}
+    for name, value in given.items():
+        parameter = _parameters(command)[name]
+        if value is not None and value != shown_default(parameter.default):
+            named = parameter.kind is inspect.Parameter.KEYWORD_ONLY
+            option = (OPTIONS if named else ARGUMENTS)[name]
+            found[name] = option.convert(f"--{name.replace('_', '-')}", value)
+    return found
+
+
+def _prose(text: str) -> Iterator[str]:
+    """Paragraphs of a docstring before its first section."""
+    yield from re.split(r"\n[A-Z]\w+\n-{3,}", f"\n{text}")[0].strip().split("\n\n")
+
+
+def _described(documented: str) -> dict[str, tuple[str, str]]:
+    """Choices and description of each parameter of a docstring."""
+    section = re.search(r"\nParameters\n-+\n(.*?)(\n\n\w+\n-+\n|\Z)", documented, re.DOTALL)
+    found = {}
+    entry = re.compile(r"^(\w[\w, ]*) : (.*)\n((?: .*\n?)+)", re.MULTILINE)
+    for names, kind, words in entry.findall(section[1] if section else ""):
+        choices = re.match(r"\{(.*)\}", kind)
+        listed = "|".join(re.findall(r'"(\w+)"', choices[1])) if choices else ""
+        for name in names.split(","):
+            found[name.strip()] = (listed, words)
+    return found
