@@ -1,5 +1,6 @@
 """Estimates whose covariance is known: drawn about a drive, as a log would give them."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.intervals import interval, propagated
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
+from flexid.report.documents import identification_document, to_json
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 RELATIVE = 0.01
@@ -131,3 +133,20 @@ def with_parameter(estimate, name, **changed):
     parameters = dict(estimate.parameters)
     parameters[name] = replace(parameters[name], **changed)
     return replace(estimate, parameters=parameters)
+
+
+def stored_value(value, **changed):
+    """A coefficient or a parameter as a file has it."""
+    ends = {"std": 0.0, "interval": [value, value], "degrees_of_freedom": None}
+    about = {"unit": "", "verdict": "determined", "reason": "", "logarithmic": False, "slopes": {}}
+    return {"value": value, **ends, **about, **changed}
+
+
+def stored_document(coefficients, parameters=None):
+    """What a file holds of an estimate with these values, none of which was fitted."""
+    document = json.loads(to_json(identification_document(exact(TRUE, "another log"))))
+    kinds = {"coefficients": coefficients, "parameters": parameters or {}}
+    document["fit"] = {"names": [], "values": [], "covariance": [], "degrees_of_freedom": []}
+    for kind, values in kinds.items():
+        document[kind] = {name: stored_value(value) for name, value in values.items()}
+    return document

@@ -56,10 +56,11 @@ def validated(content: object, schema: type[Content], refuse: Refuse) -> Content
     try:
         return schema.model_validate(content)
     except ValidationError as error:
-        raise refuse(*_first_complaint(error, content)) from None
+        raise refuse(*first_complaint(error, content)) from None
 
 
-def _first_complaint(error: "ValidationError", content: object) -> tuple[str, str]:
+def first_complaint(error: "ValidationError", content: object) -> tuple[str, str]:
+    """The key of the content that is wrong first, and the reason, a predicate."""
     # A misspelt key is missing too; its own spelling says more.
     first = min(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
     key = _key(first["loc"], content, first["type"] == "missing")
@@ -67,7 +68,8 @@ def _first_complaint(error: "ValidationError", content: object) -> tuple[str, st
         return key, "is missing: add it"
     if first["type"] == "extra_forbidden":
         return key, "is unknown: remove it or correct its spelling"
-    if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
+    tables = ("model_type", "model_attributes_type", "dict_type", "mapping_type", "dataclass_type")
+    if first["type"] in tables:
         return key, "must be a table: correct it"
     if first["type"].startswith("union_tag"):  # the key that says what kind of table it is
         context = {name: str(text).replace("'", "") for name, text in first.get("ctx", {}).items()}

@@ -8,8 +8,7 @@ import pytest
 from flexid.errors import SettingError
 from flexid.experiment_design.drive_file import read_drive
 from flexid.models.physical import lumped_coefficients, physical_parameters
-from flexid.report.documents import identification_document, to_json
-from made_estimates import TRUE, exact
+from made_estimates import stored_document, stored_value
 
 PARAMETERS = {
     "gravity_torque": 5.0,
@@ -81,11 +80,9 @@ def stored(tmp_path):
     """Write the estimate of Table I's joint with some parameters changed, and return its path."""
 
     def write(terms=("gravity", "motor_viscous"), **changed):
-        document = json.loads(to_json(identification_document(exact(TRUE, "a log"))))
-        of_any = document["parameters"]["joint_stiffness"]
+        document = stored_document({}, {"joint_stiffness": 100.0, "link_inertia": 1.0})
         for name, changes in changed.items():
-            own = document["parameters"].get(name, of_any)
-            document["parameters"][name] = {**own, **changes}
+            document["parameters"][name] = stored_value(100.0) | changes
         document["choices"]["terms"] = terms
         path = tmp_path / "estimate.json"
         path.write_text(json.dumps(document))

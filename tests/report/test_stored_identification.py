@@ -15,6 +15,7 @@ from flexid.stored_estimates.estimate_file import (
     read_estimate,
     stored_identification,
 )
+from made_estimates import TRUE, exact
 
 SERIES = ("observer", "validation", "excitation", "fit")
 
@@ -98,6 +99,7 @@ def test_a_newer_file_is_refused(document):
         (("least_squares",), {"zeta": 1.0}),
         (("parameters", "gravity_torque", "slopes"), {"zeta": 1.0}),
         (("validation", "horizons"), {"0.05": {}}),
+        (("coefficients", "theta1", "value"), 5.1),
         (("coefficients", "theta1", "value"), 1e308),
         (("coefficients", "theta1", "value"), 1e-308),
     ],
@@ -112,3 +114,13 @@ def test_a_file_that_was_altered_is_refused(document, keys, value):
     with pytest.raises(SettingError, match=keys[-1]) as caught:
         stored_identification(read_estimate(altered))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("name", "value"), [("joint_stiffness", -100.0), ("link_inertia", 2.0)])
+def test_a_parameter_that_contradicts_its_coefficients_is_refused(name, value):
+    """Assert that numbers that were altered by hand are no estimate."""
+    document = json.loads(to_json(identification_document(exact(TRUE, "a log"))))
+    assert stored_identification(read_estimate(document)).parameters[name].value > 0.0
+    document["parameters"][name]["value"] = value
+    with pytest.raises(SettingError, match=rf"{name}.*follows from the coefficients"):
+        stored_identification(read_estimate(document))

@@ -1,7 +1,6 @@
 """A stored estimate on other logs: its answers again, and one sentence for what is none."""
 
 import json
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from flexid.recording.read import read_log
 from flexid.report.documents import identification_document, to_json
 from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.validate_estimate import validate_estimate
+from made_estimates import stored_document, stored_value
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 STEP = 0.002
@@ -42,22 +42,9 @@ def write_flexible(path, seed=0, duration=8.0, true=TRUE, unit="motor_torque [N 
     return read_log(path)
 
 
-def stored(**changed):
-    """Table I's joint as a document."""
-    document = {
-        "format_version": 1,
-        "model": "flexible",
-        "coefficients": {name: {"value": value} for name, value in TRUE.items()},
-        "choices": {
-            "terms": ["gravity", "motor_viscous"],
-            "hold": "zero",
-            "input_delay": {"value": 0.0},
-            "link_delay": {"value": 0.0},
-            "coulomb_velocity": None,
-        },
-    }
-    document.update(changed)
-    return deepcopy(document)
+def stored(coefficients=TRUE):
+    """A joint as a document; Table I's if not given."""
+    return stored_document(coefficients)
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +125,7 @@ def test_shapes_need_their_widths(log):
     """Assert that backlash of no size changes nothing, and that its width must be there."""
     document = stored()
     for name in ("alpha_backlash", "theta_backlash"):
-        document["coefficients"][name] = {"value": 0.0}
+        document["coefficients"][name] = stored_value(0.0)
     document["choices"]["terms"].append("backlash")
     for shapes in ({}, {"backlash_width": 0.0}, {"backlash_width": -1e-4}):
         document["choices"]["shapes"] = shapes
@@ -153,7 +140,9 @@ def test_shapes_need_their_widths(log):
 def test_offsets_of_several_logs(log):
     """Assert that offsets found log by log are averaged, and that this is said."""
     document = stored()
-    document["coefficients"] |= {f"alpha_offset[{n}]": {"value": v} for n, v in ((1, 2), (2, -2))}
+    document["coefficients"] |= {
+        f"alpha_offset[{n}]": stored_value(v) for n, v in ((1, 2), (2, -2))
+    }
     document["choices"]["terms"].append("motor_offset")
     found = validate_estimate(document, [log])
     assert found.fit_percent == pytest.approx(validate_estimate(stored(), [log]).fit_percent)
@@ -170,8 +159,8 @@ def test_a_rigid_joint(tmp_path):
     noise = NOISE * np.random.default_rng(1).standard_normal(len(t))
     np.savetxt(path, np.column_stack([t, x[:, 0] + noise, u]), delimiter=",", header=header)
     path.write_text(path.read_text().removeprefix("# "))
-    rigid = stored(model="rigid", coefficients={c: {"value": v} for c, v in true.items()})
-    rigid["choices"]["terms"] = ["gravity"]
+    rigid = stored(true)
+    rigid["model"], rigid["choices"]["terms"] = "rigid", ["gravity"]
     found = validate_estimate(rigid, [read_log(path)])
     assert set(found.fit_percent) == {"motor_position"}
     assert found.residuals[0.05]["motor_position"] == pytest.approx(NOISE, rel=0.15)
@@ -237,7 +226,7 @@ def with_value(value, *keys):
         (with_value(None, "coefficients", "beta1", "value"), "value"),
         (with_value(float("nan"), "coefficients", "beta1", "value"), "value"),
         (with_value("3", "coefficients", "beta1", "value"), "value"),
-        (with_value({"value": 1.0}, "coefficients", "gamma1"), "gamma1"),
+        (with_value(stored_value(1.0), "coefficients", "gamma1"), "gamma1"),
         (with_value(["stiction"], "choices", "terms"), "stiction"),
         (with_value("spline", "choices", "hold"), "hold"),
         (with_value(1e9, "choices", "input_delay", "value"), "input_delay"),
@@ -287,7 +276,7 @@ def test_the_command(flexid, tmp_path):
     assert max(map(len, outcome.stdout.splitlines())) <= 100
     assert "free run" in outcome.stdout
     names = {file.name for file in (tmp_path / "out").iterdir()}
-    assert names == {"report.html", "validation.json", "validation.png"}
+    assert names == {"report.html", "validation.json", "validation.png", "residuals.png"}
     document = json.loads((tmp_path / "out" / "validation.json").read_text())
     assert set(document["residuals"]) == {"0.05", "0.2", "1", "5", "free"}
     assert document["provenance"]["inputs"][0]["file"] == str(tmp_path / "log.csv")

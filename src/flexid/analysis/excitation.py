@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexid.arrays import FloatArray
 from flexid.symmetric import eigen
 
 WEAK_CONDITION = 1e3
@@ -29,7 +30,7 @@ class Excitation:
     row: str  # name of the row
     coefficients: tuple[str, ...]  # names of the row's coefficients, n of them
     # (n,), of the normalised Gram matrix (unit diagonal), largest first; dimensionless
-    singular_values: NDArray[np.float64]
+    singular_values: FloatArray
     # smallest eigenvalue of the mean of r rᵀ, in the regressors' own units: the level of
     # persistent excitation
     level: float
@@ -37,7 +38,7 @@ class Excitation:
     confounded: tuple[str, ...]
     # (n,), the worst excited direction, in the coefficients' own units and of arbitrary length: a
     # step along it changes the motion the least
-    direction: NDArray[np.float64]
+    direction: FloatArray
     # largest correlation, in absolute value, between the estimates of two coefficients
     correlation: float
     # the two coefficients of that correlation; empty when there is only one

@@ -1,6 +1,7 @@
 """A stored estimate, or one at hand, on other logs."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import isnan
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -81,9 +82,11 @@ class EstimateValidation(ReportedAnswer):
         return ValidationPlots(self.result)
 
     def _document(self) -> Mapping[str, Any]:
-        from flexid.report.validation_document import validation_document
+        from flexid.report.documents import plain
 
-        return validation_document(self.result)
+        document = plain(replace(self.result, runs=()))
+        del document["runs"]
+        return document
 
     def to_dataframe(self, backend: str = "polars") -> Any:
         """Fits and residuals as a data frame.

@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +19,7 @@ from flexid.errors import SettingError
 from flexid.stored_estimates.estimate_file import FORMAT_VERSION
 
 if TYPE_CHECKING:  # most documents are not an identification's
-    from flexid.identification.result.identification import Choices, Identification
-    from flexid.identification.vocabulary.evidence import CoefficientEstimate, ParameterEstimate
+    from flexid.identification.result.identification import Identification
 
 
 def identification_document(result: Identification) -> dict[str, Any]:
@@ -28,111 +27,52 @@ def identification_document(result: Identification) -> dict[str, Any]:
 
     `flexid.stored_estimates.estimate_file.stored_identification` is the way back.
     """
+    validation, observer = result.validation, result.observer
+    document = plain(replace(result, recordings=(), validation=replace(validation, runs=())))
+    del document["recordings"], document["validation"]["runs"]
+    for kind in ("coefficients", "parameters", "removed"):
+        for estimate in document[kind].values():
+            del estimate["name"]
+    final = dict(zip(observer.names, observer.estimates[-1], strict=True))
     return {
         "format_version": FORMAT_VERSION,
-        "coefficients": _estimates_document(result.coefficients),
-        "parameters": _estimates_document(result.parameters),
-        "removed": _estimates_document(result.removed),
-        "fit": {
-            "names": list(result.fit.names),
-            "values": result.fit.values.tolist(),
-            "covariance": result.fit.covariance.tolist(),
-            "degrees_of_freedom": list(result.fit.degrees_of_freedom),
-        },
+        **document,
         "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
-        "residual_excess": dict(result.residual_excess),
-        "model_error": asdict(result.model_error),
-        "disturbances": asdict(result.disturbances) if result.disturbances else None,
-        "validation": {
-            "fit_percent": dict(result.validation.fit_percent),
-            "horizons": {
-                f"{horizon:g}": dict(fits) for horizon, fits in result.validation.horizons.items()
-            },
-        },
-        "observer": {
-            "final": dict(
-                zip(result.observer.names, map(float, result.observer.estimates[-1]), strict=True)
-            ),
-            "gains": dict(result.observer.gains),
-        },
-        "model": result.model,
-        "least_squares": dict(result.least_squares),
-        "compliance": {
-            "visible": result.compliance.visible,
-            "reason": result.compliance.reason,
-            "rigid_fit_percent": dict(result.compliance.rigid_fit_percent),
-            "deflection": result.compliance.deflection,
-            "deflection_noise": result.compliance.deflection_noise,
-        },
-        "choices": _choices_document(result.choices),
-        "summary": list(result.summary),
-        "warnings": list(result.warnings),
-        "provenance": dict(result.provenance),
-    }
-
-
-def _estimates_document(
-    estimates: Mapping[str, CoefficientEstimate] | Mapping[str, ParameterEstimate],
-) -> dict[str, Any]:
-    return {
-        name: {
-            "value": e.value,
-            "std": e.std,
-            "interval": list(e.interval),
-            "unit": e.unit,
-            "verdict": e.verdict,
-            "reason": e.reason,
-            "degrees_of_freedom": e.degrees_of_freedom,
-            "logarithmic": e.logarithmic,
-            "slopes": dict(e.slopes),
-        }
-        for name, e in estimates.items()
-    }
-
-
-def _choices_document(choices: Choices) -> dict[str, Any]:
-    alignment = choices.alignment
-    return {
-        "terms": list(choices.terms),
-        "hold": choices.hold,
-        "hold_reason": alignment.hold_reason,
-        "input_delay": asdict(alignment.input_delay),
-        "link_delay": asdict(alignment.link_delay),
-        "coulomb_velocity": choices.coulomb_velocity,
-        "filter_rate": choices.filter_rate,
-        "estimator": choices.estimator,
-        "segment_duration": choices.segment_duration,
-        "term_evidence": [asdict(e) for e in choices.term_evidence],
-        "shapes": dict(choices.shapes),
-        "segment_evidence": [asdict(e) for e in choices.segment_evidence],
+        "observer": plain({"final": final, "gains": observer.gains}),
+        "choices": document["choices"] | document["choices"].pop("alignment"),
     }
 
 
 def excitation_summary(excitation: Excitation) -> dict[str, Any]:
     """Excitation of one row, ready for JSON."""
-    return {
-        "coefficients": list(excitation.coefficients),
-        "condition_number": excitation.condition_number,
-        "singular_values": excitation.singular_values.tolist(),
-        "direction": excitation.direction.tolist(),
-        "level": excitation.level,
-        "confounded": list(excitation.confounded),
-        "correlated": list(excitation.correlated),
-        "correlation": excitation.correlation,
-    }
+    summary = plain(excitation) | {"condition_number": plain(excitation.condition_number)}
+    del summary["row"]
+    return summary
 
 
 def to_json(document: Mapping[str, Any]) -> str:
     """Text of a document; numbers that JSON does not have become null."""
-    return json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _finite(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """What JSON has for a value: tables for dataclasses, lists for arrays, null for no number."""
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {_key(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [plain(item) for item in value]
+    if callable(listed := getattr(value, "tolist", None)):  # an array, or a number of NumPy
+        return plain(listed())
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _key(key: Any) -> Any:
+    """A key; a horizon in s as a number, and that of a free run, which has no end, in a word."""
+    if isinstance(key, float):
+        return "free" if math.isinf(key) else f"{key:g}"
+    return key
 
 
 def write_document(path: Path, text: str) -> None:

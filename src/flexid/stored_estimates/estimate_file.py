@@ -1,26 +1,24 @@
-"""Files that hold an identification: read, checked for their version, made a result once more."""
+"""Files that hold an identification: read, checked for their version, made a result once more.
+
+What a file holds is an `Identification` without its time series, as `identification_document` of
+`flexid.report.documents` writes it: the dataclasses are its schema.
+"""
 
 import json
 from collections.abc import Mapping
-from functools import partial
+from functools import cache, partial
 from math import inf, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexid.errors import SettingError
 from flexid.files import read_bytes
-from flexid.toml_file import Refuse, validated
+from flexid.toml_file import Refuse, first_complaint, validated
 
 if TYPE_CHECKING:
-    from flexid.identification.result.identification import Choices, Identification
-    from flexid.identification.vocabulary.evidence import ValueEstimate
-    from flexid.stored_estimates.identification_schema import (
-        StoredDelay,
-        StoredIdentification,
-        StoredValue,
-    )
+    from pydantic import TypeAdapter
+
+    from flexid.identification.result.identification import Identification
 
 FORMAT_VERSION = 1
 """Of the files that this version writes, and the newest that it reads."""
@@ -32,7 +30,15 @@ USUAL_NAME = "estimate.json"
 
 WANTED = "an estimate.json of flexid identify"
 
-_Value = TypeVar("_Value", bound="ValueEstimate")
+_ALIGNMENT = ("hold", "input_delay", "link_delay", "hold_reason")  # of the choices
+
+_MISSING = {
+    **dict.fromkeys(("std", "covariance", "degrees_of_freedom"), inf),
+    **dict.fromkeys(("value", "values", "probability", "segment_evidence", "estimates"), nan),
+    **dict.fromkeys(("fit_percent", "horizons", "rigid_fit_percent"), nan),
+    **dict.fromkeys(("deflection", "deflection_noise"), nan),
+}
+"""What null stands for, by key: for a number that JSON does not have."""
 
 
 class EstimateFile(NamedTuple):
@@ -51,7 +57,10 @@ class EstimateFile(NamedTuple):
 
 
 def read_estimate(estimate: Path | str | Mapping[str, Any]) -> EstimateFile:
-    """Read a stored estimate."""
+    """A stored estimate: a file, the folder that holds it, or its content.
+
+    A `SettingError` if it cannot be read, is no estimate, or is of a newer version.
+    """
     if isinstance(estimate, Mapping):
         raw = json.dumps(estimate, default=str).encode()
         return _checked(EstimateFile("estimate", raw, dict(estimate)))
@@ -81,132 +90,76 @@ def _checked(file: EstimateFile) -> EstimateFile:
 
 
 def stored_identification(file: EstimateFile) -> "Identification":
-    """The identification that a file holds; its time series, which are not stored, are empty."""
-    from flexid.analysis.excitation import Excitation
+    """The identification that a file holds; its time series, which are not stored, are empty.
+
+    A `SettingError` if a part is missing or is not what it should be.
+    """
+    from pydantic import ValidationError
+
+    from flexid.stored_estimates.consistency import check_consistency
+    from flexid.stored_estimates.provenance_schema import StoredProvenance
+
+    provenance = file.content.get("provenance", {})
+    validated(provenance, StoredProvenance, lambda key, why: file.refuse(f"provenance.{key}", why))
+    content = json.dumps(_numbers(_as_dataclasses(file.content), None))
+    try:
+        found = _schema().validate_json(content, strict=True)
+    except ValidationError as error:
+        raise file.refuse(*first_complaint(error, file.content)) from None
+    check_consistency(found, file.refuse)
+    return found
+
+
+@cache
+def _schema() -> "TypeAdapter[Identification]":
+    from pydantic import TypeAdapter
+
     from flexid.identification.result.identification import Identification
-    from flexid.identification.vocabulary.estimate import Estimate
-    from flexid.identification.vocabulary.evidence import (
-        CoefficientEstimate,
-        Compliance,
-        Disturbances,
-        ModelError,
-        ObserverTrace,
-        ParameterEstimate,
-        Validation,
-    )
-    from flexid.stored_estimates.identification_schema import StoredIdentification
 
-    stored = validated(file.content, StoredIdentification, file.refuse)
-    validation = stored.validation
-    return Identification(
-        model=stored.model,
-        coefficients=_values(CoefficientEstimate, stored.coefficients),
-        parameters=_values(ParameterEstimate, stored.parameters),
-        least_squares=stored.least_squares,
-        excitation={
-            row: Excitation(
-                row,
-                tuple(e.coefficients),
-                np.array(e.singular_values),
-                e.level,
-                tuple(e.confounded),
-                np.array(e.direction),
-                e.correlation,
-                tuple(e.correlated),
-            )
-            for row, e in stored.excitation.items()
-        },
-        residual_excess=stored.residual_excess,
-        model_error=ModelError(**stored.model_error.model_dump()),
-        validation=Validation(
-            _known(validation.fit_percent),
-            (),
-            {float(horizon): _known(fits) for horizon, fits in validation.horizons.items()},
-        ),
-        compliance=Compliance(
-            stored.compliance.visible,
-            stored.compliance.reason,
-            _known(stored.compliance.rigid_fit_percent),
-            _number(stored.compliance.deflection, nan),
-            _number(stored.compliance.deflection_noise, nan),
-        ),
-        observer=ObserverTrace(
-            np.empty(0),
-            tuple(stored.observer.final),
-            np.empty((0, len(stored.observer.final))),
-            stored.observer.gains,
-        ),
-        removed=_values(ParameterEstimate, stored.removed),
-        fit=Estimate(
-            tuple(stored.fit.names),
-            np.array([_number(x, nan) for x in stored.fit.values]),
-            np.array([[_number(x, inf) for x in line] for line in stored.fit.covariance]),
-            tuple(_number(x, inf) for x in stored.fit.degrees_of_freedom),
-        ),
-        choices=_choices(stored),
-        summary=tuple(stored.summary),
-        warnings=tuple(stored.warnings),
-        provenance=file.content["provenance"],  # whole; the schema has what is read of it
-        disturbances=Disturbances(**stored.disturbances.model_dump())
-        if stored.disturbances
-        else None,
-    )
+    return TypeAdapter(Identification)
 
 
-def _number(value: float | None, missing: float) -> float:
-    """A number; one that JSON does not have stands there as null."""
+def _as_dataclasses(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The content with names, alignment and observer where the dataclasses have them."""
+    made = {key: value for key, value in content.items() if key != "recordings"}
+    for key, field in (
+        ("coefficients", "name"),
+        ("parameters", "name"),
+        ("removed", "name"),
+        ("excitation", "row"),
+    ):
+        if isinstance(parts := made.get(key), Mapping):
+            made[key] = {
+                name: {**part, field: name} if isinstance(part, Mapping) else part
+                for name, part in parts.items()
+            }
+    if isinstance(choices := made.get("choices"), Mapping):
+        alignment = {name: choices[name] for name in _ALIGNMENT if name in choices}
+        made["choices"] = {**choices, "alignment": alignment}
+    if isinstance(observer := made.get("observer"), Mapping):
+        final = observer.get("final")
+        known = final if isinstance(final, Mapping) else {}
+        last = {"time": [], "names": list(known), "estimates": [list(known.values())]}
+        made["observer"] = {**observer, **last}
+    return made
+
+
+def _numbers(value: Any, missing: float | None) -> Any:
+    """The content with numbers in place of null, where a number has to be."""
+    if isinstance(value, Mapping):
+        return {
+            key: _interval(part)
+            if key == "interval"
+            else _numbers(part, _MISSING.get(key) if missing is None else missing)
+            for key, part in value.items()
+        }
+    if isinstance(value, list | tuple):
+        return [_numbers(part, missing) for part in value]
     return missing if value is None else value
 
 
-def _known(numbers: Mapping[str, float | None]) -> dict[str, float]:
-    return {name: _number(value, nan) for name, value in numbers.items()}
-
-
-def _values(kind: type[_Value], stored: "Mapping[str, StoredValue]") -> dict[str, _Value]:
-    return {
-        name: kind(
-            name,
-            e.unit,
-            _number(e.value, nan),
-            _number(e.std, inf),
-            (_number(e.interval[0], -inf), _number(e.interval[1], inf)),
-            e.verdict,
-            e.reason,
-            _number(e.degrees_of_freedom, inf),
-            e.logarithmic,
-            e.slopes,
-        )
-        for name, e in stored.items()
-    }
-
-
-def _choices(stored: "StoredIdentification") -> "Choices":
-    from flexid.identification.preparation.alignment import Alignment, Delay
-    from flexid.identification.result.identification import Choices
-    from flexid.identification.vocabulary.evidence import SegmentEvidence, TermEvidence
-
-    def delay(found: "StoredDelay") -> Delay:
-        ends = (_number(found.interval[0], -inf), _number(found.interval[1], inf))
-        return Delay(found.value, _number(found.std, inf), ends, found.status)
-
-    made = stored.choices
-    return Choices(
-        terms=tuple(made.terms),
-        alignment=Alignment(
-            made.hold, delay(made.input_delay), delay(made.link_delay), made.hold_reason
-        ),
-        hold=made.hold,
-        coulomb_velocity=made.coulomb_velocity,
-        filter_rate=made.filter_rate,
-        estimator=made.estimator,
-        segment_duration=made.segment_duration,
-        term_evidence=tuple(
-            TermEvidence(e.name, e.kept, e.value, _number(e.std, inf), _number(e.probability, nan))
-            for e in made.term_evidence
-        ),
-        segment_evidence=tuple(
-            SegmentEvidence(*(_number(x, nan) for x in (e.duration, e.excess, e.std)))
-            for e in made.segment_evidence
-        ),
-        shapes=made.shapes,
-    )
+def _interval(value: Any) -> Any:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        return value
+    ends = zip(value, (-inf, inf), strict=True)
+    return [infinite if end is None else end for end, infinite in ends]

@@ -32,14 +32,13 @@ class Described:
     shapes: Mapping[str, float] = field(default_factory=dict)  # constants of shapes, by name
 
 
-def described(result: Identification, group: int) -> Described:
-    """The model of an identification as it holds for one of its logs, counted from 0."""
-    own = {name: c.value for name, c in result.coefficients.items() if "[" not in name}
-    label = f"[{group + 1}]"
-    own |= {
+def described(result: Identification, group: int | None = None) -> Described:
+    """The model of an identification for one of its logs, counted from 0, or for all together."""
+    label = "" if group is None else f"[{group + 1}]"
+    own = {
         name.removesuffix(label): c.value
         for name, c in result.coefficients.items()
-        if name.endswith(label)
+        if group is None or "[" not in name or name.endswith(label)
     }
     choices = result.choices
     delays = {

@@ -3,30 +3,28 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import flexid
 from flexid.arrays import FloatArray
 from flexid.errors import RecordingError, SettingError
-from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.segments import FEWEST_SAMPLES, divide
-from flexid.identification.full_model.model import LINK, Data, data_of
+from flexid.identification.full_model.model import Data, data_of
 from flexid.identification.preparation.joint import Joint, Kind
 from flexid.identification.preparation.recordings import check_distinct, common_input_unit
+from flexid.identification.result.identification import Identification
 from flexid.identification.structure.validation import validate_with
 from flexid.identification.vocabulary.evidence import Validation
 from flexid.recording.caution import Rank, cautions, ranked
 from flexid.recording.recording import Log, Recording
 from flexid.recording.velocities import position_noise
-from flexid.stored_estimates.estimate_file import WANTED, EstimateFile, read_estimate
-from flexid.stored_estimates.rebuilt import Described, Rebuilt, averaged_offsets, rebuilt
-from flexid.toml_file import validated
-
-if TYPE_CHECKING:
-    from flexid.stored_estimates.estimate_schema import StoredEstimate
+from flexid.stored_estimates.estimate_file import WANTED, read_estimate, stored_identification
+from flexid.stored_estimates.rebuilt import Rebuilt, averaged_offsets, described, rebuilt
+from flexid.toml_file import Refuse
 
 _HEAD = 0.5  # s at the start of each recording from which the first state is taken
 _SEGMENT = 1.0  # s of segments about whose starts the steps of the integrator are chosen
@@ -46,13 +44,17 @@ class EstimateValidation(Validation):
 def validate_estimate(
     estimate: Path | str | Mapping[str, Any], logs: Sequence[Log]
 ) -> EstimateValidation:
-    """Predict logs with an estimate as it is: nothing is fitted but the state at each start."""
+    """Predict logs with an estimate as it is: nothing is fitted but the state at each start.
+
+    What is tested is all but the first half second of each recording. A `SettingError` if the
+    estimate cannot be read or run, a `RecordingError` if the logs do not suit it.
+    """
     file = read_estimate(estimate)
-    name, raw, _ = file
-    stored, model = _model(file)
+    stored = stored_identification(file)
+    model = _model(stored, file.refuse)
     check_distinct(logs)
     recordings, dropped = _recordings(logs, model.joint.kind)
-    _check_unit(name, stored, logs)
+    _check_unit(file.name, stored, logs)
     data = data_of(model.joint, recordings, [0] * len(recordings))
     starts = [round(_HEAD / recording.sample_time) for recording in recordings]
     problem, _ = model.motion(divide(data.samples, _SEGMENT), data.noise, data)
@@ -61,7 +63,7 @@ def validate_estimate(
             found = validate_with(model.joint, problem, model.values, data, starts)
     except np.linalg.LinAlgError:
         raise SettingError(
-            name, "diverges on this log at once: give the estimate of the same drive"
+            file.name, "diverges on this log at once: give the estimate of the same drive"
         ) from None
     return EstimateValidation(
         found.fit_percent,
@@ -79,38 +81,28 @@ def validate_estimate(
         ),
         provenance={
             "flexid_version": flexid.__version__,
-            "estimate": {"file": name, "sha256": hashlib.sha256(raw).hexdigest()},
+            "estimate": {"file": file.name, "sha256": hashlib.sha256(file.raw).hexdigest()},
             "inputs": [log.provenance for log in logs],
         },
     )
 
 
-def _model(file: EstimateFile) -> "tuple[StoredEstimate, Rebuilt]":
-    from flexid.stored_estimates.estimate_schema import StoredEstimate
-
-    refuse = file.refuse
-    stored = validated(file.content, StoredEstimate, refuse)
-    choices = stored.choices
-    described = Described(
-        stored.model,
-        {c: found.value for c, found in stored.coefficients.items()},
-        choices.hold,
-        {INPUT: choices.input_delay.value, LINK: choices.link_delay.value},
-        choices.coulomb_velocity,
-        choices.shapes,
-    )
+def _model(stored: Identification, refuse: Refuse) -> Rebuilt:
+    for name, found in stored.coefficients.items():
+        if not isfinite(found.value):
+            raise refuse(f"coefficients.{name}.value", "is no number: identify again")
     try:
-        model = rebuilt(described)
+        model = rebuilt(described(stored))
     except SettingError as error:
         raise refuse("", f"is no estimate that can be run: {error}") from None
-    for term in choices.terms:
+    for term in stored.choices.terms:
         if term not in model.joint.terms:
             raise refuse(
                 "choices.terms",
                 f"has {term[:40]!r}, no term of the {stored.model} joint: give {WANTED} of this "
                 f"version",
             )
-    return stored, model
+    return model
 
 
 def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[str]]:
@@ -138,7 +130,7 @@ def _recordings(logs: Sequence[Log], kind: Kind) -> tuple[list[Recording], list[
     return recordings, dropped
 
 
-def _check_unit(name: str, stored: "StoredEstimate", logs: Sequence[Log]) -> None:
+def _check_unit(name: str, stored: Identification, logs: Sequence[Log]) -> None:
     """Refuse logs whose input is another quantity than that of the estimate."""
     unit = common_input_unit(logs)
     if stored.model == "link":  # driven by the motor's motion, whatever the logs have beside it
@@ -185,10 +177,11 @@ def _by_channel(joint: Joint, numbers: FloatArray) -> dict[str, float]:
     return dict(zip(joint.channels, map(float, numbers), strict=True))
 
 
-def _doubts(stored: "StoredEstimate", logs: Sequence[Log]) -> list[str]:
+def _doubts(stored: Identification, logs: Sequence[Log]) -> list[str]:
     """What limits the test."""
     doubts = []
-    fitted = {source.sha256 for source in stored.provenance.inputs if source.sha256}
+    inputs = stored.provenance.get("inputs", ())
+    fitted = {source["sha256"] for source in inputs if source.get("sha256")}
     doubts += [
         f"{log.source} is one of the logs that the estimate was made from: how it is predicted "
         f"tests nothing new"

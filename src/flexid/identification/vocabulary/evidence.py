@@ -69,7 +69,7 @@ class Validation:
     # motor_position alone where the joint is rigid; for link_position and deflection where the
     # motor's measured motion drives the link
     fit_percent: Mapping[str, float]
-    runs: tuple[FreeRun, ...]  # one per held-out stretch
+    runs: tuple[FreeRun, ...] = ()  # one per held-out stretch
     # the same for predictions that begin anew every so many seconds
     horizons: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
 

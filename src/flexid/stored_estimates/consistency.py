@@ -1,0 +1,108 @@
+"""What the parts of a stored estimate must have in common, which no type says."""
+
+from collections.abc import Iterator
+from math import isclose, isfinite
+
+from flexid.identification.preparation.joint import joint_of
+from flexid.identification.result.identification import Identification
+from flexid.models.flexible_joint import RIPPLE_ORIGIN
+from flexid.toml_file import Refuse
+
+_LARGEST = 1e50  # of what a drive may be described by, in SI units
+_LONGEST_DELAY = 10.0  # s
+_ROUNDING = 1e-6  # relative difference of two numbers that are to be the same
+
+
+def check_consistency(found: Identification, refuse: Refuse) -> None:
+    """Refuse an estimate whose parts contradict each other, by the key that is wrong."""
+    for key, reason in _complaints(found):
+        raise refuse(key, f"is wrong, {reason}: correct it")
+
+
+def _complaints(found: Identification) -> Iterator[tuple[str, str]]:
+    yield from _of_the_fit(found)
+    yield from _of_excitation(found)
+    yield from _of_choices(found)
+    for horizon, fits in found.validation.horizons.items():
+        if {*fits} != {*found.validation.fit_percent}:
+            yield f"validation.horizons.{horizon:g}", "it must name the channels of fit_percent"
+    unknown = found.least_squares.keys() - found.coefficients.keys()
+    if unknown:
+        yield "least_squares", f"it names {min(unknown)!r}, which is no coefficient"
+    yield from _of_parameters(found)
+
+
+def _of_the_fit(found: Identification) -> Iterator[tuple[str, str]]:
+    fit, count = found.fit, len(found.fit.names)
+    if not (
+        fit.values.shape == (count,)
+        and fit.covariance.shape == ((count, count) if count else (0,))
+        and len(fit.degrees_of_freedom) == count
+    ):
+        yield "fit", f"values, freedom and covariance must have one entry for {count} names"
+        return
+    numbers = {f"fit.values.{name}": value for name, value in fit.by_name.items()}
+    for kind in ("coefficients", "parameters", "removed"):
+        numbers |= {f"{kind}.{n}.value": e.value for n, e in getattr(found, kind).items()}
+    for key, value in numbers.items():
+        if value and isfinite(value) and not 1.0 / _LARGEST < abs(value) < _LARGEST:
+            yield key, f"{value:g} is no number that a drive has"
+    for kind in ("coefficients", "parameters"):  # what was removed was not fitted
+        for name, value in getattr(found, kind).items():
+            unknown = value.slopes.keys() - {*fit.names}
+            if unknown:
+                yield f"{kind}.{name}.slopes", f"it names {min(unknown)!r}, which was not fitted"
+
+
+def _of_excitation(found: Identification) -> Iterator[tuple[str, str]]:
+    if not found.excitation:
+        yield "excitation", "it must have a row"
+    for row, e in found.excitation.items():
+        count = len(e.coefficients)
+        if not (count and e.singular_values.shape == e.direction.shape == (count,)):
+            yield (
+                f"excitation.{row}",
+                f"singular_values and direction must have one entry for {count} coefficients, and "
+                f"there must be some",
+            )
+        if len(e.correlated) not in (0, 2):
+            yield f"excitation.{row}.correlated", "it must name two coefficients, or none"
+
+
+def _of_choices(found: Identification) -> Iterator[tuple[str, str]]:
+    choices, alignment = found.choices, found.choices.alignment
+    for name in ("input_delay", "link_delay"):
+        delay = getattr(alignment, name).value
+        if not abs(delay) <= _LONGEST_DELAY:
+            yield f"choices.{name}.value", f"{delay:g} s is longer than {_LONGEST_DELAY:g} s"
+    velocity = choices.coulomb_velocity
+    if velocity is not None and not 0.0 < velocity < _LARGEST:
+        yield "choices.coulomb_velocity", f"{velocity:g} is not positive"
+    for name, constant in choices.shapes.items():
+        if not isfinite(constant) or (constant <= 0.0 and name != RIPPLE_ORIGIN):
+            yield f"choices.shapes.{name}", f"{constant:g} is not positive"
+
+
+def _of_parameters(found: Identification) -> Iterator[tuple[str, str]]:
+    """Parameters that are not what their coefficients make them."""
+    values = {name: c.value for name, c in found.coefficients.items() if isfinite(c.value)}
+    for name, value in found.fit.by_name.items():
+        if (
+            name in values
+            and isfinite(value)
+            and not isclose(values[name], value, rel_tol=_ROUNDING)
+        ):
+            yield f"coefficients.{name}.value", f"{values[name]:g} is not the fit's {value:g}"
+    gain = found.coefficients.get("beta1")
+    joint = joint_of(found.model)
+    is_torque = gain is None or gain.unit.endswith("/(N m)")
+    for parameter in joint.parameters(values, input_is_torque=is_torque):
+        made = found.parameters.get(parameter.name)
+        if made is None or made.std == 0.0 or not isfinite(made.value):
+            continue
+        follows = parameter.value(values)
+        if isfinite(follows) and not isclose(made.value, follows, rel_tol=_ROUNDING):
+            yield (
+                f"parameters.{parameter.name}.value",
+                f"{made.value:g} is not {follows:g}, which follows from the coefficients",
+            )
