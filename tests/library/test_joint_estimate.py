@@ -115,7 +115,9 @@ def test_values_as_a_frame(estimate, backend):
 
 def test_it_shows_itself(estimate, loaded):
     """Assert that a line, a text and a page have the parameters, and the page a figure."""
-    assert re.fullmatch(r"<JointEstimate: flexible joint, parameters: 5 determined.*>", repr(estimate))
+    assert re.fullmatch(
+        r"<JointEstimate: flexible joint, parameters: 5 determined.*>", repr(estimate)
+    )
     assert "joint_stiffness" in estimate.summary()
     assert len(estimate.summary(explain=True)) > len(estimate.summary())
     page = estimate._repr_html_()

@@ -1,6 +1,9 @@
 """Documents for JSON, and output that appears whole or not at all."""
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 from made_result import made_result
@@ -82,6 +85,21 @@ def test_failure_leaves_nothing_behind(tmp_path):
     with pytest.raises(RuntimeError):
         write_and_fail()
     assert [(file.name, file.read_text()) for file in out.iterdir()] == [("a.txt", "old")]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes that can be asked whether they live")
+def test_what_a_killed_process_has_left_is_removed(tmp_path):
+    """Assert that the folder of a process that has gone is removed, and that of a living is not."""
+    code = (
+        "import os, sys; from pathlib import Path; from flexid.report.documents import *\n"
+        "with output_directory(Path(sys.argv[1])): os._exit(9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)
+    (left,) = tmp_path.iterdir()
+    with output_directory(tmp_path) as staging, output_directory(tmp_path):
+        assert not left.exists()
+        assert staging.exists()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_failure_removes_the_directory_it_made(tmp_path):

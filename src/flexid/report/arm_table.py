@@ -7,14 +7,9 @@ from rich.text import Text
 from flexid.arms.result import ArmIdentification, ArmParameter
 from flexid.identification.vocabulary.evidence import Verdict
 from flexid.report.digits import value_cells
-from flexid.report.terminal import Cell, Column, Part, Table, numbers, print_parts
+from flexid.report.terminal import Cell, Column, Part, Table, numbers
 
 _COLOURS: dict[Verdict, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
-
-
-def print_arm(result: ArmIdentification) -> None:
-    """Print the answer on standard output."""
-    print_parts(arm_parts(result))
 
 
 def arm_parts(result: ArmIdentification) -> Iterator[Part]:

@@ -6,17 +6,12 @@ from math import isfinite
 from rich.text import Text
 
 from flexid.campaigns.summary import QUANTILES, Result, Summary
-from flexid.report.terminal import Column, Part, Table, number, numbers, print_parts
+from flexid.report.terminal import Column, Part, Table, number, numbers
 
 DETAILS = ("final_error.", "final_state.")
 """Prefixes of results that are quantified, but of which no more is said."""
 
 _SHOWN = 4  # inputs named for a result
-
-
-def print_campaign(summary: Summary) -> None:
-    """Print statuses, quantiles and what matters on standard output."""
-    print_parts(campaign_parts(summary))
 
 
 def campaign_parts(summary: Summary) -> Iterator[Part]:

@@ -10,7 +10,7 @@ from flexid.comparisons.number_difference import Difference, Outcome
 from flexid.identification.vocabulary.evidence import ValueEstimate
 from flexid.report.comparison_summary import comparison_summary, largest
 from flexid.report.digits import value_cells
-from flexid.report.terminal import Cell, Column, Part, Table, numbers, print_parts
+from flexid.report.terminal import Cell, Column, Part, Table, numbers
 
 OUTCOME_COLOURS: dict[Outcome, str] = {
     "changed": "red",
@@ -26,11 +26,6 @@ PARAMETERS, COEFFICIENTS = "Physical parameters", "Coefficients"
 
 _NONE = Cell(("–",))
 _LONGEST = 60  # characters of a setting
-
-
-def print_comparison(comparison: Comparison) -> None:
-    """Print differences, what was done otherwise and the answer on standard output."""
-    print_parts(comparison_parts(comparison))
 
 
 def comparison_parts(comparison: Comparison) -> Iterator[Part]:

@@ -6,14 +6,9 @@ from rich.text import Text
 
 from flexid.experiment_design.drive import DOUBT
 from flexid.experiment_design.result import Design, Prediction
-from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, print_parts
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 
 _UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
-
-
-def print_design(result: Design) -> None:
-    """Print predictions, limits and the tones on standard output."""
-    print_parts(design_parts(result))
 
 
 def design_parts(result: Design) -> Iterator[Part]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import platform
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -103,7 +104,8 @@ def output_directory(out: Path) -> Iterator[Path]:
         raise SettingError("--out", "its name is not UTF-8: name another directory") from None
     try:
         out.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(prefix=".flexid-", dir=out))
+        _sweep(out)
+        staging = Path(tempfile.mkdtemp(prefix=f"{_staging()}{os.getpid()}-", dir=out))
     except OSError as error:
         raise SettingError("--out", f"{out} cannot be written ({error.strerror})") from None
     try:
@@ -113,6 +115,26 @@ def output_directory(out: Path) -> Iterator[Path]:
         shutil.rmtree(staging if existed else out, ignore_errors=True)
         raise
     staging.rmdir()
+
+
+def _staging() -> str:
+    """How the names of folders begin that processes of this machine write into."""
+    return f".flexid-{platform.node()}-"
+
+
+def _sweep(out: Path) -> None:
+    """Remove the folders that killed processes have left."""
+    if os.name != "posix":  # elsewhere a process cannot be asked whether it lives
+        return
+    for left in out.iterdir():
+        process = left.name.removeprefix(_staging()).partition("-")[0]
+        if left.name.startswith(_staging()) and process.isdigit():
+            try:
+                os.kill(int(process), 0)
+            except ProcessLookupError:
+                shutil.rmtree(left, ignore_errors=True)
+            except OSError:
+                pass  # another user's
 
 
 def _move_all(staging: Path, out: Path) -> None:

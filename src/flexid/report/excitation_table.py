@@ -11,15 +11,10 @@ from flexid.experiment_design.excitation_report import ExcitationReport
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.report.digits import value_cells
 from flexid.report.style import STATUS_COLOURS
-from flexid.report.terminal import Cell, Column, Part, Table, print_parts
+from flexid.report.terminal import Cell, Column, Part, Table
 
 _MANY = 99  # times, beyond which a factor is no more than large
 _LITTLE = 1e-4  # share below which one is no more than small
-
-
-def print_excitation(report: ExcitationReport) -> None:
-    """Print coefficients, rows and advice on standard output."""
-    print_parts(excitation_parts(report))
 
 
 def excitation_parts(report: ExcitationReport) -> Iterator[Part]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
-from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, print_parts
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.studies.huang2003.evidence import Claim, Verdict
 from flexid.studies.huang2003.readings import Reading
 from flexid.studies.huang2003.reproduction import Reproduction
@@ -20,11 +20,6 @@ _SHORT: dict[Verdict, str] = {
     "does not hold": "does not hold",
     "depends on the reading": "depends",
 }
-
-
-def print_reproduction(result: Reproduction) -> None:
-    """Print readings, parameter errors, the cases of Theorem 1 and the claims."""
-    print_parts(reproduction_parts(result))
 
 
 def reproduction_parts(result: Reproduction) -> Iterator[Part]:

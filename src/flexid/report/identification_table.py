@@ -5,12 +5,14 @@ from math import isfinite, isnan
 
 from rich.text import Text
 
+from flexid.comparisons.angles import ANGLES
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
     ModelError,
     ParameterEstimate,
     Validation,
+    ValueEstimate,
     Verdict,
 )
 from flexid.report.digits import value_cells
@@ -30,6 +32,8 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield parameters_table(result)
     yield coefficients_table(result)
     yield from verdict_reasons(result)
+    if small := next_to_none(result.parameters.values()):
+        yield Text(f"  Negligible, and zero within the interval: {', '.join(small)}")
     yield Text()
     yield from map(Text, excitation_lines(result))
     yield from map(Text, residual_lines(result))
@@ -49,6 +53,17 @@ def parameters_table(result: Identification) -> Table:
 def coefficients_table(result: Identification) -> Table:
     """Lumped coefficients likewise."""
     return _estimates("Coefficients", result.coefficients.values())
+
+
+def next_to_none(parameters: Iterable[ValueEstimate]) -> list[str]:
+    """Names of parameters that are determined to be so small that they may be zero."""
+    return [
+        found.name
+        for found in parameters
+        if found.verdict == "determined"
+        and found.interval[0] < 0.0 < found.interval[1]
+        and found.name not in ANGLES
+    ]
 
 
 def verdict_reasons(result: Identification) -> Iterator[Text]:

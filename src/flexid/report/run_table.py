@@ -8,13 +8,8 @@ from rich.text import Text
 from flexid.experiments.experiment import Experiment
 from flexid.experiments.measures import SETTLED, Measures
 from flexid.experiments.run_columns import coefficient_unit, is_joint
-from flexid.report.terminal import Column, Part, Table, number, numbers, print_parts
+from flexid.report.terminal import Column, Part, Table, number, numbers
 from flexid.simulation.run import Run
-
-
-def print_run(experiment: Experiment, run: Run, measures: Measures) -> None:
-    """Print estimates, tracking, inputs and excitation on standard output."""
-    print_parts(run_parts(experiment, run, measures))
 
 
 def run_parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:

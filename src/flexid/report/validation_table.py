@@ -5,13 +5,9 @@ from math import inf, isfinite, isinf, isnan
 
 from rich.text import Text
 
-from flexid.report.terminal import Cell, Column, Part, Table, number, numbers, print_parts
+from flexid.identification.judgement.compliance import WEAK_FIT
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
 from flexid.stored_estimates.validate_estimate import EstimateValidation
-
-
-def print_validation(result: EstimateValidation) -> None:
-    """Print fits and residuals by horizon on standard output."""
-    print_parts(validation_parts(result))
 
 
 def validation_parts(result: EstimateValidation) -> Iterator[Part]:
@@ -38,6 +34,13 @@ def errors_parts(result: EstimateValidation) -> Iterator[Part]:
         off = (found[channel] for found in result.residuals.values())
         table.add(channel, number(noise, 3), *map(_residual, off))
     yield table
+    moving = {c: fit for c, fit in result.fit_percent.items() if not isnan(fit)}
+    worst = min(moving, key=lambda channel: moving[channel], default="")
+    if worst and not moving[worst] >= WEAK_FIT:
+        yield Text(
+            f"The estimate does not describe this drive: the free run explains {moving[worst]:.3g} "
+            f"% of {worst}. Identify these logs, and compare both estimates."
+        )
     count = len(result.runs)
     yield Text(
         f"{count} recording{'s' if count > 1 else ''} of {result.model} joint; the first state of "

@@ -1,14 +1,14 @@
 """What is known of a stream, as it is printed: the last report, and a view that is renewed."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from math import isfinite
 
 from rich.text import Text
 
 from flexid.comparisons.angles import ANGLES, difference
-from flexid.identification.vocabulary.evidence import ParameterEstimate
 from flexid.report.digits import value_cells
+from flexid.report.identification_table import next_to_none
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
 from flexid.streaming.health import Health
 from flexid.streaming.session import Session, clock_words
@@ -81,17 +81,6 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
         yield Text(f"Contradiction: {sentence}.", style="red")
     for change in session.changes[-3:]:
         yield Text(f"Change: {change.sentence}.", style="red")
-
-
-def next_to_none(parameters: Iterable[ParameterEstimate]) -> list[str]:
-    """Names of parameters that are determined to be so small that they may be zero."""
-    return [
-        found.name
-        for found in parameters
-        if found.verdict == "determined"
-        and found.interval[0] < 0.0 < found.interval[1]
-        and found.name not in ANGLES
-    ]
 
 
 def _change(name: str, was: float, now: float) -> str:
