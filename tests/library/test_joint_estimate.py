@@ -223,6 +223,36 @@ def test_figures_are_saved_as_the_command_does(estimate, tmp_path):
     assert names == {f"{name}.png" for name in FIGURES}
 
 
+def test_values_are_found_by_name(estimate):
+    """Assert that parameters and coefficients are items, and that a near name is proposed."""
+    assert estimate["joint_stiffness"] == estimate.parameters["joint_stiffness"]
+    assert estimate["theta2"] == estimate.coefficients["theta2"]
+    assert "theta2" in estimate
+    assert [*estimate] == [*estimate.names]
+    with pytest.raises(SettingError, match="did you mean joint_stiffness"):
+        estimate["joint_stifness"]
+    assert estimate.terms == ("gravity", "motor_viscous")
+    assert estimate.settings["hold"] == "zero"
+
+
+def test_results_cannot_be_changed(estimate):
+    """Assert that no assignment corrupts an estimate."""
+    for mapping in (estimate.parameters, estimate.coefficients, estimate.fit_percent):
+        with pytest.raises(TypeError, match="assignment"):
+            mapping["joint_stiffness"] = 3
+
+
+def test_residuals_and_criteria(estimate, loaded):
+    """Assert that residuals are noise, that chi-square counts them, and what a file lacks."""
+    assert np.std(estimate.residuals["motor_position"]) < 2e-4
+    (recording,) = estimate.result.recordings
+    assert estimate.chi_square == pytest.approx(2 * len(recording), rel=0.1)
+    assert estimate.aic == estimate.chi_square + 10.0
+    assert estimate.bic == pytest.approx(estimate.chi_square + 5.0 * np.log(2 * len(recording)))
+    assert loaded.residuals == {}
+    assert np.isnan(loaded.bic)
+
+
 def test_it_predicts_a_log(loaded, log):
     """Assert that the log that it was made from is predicted to the noise, from arrays too."""
     frame = pl.read_csv(log)

@@ -119,6 +119,46 @@ class JointEstimate(ReportedAnswer):
         return MappingProxyType(self.result.validation.fit_percent)
 
     @property
+    def residuals(self) -> Mapping[str, NDArray[np.float64]]:
+        """Measured minus simulated held-out data in rad by channel; none of a loaded estimate."""
+        from flexid.library.prediction import Prediction
+
+        if not self.result.validation.runs:
+            return {}
+        free_run = Prediction.of(self.result.validation)
+        return {
+            name: free_run.measured[name] - free_run.predicted[name] for name in free_run.measured
+        }
+
+    @property
+    def chi_square(self) -> float:
+        """Squared residuals of the fit over the variances of the sensors' noise, summed.
+
+        NaN of an estimate that was loaded, or not made by prediction errors.
+        """
+        excess = self.result.residual_excess.values()
+        return sum(self._samples * ratio**2 for ratio in excess) if self._samples else np.nan
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion for known noise, up to a constant: chi-square + 2 k, of k unknowns."""
+        return self.chi_square + 2.0 * len(self.result.fit.names)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz' criterion, likewise: chi-square + k log(n), of n measured positions."""
+        measured = self._samples * len(self.result.residual_excess)
+        return self.chi_square + len(self.result.fit.names) * (
+            np.log(measured) if measured else np.nan
+        )
+
+    @property
+    def _samples(self) -> int:
+        """Samples of each position whose residuals are known; zero if they are not."""
+        known = self.result.choices.estimator == "prediction-error"
+        return sum(map(len, self.result.recordings)) if known else 0
+
+    @property
     def verdict(self) -> Verdict:
         """The worst of all verdicts."""
         return self.result.verdict

@@ -1,6 +1,5 @@
 """The answer for an arm as a plain document for JSON."""
 
-from dataclasses import asdict
 from typing import Any
 
 from flexid.arms.result import ArmIdentification
@@ -10,22 +9,21 @@ def arm_document(result: ArmIdentification) -> dict[str, Any]:
     """Everything of the answer, ready for JSON."""
     return {
         "kind": "planar arm",
-        "arm": asdict(result.arm),
+        "arm": result.arm,
         "joints": [
-            {p.name: {**asdict(p), "interval": list(p.interval)} for p in result.of_joint(joint)}
-            for joint in range(1, result.arm.joints + 1)
+            {p.name: p for p in result.of_joint(joint)} for joint in range(1, result.arm.joints + 1)
         ],
         "fit": {
-            "names": list(result.names),
-            "covariance": result.covariance.tolist(),
-            "fixed": dict(result.fixed),
+            "names": result.names,
+            "covariance": result.covariance,
+            "fixed": result.fixed,
         },
-        "free_run_percent": dict(result.free_run),
-        "residual_excess": dict(result.residual_excess),
+        "free_run_percent": result.free_run,
+        "residual_excess": result.residual_excess,
         "hold": result.hold,
         "input_delay": result.input_delay,
         "segment_duration": result.segment_duration,
         "condition_number": result.condition_number,
-        "warnings": list(result.warnings),
-        "provenance": dict(result.provenance),
+        "warnings": result.warnings,
+        "provenance": result.provenance,
     }

@@ -1,6 +1,5 @@
 """A campaign's summary as a plain document for JSON."""
 
-from dataclasses import asdict
 from typing import Any
 
 from flexid.campaigns.summary import QUANTILES, Result, Summary
@@ -14,10 +13,10 @@ def campaign_document(summary: Summary) -> dict[str, Any]:
         "runs": manifest.runs,
         "done": summary.done,
         "complete": summary.complete,
-        "damaged": list(summary.damaged),
-        "statuses": dict(summary.statuses),
+        "damaged": summary.damaged,
+        "statuses": summary.statuses,
         "first_error": summary.first_error,
-        "inputs": list(manifest.inputs),
+        "inputs": manifest.inputs,
         "results": {result.name: _result(result) for result in summary.results},
         "provenance": {
             "version": manifest.flexid,
@@ -34,6 +33,6 @@ def _result(result: Result) -> dict[str, Any]:
         "quantiles": {
             f"{share:g}": value for share, value in zip(QUANTILES, result.quantiles, strict=True)
         },
-        "rank_correlations": [asdict(one) for one in result.correlations],
-        "sobol_indices": [asdict(one) for one in result.indices],
+        "rank_correlations": result.correlations,
+        "sobol_indices": result.indices,
     }

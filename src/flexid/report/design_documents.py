@@ -1,6 +1,5 @@
 """What logs determine and what to play, as plain documents for JSON."""
 
-from dataclasses import asdict
 from typing import Any
 
 from flexid.experiment_design.excitation_report import ExcitationReport
@@ -13,17 +12,17 @@ def excitation_document(report: ExcitationReport) -> dict[str, Any]:
     alignment = found.choices.alignment
     return {
         "model": found.model,
-        "coefficients": {name: asdict(c) for name, c in assessment.coefficients.items()},
+        "coefficients": assessment.coefficients,
         "excitation": {row: excitation_summary(e) for row, e in assessment.excitation.items()},
-        "correlations": {name: dict(line) for name, line in assessment.correlations.items()},
-        "advice": None if report.advice is None else asdict(report.advice),
-        "noise": dict(report.noise),
-        "residual_excess": dict(found.residual_excess),
-        "terms": list(found.choices.terms),
+        "correlations": assessment.correlations,
+        "advice": report.advice,
+        "noise": report.noise,
+        "residual_excess": found.residual_excess,
+        "terms": found.choices.terms,
         "hold": found.choices.hold,
-        "input_delay": asdict(alignment.input_delay),
-        "link_delay": asdict(alignment.link_delay),
+        "input_delay": alignment.input_delay,
+        "link_delay": alignment.link_delay,
         "supported": found.supports(),
-        "warnings": list(found.warnings),
-        "provenance": dict(found.provenance),
+        "warnings": found.warnings,
+        "provenance": found.provenance,
     }

@@ -1,6 +1,5 @@
 """The files of a design: what a drive can play, and a summary."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -36,23 +35,21 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 def design_document(result: Design) -> dict[str, Any]:
     """Everything of a design but its time series, ready for JSON."""
     return {
-        "drive": asdict(result.drive),
-        "coefficients": dict(result.drive.coefficients),
+        "drive": result.drive,
+        "coefficients": result.drive.coefficients,
         "tones": {
-            "angular_frequencies": result.angular_frequencies.tolist(),
-            "cosines": np.split(result.weights, 2)[0].tolist(),
-            "sines": np.split(result.weights, 2)[1].tolist(),
+            "angular_frequencies": result.angular_frequencies,
+            "cosines": np.split(result.weights, 2)[0],
+            "sines": np.split(result.weights, 2)[1],
         },
-        "position_loop_gains": result.command.gains.tolist(),
-        "prediction": asdict(result.prediction),
-        "references": [asdict(one) for one in result.references],
-        "references_within_limits": [asdict(one) for one in result.kept_references],
-        "largest_use": {name: asdict(one) for name, one in result.largest_use.items()},
-        "largest_deviations": {
-            name: asdict(one) for name, one in result.largest_deviations.items()
-        },
+        "position_loop_gains": result.command.gains,
+        "prediction": result.prediction,
+        "references": result.references,
+        "references_within_limits": result.kept_references,
+        "largest_use": result.largest_use,
+        "largest_deviations": result.largest_deviations,
         "scale": result.scale,
         "supported": result.supported,
         "seed": result.seed,
-        "provenance": dict(result.provenance),
+        "provenance": result.provenance,
     }

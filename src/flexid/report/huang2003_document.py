@@ -1,10 +1,10 @@
 """The reproduction of Huang (2003) as a plain document for JSON."""
 
-from dataclasses import asdict
 from typing import Any
 
 import flexid
 from flexid.analysis.excitation import Excitation
+from flexid.report.documents import plain
 from flexid.studies.huang2003.evidence import Claim
 from flexid.studies.huang2003.readings import TOLERANCE, Reading, SteadyRun
 from flexid.studies.huang2003.reproduction import Reproduction
@@ -34,10 +34,8 @@ def reproduction_document(result: Reproduction) -> dict[str, Any]:
         },
         "claims": [_claim(claim) for claim in result.claims],
         "theorem1": [_case(case) for case in result.cases],
-        "rates": {row: [asdict(p) for p in points] for row, points in result.rates.items()},
-        "attenuation": {
-            name: [asdict(p) for p in points] for name, points in result.attenuation.items()
-        },
+        "rates": result.rates,
+        "attenuation": result.attenuation,
         "late_tracking_errors": {
             "1,1,3": {f"{end:g}": error for end, error in result.late_tracking_errors.items()}
         },
@@ -47,9 +45,9 @@ def reproduction_document(result: Reproduction) -> dict[str, Any]:
             "relative_tolerance": TOLERANCE,
             "duration": DURATION,
             "table1": {
-                "parameters": dict(PHYSICAL),
-                "coefficients": dict(TRUE),
-                "initial_estimates": dict(INITIAL_ESTIMATES),
+                "parameters": PHYSICAL,
+                "coefficients": TRUE,
+                "initial_estimates": INITIAL_ESTIMATES,
                 "observer_gain": OBSERVER_GAIN,
                 "attenuation_factor": ATTENUATION,
                 "amplitude": AMPLITUDE,
@@ -80,7 +78,7 @@ def _run(run: SteadyRun) -> dict[str, Any]:
             "last": float(run.monitor.value[-1]),
             "rise_in_tolerances": run.monitor.rise_in_tolerances,
         },
-        "steps": dict(run.run.statistics),
+        "steps": run.run.statistics,
     }
 
 
@@ -96,7 +94,7 @@ def _claim(claim: Claim) -> dict[str, Any]:
         "source": claim.source,
         "statement": claim.statement,
         "verdict": claim.verdict,
-        "findings": [asdict(finding) | {"holds": finding.holds} for finding in claim.findings],
+        "findings": [plain(finding) | {"holds": finding.holds} for finding in claim.findings],
     }
 
 
@@ -105,7 +103,7 @@ def _case(case: TheoremCase) -> dict[str, Any]:
         "name": case.name,
         "reference": case.reference,
         "duration": case.duration,
-        "judged_rows": list(case.judged),
+        "judged_rows": case.judged,
         "settled": case.settled,
         "vanished": case.vanished,
         "limits": {

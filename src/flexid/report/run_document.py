@@ -11,7 +11,7 @@ from flexid.simulation.run import Run
 
 def run_document(experiment: Experiment, run: Run, measures: Measures) -> dict[str, Any]:
     """Everything of a run but its time series; SI units."""
-    true = dict(experiment.loop.coefficients)
+    true = experiment.loop.coefficients
     return {
         "name": experiment.name,
         "status": "finished",
@@ -26,12 +26,12 @@ def run_document(experiment: Experiment, run: Run, measures: Measures) -> dict[s
             }
             for place, name in enumerate(experiment.loop.system.coefficients)
         },
-        "final_states": dict(measures.final_states),
+        "final_states": measures.final_states,
         "tracking_rms": measures.tracking_rms,
         "tracking_peak": measures.tracking_peak,
-        "peak_inputs": dict(measures.peak_inputs),
+        "peak_inputs": measures.peak_inputs,
         "excitation": {row: excitation_summary(e) for row, e in measures.excitation.items()},
-        "statistics": dict(run.statistics),
+        "statistics": run.statistics,
         "provenance": {
             "flexid_version": flexid.__version__,
             "experiment": experiment.path,
