@@ -7,7 +7,6 @@ from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import Answer
 from flexid.library.entrance import entrance
 from flexid.library.identify import identify
-from flexid.library.logs import all_logs
 from flexid.library.options import joint_settings
 from flexid.library.shared_options import options_of
 from flexid.library.threads import in_one_thread
@@ -137,6 +136,7 @@ def excitation(
         If an option is unknown or of a wrong type.
     """
     from flexid.experiment_design.excitation_report import examine
+    from flexid.library.logs import all_logs
 
     settings = joint_settings("excitation", **options)
     return LogExcitation(examine(all_logs("excitation", logs, columns), settings, progress))

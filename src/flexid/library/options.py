@@ -65,7 +65,7 @@ def joint_settings(
     values, deviations = as_known(function, known)
     if isinstance(model, str) and is_arm_file(model):
         raise SettingError(
-            "model", f"{model!r} is an arm: only the command flexid identify takes it"
+            "model", f"{model!r} is an arm: only flexid identify, the command, takes it"
         )
     if not isinstance(hold, str):
         raise ArgumentError(function, "hold", f"is {kind_of(hold)}: give a name such as 'zero'")
