@@ -31,7 +31,8 @@ class Option(NamedTuple):
     note: str = ""  # in the help, after the words of the library
 
 
-def _known(_name: str, texts: list[str]) -> dict[str, Any]:
+def known_pairs(_name: str, texts: list[str]) -> dict[str, Any]:
+    """Values by name, or pairs with a standard deviation."""
     values, deviations = parse_known(texts)
     return {n: (v, deviations[n]) if n in deviations else v for n, v in values.items()}
 
@@ -83,7 +84,7 @@ OPTIONS = {
     "known": Option(
         list[str] | None,
         "NAME=VALUE",
-        _known,
+        known_pairs,
         "Such as motor_inertia=0.3 or joint_stiffness=100+-5. May be repeated.",
     ),
     "link_delay": _DELAY,

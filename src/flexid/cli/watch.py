@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexid.cli.exit_status import ExitStatus
-from flexid.cli.options import AsJson, Columns, Known, Model
+from flexid.cli.options import AsJson, Columns, Known, Model, known_pairs
 from flexid.cli.output import print_warnings
 from flexid.errors import SettingError
 
@@ -145,38 +145,33 @@ def watch(
     """
     from rich.console import Console
 
-    from flexid.cli.assignments import parse_known, parse_names
-    from flexid.streaming.choices import Choices
-    from flexid.streaming.commissioned import read_commissioned
-    from flexid.streaming.follower import Follower, checked_every
+    from flexid.library.watch import watch as run
 
-    values, deviations = parse_known(known or [])
-    choices = Choices(
-        None if terms == "usual" else parse_names(terms),
-        hold,
-        filter_rate,
-        memory,
-        coulomb_velocity,
-        sample_time,
-        model,
-        values,
-        deviations,
-        None if estimate is None else read_commissioned(estimate),
-    )
-    errors = Console(stderr=True)
-    follower = Follower(
+    watched = run(
         source,
-        choices,
-        column_map=columns,
+        columns=columns,
         header=header,
+        sample_time=sample_time,
+        estimate=estimate,
+        known=known_pairs("--known", known or []),
+        model=model,  # type: ignore[arg-type] - the library checks it
+        terms=terms,
+        hold=hold,  # type: ignore[arg-type] - the library checks it
+        filter_rate=filter_rate,
+        memory=memory,
+        coulomb_velocity=coulomb_velocity,
         checkpoint=checkpoint,
+        every=every,
         stop_at_end=stop_at_end,
         duration=duration,
     )
+    follower = watched._follower
+    assert follower is not None  # there is a source
+    errors = Console(stderr=True)
     with _interruptions() as asked:
         failure = None
         try:
-            _follow(follower, checked_every(every), checkpoint, asked, errors, as_json=as_json)
+            _follow(follower, every, checkpoint, asked, errors, as_json=as_json)
         except Exception as error:  # whatever it is, it must not cost what was learnt before
             failure = error
         session = follower.session
