@@ -118,7 +118,13 @@ class Recording:
         return self.needed_link_position - self.motor_position
 
     def window(self, start_index: int, stop_index: int) -> Recording:
-        """Return the samples from `start_index` up to, not including, `stop_index`."""
+        """Return the samples from `start_index` up to, not including, `stop_index`.
+
+        Parameters
+        ----------
+        start_index, stop_index : int
+            Ends of the window, in samples.
+        """
         if not 0 <= start_index < stop_index <= len(self):
             raise RecordingError(
                 self.source or "recording",

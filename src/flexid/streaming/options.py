@@ -194,6 +194,7 @@ def options_of_stream(
     sample_time: float,
 ) -> WatchOptions:
     """What a user chooses, by the names of the fields; None and "auto": as in the estimate."""
+    check_sample_time(sample_time)
     chosen = {name: v for name, v in chosen.items() if v is not None and v != "auto"}
     taken = made or Commissioned(channels.kind, USUAL_TERMS, hold="auto")
     if taken.kind != channels.kind:

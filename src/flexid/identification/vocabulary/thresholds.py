@@ -149,7 +149,15 @@ class Thresholds:
 
         An encoder's steps are no white noise, and leave a little more than 1 even there.
 
-        Returns at least 1 and at most `sensor_excess`, in the same unit.
+        Parameters
+        ----------
+        shortest : float
+            Excess over the shortest segments.
+
+        Returns
+        -------
+        float
+            At least 1 and at most `sensor_excess`.
         """
         return min(max(shortest, 1.0), self.sensor_excess)
 
