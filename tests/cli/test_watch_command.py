@@ -155,13 +155,13 @@ def test_a_drive_that_does_not_move_exits_with_1():
     ("arguments", "words"),
     [
         (("no.csv",), "no such file"),
-        (("udp://127.0.0.1",), "is no address"),
+        (("udp://127.0.0.1",), "is not an address"),
         (("-", "--terms", "magic"), "'magic' is unknown"),
-        (("-", "--hold", "cubic"), "give 'auto', 'linear' or 'zero'"),
+        (("-", "--hold", "cubic"), "must be auto, linear or zero, got 'cubic'"),
         (("-", "--sample-time", "0"), "0 s is outside 1e-06 to 0.5 s"),
         (("-", "--filter-rate", "1e6"), "give 0.04 to 125 1/s"),
         (("-", "--memory", "0.1"), "give more than"),
-        (("-", "--every", "0"), "give seconds above 0"),
+        (("-", "--every", "0"), "must be above 0 s, got 0.0"),
     ],
 )
 def test_bad_input(arguments: tuple[str, ...], words: str):

@@ -34,7 +34,7 @@ def session() -> Session:
 def test_the_report_begins_with_the_health(session: Session):
     """Assert that health, reason, parameters and samples are printed, within the width."""
     lines = [line.plain for line in laid_out(watch_parts(session), 80)]
-    assert lines[0].startswith("not excited: the motion so far does not tell")
+    assert lines[0].startswith("not excited: the motion so far does not separate")
     assert any(line.startswith("joint_stiffness") for line in lines)
     assert lines[-1] == "Samples: 1500 of 1500 learnt from"
     assert max(map(len, lines)) <= 80

@@ -296,6 +296,6 @@ def test_an_estimate_that_is_none():
 
 def test_kinds_are_those_of_identify():
     """Assert that another model is refused with those there are."""
-    with pytest.raises(SettingError, match="give auto, flexible, link, rigid"):
+    with pytest.raises(SettingError, match="must be auto, flexible, link or rigid, got 'elastic'"):
         wanted_kind({"kind": "elastic"}, None)
     assert wanted_kind({}, Commissioned("link", (), "auto")) == "link"

@@ -91,7 +91,7 @@ def test_a_rotated_log_is_one_stream(log: Path, rotate, header: str | None):
     follower = followed(log, [rotate(log, text(SAMPLES[CUT:], header))])
     assert same(session_of(follower), watched(SAMPLES))
     (warning,) = follower.warnings
-    assert "written anew" in warning
+    assert "rewritten" in warning
 
 
 def of_day(samples: np.ndarray, header: str | None = "time,") -> str:

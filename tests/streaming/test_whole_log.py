@@ -154,7 +154,7 @@ def test_a_change_of_the_joint_shows(write: Write, columns: Columns):
     }
     result = identify_stream(write((30_000, 30_001), **changed), settings=CHOSEN)
     assert_holds(result, soft, 0.01)
-    (change,) = (warning for warning in result.warnings if "moves otherwise" in warning)
+    (change,) = (warning for warning in result.warnings if "the drive has changed" in warning)
     assert "since 31." in change
     assert "the values are those since then" in change
 

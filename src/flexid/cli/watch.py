@@ -165,7 +165,7 @@ def watch(
         stop_at_end=stop_at_end,
         duration=duration,
     )
-    follower = watched._follower
+    follower = watched.follower
     assert follower is not None  # there is a source
     errors = Console(stderr=True)
     with _interruptions() as asked:

@@ -183,10 +183,10 @@ def start_values(system: ParametricSystem, values: Mapping[str, float] | None) -
     for name, value in (values or {}).items():
         if name not in names:
             raise SettingError(
-                "initial estimates", f"{name!r} is no coefficient; known are {', '.join(names)}"
+                "initial estimates", f"{name!r} is not a coefficient: give {', '.join(names)}"
             )
         if not np.isfinite(value):
-            raise SettingError("initial estimates", f"{value} for {name!r} is no number")
+            raise SettingError("initial estimates", f"must be finite, got {value} for {name!r}")
         start[names.index(name)] = value
     return start
 
@@ -194,16 +194,14 @@ def start_values(system: ParametricSystem, values: Mapping[str, float] | None) -
 def checked_sample_time(sample_time: float) -> float:
     """The sample time, if it is one; else a `SettingError`."""
     if not (np.isfinite(sample_time) and sample_time > 0.0):
-        raise SettingError("sample time", f"{sample_time} is no time step: give seconds above 0")
+        raise SettingError("sample time", f"must be above 0 s, got {sample_time}")
     return float(sample_time)
 
 
 def fading_factor(memory_time: float, sample_time: float) -> float:
     """Factor by which a weight fades per sample: exp(-h/τ), 1 for an infinite memory."""
     if not memory_time > 10.0 * sample_time:
-        raise SettingError(
-            "memory time", f"{memory_time} is too short: give seconds, more than ten samples"
-        )
+        raise SettingError("memory time", f"must be longer than ten samples, got {memory_time} s")
     return float(np.exp(-sample_time / memory_time))
 
 

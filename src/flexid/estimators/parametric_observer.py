@@ -97,9 +97,9 @@ def suggest_gains(
 def _gain(gains: Mapping[str, float], row: str, coefficient: str) -> float:
     gain = gains.get(coefficient, gains.get(row))
     if gain is None:
-        raise SettingError("gains", f"there is none for {coefficient!r} nor for its row {row!r}")
+        raise SettingError("gains", f"give one for {coefficient!r}, or for its row {row!r}")
     if not (np.isfinite(gain) and gain >= 0.0):
-        raise SettingError("gains", f"{gain} for {coefficient!r} is no gain: give a number >= 0")
+        raise SettingError("gains", f"must be 0 or more, got {gain} for {coefficient!r}")
     return float(gain)
 
 

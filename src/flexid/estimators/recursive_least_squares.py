@@ -188,7 +188,7 @@ def recursive_least_squares(
     """
     h = checked_sample_time(sample_time)
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
-        raise SettingError("filter rate", f"{filter_rate} is no rate: give a positive number, 1/s")
+        raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
     per_constant = 1.0 / (filter_rate * h)
     half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
     plain = _filtered_kernel(system, 0)
@@ -254,7 +254,7 @@ def _law(h: float, memory_time: float, least_information: float, block: float) -
     """Settings of the law, length of the first blocks last."""
     if not 0.0 < least_information < 1.0:
         raise SettingError(
-            "least information", f"{least_information} is no part: give a number between 0 and 1"
+            "least information", f"must lie between 0 and 1, got {least_information}"
         )
     longest = max(block, memory_time / h / _BLOCKS_PER_MEMORY)
     return [fading_factor(memory_time, h), least_information, longest, block]

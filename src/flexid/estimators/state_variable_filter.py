@@ -72,7 +72,7 @@ def filtered_least_squares(
         is nonlinear in velocities meets a recording without velocities and is not fixed at 0.
     """
     if not (np.isfinite(filter_rate) and filter_rate > 0.0):
-        raise SettingError("filter rate", f"{filter_rate} is no rate: give a positive number, 1/s")
+        raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
     unknowns = unknowns_of(system, len(recordings), unknowns)
     usable = [place for place, recording in enumerate(recordings) if len(recording) > 4]
     used = [recordings[place] for place in usable]

@@ -56,7 +56,7 @@ class Watch(Answer):
         every: float,
     ) -> None:
         self._chosen, self._estimate = chosen, estimate
-        self._follower = follower
+        self.follower = follower
         self._checkpoint = checkpoint
         self._every = every
         self._session: Session | None = None
@@ -75,7 +75,7 @@ class Watch(Answer):
         ArgumentError
             If no sample has come.
         """
-        session = self._session if self._follower is None else self._follower.session
+        session = self._session if self.follower is None else self.follower.session
         if session is not None:
             self._catch_up(session)
             return session
@@ -158,7 +158,7 @@ class Watch(Answer):
         from flexid.streaming.follower import opened_session
         from flexid.streaming.options import options_of_stream, wanted_kind
 
-        if self._follower is not None:
+        if self.follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
         channels = fed_channels(names, wanted_kind(self._chosen, self._estimate))
         sample_time = self._chosen["sample_time"]
@@ -179,16 +179,16 @@ class Watch(Answer):
         RecordingError
             If it cannot be read, or not be read on; then after a turn with what came before.
         """
-        if self._follower is None:
+        if self.follower is None:
             raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
         error = None
         try:
-            for due in self._follower.turns(self._every):
+            for due in self.follower.turns(self._every):
                 if due:
                     yield self
         except RecordingError as found:
             error = found
-        if self._follower.session is not None:
+        if self.follower.session is not None:
             yield self
         if error is not None:
             raise error
@@ -196,7 +196,7 @@ class Watch(Answer):
     @property
     def health(self) -> Judgement:
         """How the estimation is, a `Health`, and the reason, a sentence."""
-        begun = self._session if self._follower is None else self._follower.session
+        begun = self._session if self.follower is None else self.follower.session
         if begun is None:
             return Judgement(Health.CONVERGING, "no sample has come so far")
         return self.session.health
@@ -239,8 +239,8 @@ class Watch(Answer):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was assumed of the source's columns, and what a stream does not account for."""
-        if self._follower is not None:
-            return self._follower.warnings
+        if self.follower is not None:
+            return self.follower.warnings
         if self._estimate is None:
             return ()
         return self._estimate.warnings(self.session.options.sample_time)

@@ -70,21 +70,21 @@ def read_session(path: Path) -> Session:
     try:
         document = json.loads(raw.decode("utf-8"))
     except (ValueError, RecursionError):
-        raise refuse(f"this is no JSON: give {WANTED}") from None
+        raise refuse(f"this is not JSON: give {WANTED}") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise refuse(f"this is something else: give {WANTED}")
     if document.get("version") != VERSION:
         raise refuse(
             f"it is of version {document.get('version')!r}, and this flexid reads version "
-            f"{VERSION}: begin anew, without it"
+            f"{VERSION}: start without it"
         )
     content = document.get("content")
     if not isinstance(content, dict) or document.get("sha256") != _digest(content):
-        raise refuse("its checksum is wrong, so it was changed or cut: begin anew, without it")
+        raise refuse("its checksum is wrong, so it was changed or cut: start without it")
     try:
         return _session(content)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
-        raise refuse("it does not hold what it should: begin anew, without it") from None
+        raise refuse("it does not hold what it should: start without it") from None
 
 
 def _digest(content: Mapping[str, Any]) -> str:

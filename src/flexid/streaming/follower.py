@@ -53,7 +53,7 @@ def opened_session(options: WatchOptions, checkpoint: Path | None) -> Session:
 def checked_every(every: float) -> float:
     """Seconds between two reports, if they are any; else a `SettingError`."""
     if not every > 0.0:
-        raise SettingError("every", f"{every} is no time: give seconds above 0")
+        raise SettingError("every", f"must be above 0 s, got {every}")
     return every
 
 

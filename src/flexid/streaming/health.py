@@ -167,8 +167,8 @@ def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
     if evidence.determined and negative:
         return Judgement(
             Health.INCONSISTENT,
-            f"{negative[0].name} comes out negative, which no spring or inertia can be: check the "
-            f"signs of torque and positions",
+            f"{negative[0].name} comes out negative, which a spring or inertia cannot be: check "
+            f"the signs of torque and positions",
         )
     widest = max(evidence.widths, key=_relative_width)
     narrow = evidence.determined and _relative_width(widest) <= limits.width
@@ -181,7 +181,7 @@ def judge(evidence: Evidence, limits: Limits = LIMITS) -> Judgement:
         confused = " and ".join(evidence.open_direction) or widest.name
         return Judgement(
             Health.NOT_EXCITED,
-            f"the motion so far does not tell {confused} apart: move more, or otherwise",
+            f"the motion so far does not separate {confused}: move more, or differently",
         )
     apart = max(evidence.widths, key=_relative_disagreement)
     if patient and _relative_disagreement(apart) > limits.disagreement:

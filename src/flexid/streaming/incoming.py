@@ -94,7 +94,9 @@ class TextSamples:
             data = self._source.read()
         except OSError as error:
             raise RecordingError(
-                self.name, "", f"it cannot be read on ({error.strerror}): check what it stands on"
+                self.name,
+                "",
+                f"it cannot be read on ({error.strerror}): check the disk or the connection",
             ) from error
         if self.begins:
             self._begin_anew()
@@ -105,7 +107,7 @@ class TextSamples:
         if cells is None:
             if self._lines.left_out:
                 self._warn(
-                    f"{self.name}: it ended before it had a header and three samples once more, "
+                    f"{self.name}: it ended before another header and three samples, "
                     f"and what came is left out"
                 )
             return np.empty((0, 0))
@@ -119,7 +121,7 @@ class TextSamples:
 
     def _begin_anew(self) -> None:
         """Expect a header again, or more rows of numbers."""
-        self._warn(f"{self.name}: it was written anew, and is read from its beginning")
+        self._warn(f"{self.name}: it was rewritten, and is read from its beginning")
         self._warn_of_rest()
         old = self._lines
         fewest = min(old.fewest, LINES_FOR_LAYOUT) if old.rows else old.fewest
@@ -146,7 +148,7 @@ class TextSamples:
             raise RecordingError(
                 self.name,
                 "",
-                f"it was written anew with {now.words} where there was {was.words}: watch it as "
+                f"it was rewritten with {now.words} where there was {was.words}: watch it as "
                 f"another stream",
             )
 

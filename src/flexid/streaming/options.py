@@ -74,21 +74,22 @@ class WatchOptions:
         check_sample_time(self.sample_time)
         check_terms(self.terms, USABLE_TERMS)
         if self.kind not in KINDS:
-            raise SettingError("model", f"{self.kind!r} is none: give {', '.join(KINDS)}")
+            raise SettingError("model", f"must be flexible, link or rigid, got {self.kind!r}")
         if self.hold not in ("auto", "linear", "zero"):
-            raise SettingError("hold", f"{self.hold!r} is none: give 'auto', 'linear' or 'zero'")
+            raise SettingError("hold", f"must be auto, linear or zero, got {self.hold!r}")
         check_filter_rate(
             self.filter_rate, self.sample_time, slowest=min(RATES), fastest=max(RATES)
         )
         if not self.memory > 20.0 / self.filter_rate:
             raise SettingError(
                 "memory",
-                f"{self.memory} s is shorter than the filter's own: give more than "
+                f"must be longer than the filter's memory, got {self.memory} s: give more than "
                 f"{20.0 / self.filter_rate:.3g} s",
             )
         if not 0.0 <= self.motor_turn <= TURN:
             raise SettingError(
-                "motor turn", f"{self.motor_turn} rad is none at the link's side of a gear"
+                "motor turn",
+                f"must be 0 to {TURN:.4g} rad at the link's side, got {self.motor_turn}",
             )
         if self.kind == "link":
             object.__setattr__(self, "input_unit", "")
@@ -96,7 +97,7 @@ class WatchOptions:
                 raise SettingError("hold", "is of an input, and the link alone has none: leave it")
         elif self.input_unit not in _INPUT_UNITS:
             raise SettingError(
-                "input unit", f"{self.input_unit!r} is none: give {', '.join(_INPUT_UNITS)}"
+                "input unit", f"must be one of {', '.join(_INPUT_UNITS)}, got {self.input_unit!r}"
             )
         pairs = {name: (float(was), float(half)) for name, (was, half) in self.reference.items()}
         object.__setattr__(self, "reference", pairs)
@@ -183,7 +184,7 @@ def wanted_kind(chosen: Mapping[str, Any], made: Commissioned | None) -> str:
     """The kind of joint that is asked for: as chosen, or that of the estimate; else ``"auto"``."""
     kind = chosen.get("kind", "auto")
     if kind not in ("auto", *KINDS):
-        raise SettingError("model", f"{kind!r} is none: give auto, {', '.join(KINDS)}")
+        raise SettingError("model", f"must be auto, flexible, link or rigid, got {kind!r}")
     return made.kind if kind == "auto" and made is not None else kind
 
 
@@ -208,6 +209,7 @@ def options_of_stream(
             f"is of an input in {made.input_unit}, and that of the stream is in "
             f"{channels.input_unit}: compare like with like",
         )
+    check_sample_time(sample_time)
     slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
     terms = chosen.get("terms", taken.terms)
     off = [USABLE_TERMS[t] for t in taken.terms if t in USABLE_TERMS and t not in terms]

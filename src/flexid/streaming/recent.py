@@ -13,9 +13,9 @@ from flexid.streaming.health import Recent
 from flexid.streaming.learner import Learner, States
 
 CAUSES = {
-    "no_number": "they hold something that is no number",
-    "repeated": "they come twice",
-    "late": "they come after later ones",
+    "no_number": "a value is not a number",
+    "repeated": "they are repeated",
+    "late": "they are late",
     "outliers": "a position jumps",
     "stuck": "an encoder stands still",
     "gaps": "samples are missing between them",

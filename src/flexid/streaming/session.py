@@ -48,9 +48,9 @@ class Change:
     def sentence(self) -> str:
         """What happened, for a report."""
         return (
-            f"since {clock_words(self.time)} the {self.row} moves otherwise than before, predicted "
-            f"{self.times_worse:.2g} times worse: the load or the drive has changed, and is learnt "
-            f"anew"
+            f"since {clock_words(self.time)} the prediction error of the {self.row} is "
+            f"{self.times_worse:.2g} times as large as before: the load or the drive has changed, "
+            f"and estimation has started again"
         )
 
 

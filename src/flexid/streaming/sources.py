@@ -73,7 +73,8 @@ def open_source(text: str, *, stop_at_end: bool = False) -> Source:
         return SerialPort(text)
     raise SettingError(
         "source",
-        f"{text!r} is none: give the path of a file, - for standard input, udp://{_LOOPBACK}:9000 "
+        f"{text!r} cannot be opened: give the path of a file, - for standard input, "
+        f"udp://{_LOOPBACK}:9000 "
         f"or serial:///dev/ttyUSB0",
     )
 
@@ -210,7 +211,7 @@ class Datagrams:
                 raise ValueError
         except ValueError:
             raise SettingError(
-                "source", f"{text!r} is no address: give udp://{_LOOPBACK}:9000"
+                "source", f"{text!r} is not an address: give udp://{_LOOPBACK}:9000"
             ) from None
         family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -274,7 +275,7 @@ class SerialPort:
         rates = parse_qs(query, keep_blank_values=True).pop("baud", [str(_BAUD)])
         if not address or not rates[0].isdecimal() or query.partition("=")[0] not in ("", "baud"):
             raise SettingError(
-                "source", f"{text!r} is no port: give serial:///dev/ttyUSB0?baud={_BAUD}"
+                "source", f"{text!r} is not a port: give serial:///dev/ttyUSB0?baud={_BAUD}"
             )
         try:
             import serial
