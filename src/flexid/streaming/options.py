@@ -209,7 +209,6 @@ def options_of_stream(
             f"is of an input in {made.input_unit}, and that of the stream is in "
             f"{channels.input_unit}: compare like with like",
         )
-    check_sample_time(sample_time)
     slowest, fastest = SLOWEST / min(RATES), FASTEST / max(RATES)
     terms = chosen.get("terms", taken.terms)
     off = [USABLE_TERMS[t] for t in taken.terms if t in USABLE_TERMS and t not in terms]
