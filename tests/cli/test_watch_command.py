@@ -28,9 +28,10 @@ def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(command(*arguments), capture_output=True, text=True, input=text)
 
 
-def test_a_log_is_watched_to_its_end():
+def test_a_log_is_watched_to_its_end(tmp_path: Path):
     """Assert that the last report holds the truth that made the example, and exits with 0."""
-    done = run(str(LOG), "--stop-at-end", "--json", *PAPER)
+    out = tmp_path / "out"
+    done = run(str(LOG), "--stop-at-end", "--json", "--out", str(out), *PAPER)
     assert (done.returncode, done.stderr) == (0, "")
     reports = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(reports) == 31  # one a second, and the last
@@ -39,6 +40,7 @@ def test_a_log_is_watched_to_its_end():
     low, high = reports[-1]["parameters"]["joint_stiffness"]["interval"]
     assert low < 100.0 < high < low + 1.0
     assert reports[-1]["samples"]["taken"] == 30000
+    assert json.loads((out / "watch.json").read_text()) == reports[-1]
 
 
 def test_a_stream_is_resumed(tmp_path: Path):
@@ -90,7 +92,7 @@ def test_a_checkpoint_that_cannot_be_written_costs_no_report(
     """Assert that a disk that is full is warned of meanwhile, and at its end the report comes."""
     (tmp_path / "log.csv").write_text("".join(LOG.read_text().splitlines(keepends=True)[:3001]))
 
-    def full(session: Session, path: Path) -> None:
+    def full(_session: Session, path: Path) -> None:
         raise SettingError("checkpoint", f"{path} cannot be written (No space left on device)")
 
     monkeypatch.setattr(checkpoint, "save_session", full)
@@ -154,6 +156,7 @@ def test_a_drive_that_does_not_move_exits_with_1():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        ((), "SOURCE: is missing"),
         (("no.csv",), "no such file"),
         (("udp://127.0.0.1",), "is not an address"),
         (("-", "--terms", "magic"), "'magic' is unknown"),

@@ -11,13 +11,10 @@ from pathlib import Path
 import pytest
 
 import flexid
-from flexid.cli.watch import watch as watch_command
 
 HOMES: dict[str, str] = vars(flexid)["_HOMES"]
 NAMES: list[str] = vars(flexid)["__all__"]
 
-OF_A_COMMAND = {"as_json"}
-"""An option of a command that says how the answer is printed."""
 
 HEAVY = {"numpy", "scipy", "numba", "sympy", "polars", "matplotlib", "pydantic", "rich", "typer"}
 
@@ -71,16 +68,6 @@ def test_a_misspelt_name_is_answered():
         getattr(flexid, "identfy")  # noqa: B009
     assert caught.value.name == "identfy"
     assert caught.value.obj is flexid
-
-
-def test_watch_has_its_commands_options():
-    """Assert that the one command that declares its options itself has the function's."""
-    command = inspect.signature(watch_command).parameters
-    function = inspect.signature(flexid.watch).parameters
-    assert {*command} - OF_A_COMMAND == {*function}
-    for option, parameter in command.items():
-        if option not in {"source", *OF_A_COMMAND}:  # without which a program may feed samples
-            assert function[option].default == parameter.default, option
 
 
 @pytest.mark.parametrize("name", [*offered(inspect.isfunction)])

@@ -6,15 +6,15 @@ from typing import Annotated
 
 import typer
 
-from flexid.cli import studio, watch
+from flexid.cli import studio
 from flexid.cli.campaign import campaign
 from flexid.cli.encoding import open_what_is_closed, spell_what_cannot_be_encoded
 from flexid.cli.exit_status import ExitStatus
 from flexid.cli.generated import Command, PlainCommand, register
 from flexid.cli.identify import identify
 from flexid.cli.texts import derive, export, simulate
+from flexid.cli.watch import watch
 from flexid.errors import ConvergenceError, FlexidError, SimulationError
-from flexid.library.threads import in_one_thread
 
 _TYPERS_INTERRUPTION = 130
 
@@ -124,6 +124,21 @@ COMMANDS = (
         run=export,
     ),
     Command(
+        "watch",
+        (
+            "watch examples/flexible_joint.csv --stop-at-end",
+            "watch run.csv --checkpoint run.checkpoint",
+            "watch udp://127.0.0.1:9000 --json",
+            "watch run.csv --estimate results/estimate.json --memory 60",
+            "watch 'serial:///dev/ttyUSB0?baud=921600' --columns drive.toml",
+        ),
+        "0 where the estimates had converged in the end, 1 where they had not, 2 for bad input, "
+        "3 for Ctrl-C; the last report and the checkpoint are written in any case.",
+        writes="watch.json, the last report,",
+        notes="In a terminal the view is renewed; with --json each report is one line.",
+        run=watch,
+    ),
+    Command(
         "simulate",
         (
             "simulate experiments/sampled_joint.toml --out run",
@@ -167,8 +182,7 @@ def _register_own(command: Callable[..., None], examples: tuple[str, ...]) -> No
 
 for _command in COMMANDS:
     register(app, _command)
-    if _command.name == "export":  # in the order of the help
-        _register_own(in_one_thread(watch.watch), watch.EXAMPLES)
+    if _command.name == "watch":  # in the order of the help
         _register_own(studio.studio, studio.EXAMPLES)
 
 

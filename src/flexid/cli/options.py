@@ -61,6 +61,7 @@ ARGUMENTS = {
     "model": Option(str, "MODEL"),
     "what": Option(str, "ESTIMATE|MODEL"),
     "experiment": Option(Path | None, "EXPERIMENT"),
+    "source": Option(str | None, "SOURCE"),
 }
 """What stands without a name, by parameter of the library."""
 
@@ -71,13 +72,20 @@ OPTIONS = {
         lambda _name, texts: parse_bounds(texts),
         "Such as joint_stiffness=50:200 or motor_viscous_friction=0:. May be repeated.",
     ),
+    "checkpoint": _FILE._replace(note="Saved into each minute, at the end, and on Ctrl-C."),
     "columns": _FILE,
     "coulomb_velocity": Option(str, "RAD/S", parse_number),
     "criterion": Option(str | None),
     "duration": _SECONDS,
     "estimate": Option(Path | None, "FILE"),
+    "every": _SECONDS,
     "filter_rate": Option(str | None, "1/S", parse_number),
     "gain": Option(list[str] | None, "NAME=VALUE", parse_values, "May be repeated."),
+    "header": Option(
+        str | None,
+        "NAMES",
+        note="Such as 'time [s],link_position [deg],motor_position [deg],motor_torque [N m]'.",
+    ),
     "hold": Option(str | None),
     "input_delay": _DELAY,
     "kind": Option(str | None),
@@ -102,6 +110,7 @@ OPTIONS = {
         parse_values,
         "Such as controller.k=30. May be repeated.",
     ),
+    "stop_at_end": Option(bool),
     "stream": Option(bool),
     "summary": Option(Path | None, "DIR"),
     "terms": Option(
@@ -118,26 +127,6 @@ OPTIONS = {
 }
 """What has a name, by parameter of the library."""
 
-Columns = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="A column map for raw columns: a TOML file."),
-]
-Known = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME=VALUE",
-        help="Take a physical parameter or coefficient as known, exactly (motor_inertia=0.3) or "
-        "with a standard deviation (joint_stiffness=100+-5). May be repeated.",
-    ),
-]
-Model = Annotated[
-    str,
-    typer.Option(
-        metavar="MODEL",
-        help="Model of the joint: flexible, link (the link alone, driven by the measured motor "
-        "position, without the torque) or rigid (the motor's encoder alone).",
-    ),
-]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 FLAGS: dict[str, tuple[Any, Any]] = {

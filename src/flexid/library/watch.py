@@ -1,25 +1,15 @@
 """Estimation beside a drive: `flexid.watch`."""
 
 from collections.abc import Iterator, Mapping
-from math import inf
+from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
 
 from flexid.errors import ArgumentError, RecordingError
 from flexid.library.answer import Answer
 from flexid.library.checks import as_path
 from flexid.library.entrance import entrance
-from flexid.library.logs import as_columns
-from flexid.library.options import as_number
-from flexid.library.watch_arguments import (
-    as_chosen,
-    as_commissioned,
-    as_samples,
-    fed_channels,
-)
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
@@ -47,6 +37,8 @@ _AT_ONCE = 64
 class Watch(Answer):
     """A stream that is watched: fed, or followed, and read at any time; `flexid.watch` makes it."""
 
+    _file = "watch.json"
+
     def __init__(
         self,
         chosen: Mapping[str, Any],
@@ -56,7 +48,7 @@ class Watch(Answer):
         every: float,
     ) -> None:
         self._chosen, self._estimate = chosen, estimate
-        self.follower = follower
+        self._follower = follower
         self._checkpoint = checkpoint
         self._every = every
         self._session: Session | None = None
@@ -75,15 +67,39 @@ class Watch(Answer):
         ArgumentError
             If no sample has come.
         """
-        session = self._session if self.follower is None else self.follower.session
+        session = self._session if self._follower is None else self._follower.session
         if session is not None:
             self._catch_up(session)
             return session
         raise ArgumentError("watch", "samples", "have not come yet: feed some first")
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether samples have come."""
+        return (self._session if self._follower is None else self._follower.session) is not None
+
+    @property
+    def has_converged(self) -> bool:
+        """Whether the intervals of spring and inertias are narrow."""
+        return self.health.health is Health.CONVERGED
+
+    def turns(self) -> Iterator[bool]:
+        """Follow the source; whether a report is due, after each turn in which it was looked at.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no source.
+        """
+        if self._follower is None:
+            raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
+        return self._follower.turns(self._every)
+
     def _catch_up(self, session: "Session") -> None:
         """Work on what was fed one by one: a call for each sample would cost ten times as much."""
         if self._pending:
+            import numpy as np
+
             samples = np.concatenate(self._pending)
             self._pending, self._n_pending = [], 0
             session.feed(samples)
@@ -118,6 +134,10 @@ class Watch(Answer):
         ArgumentError
             If a channel is missing, there in one block and not in another, or of another length.
         """
+        import numpy as np
+
+        from flexid.library.watch_arguments import as_samples
+
         given = {
             "time": time,
             "link_position": link_position,
@@ -155,17 +175,18 @@ class Watch(Answer):
             self._catch_up(session)
 
     def _begin(self, names: tuple[str, ...]) -> "Session":
+        from flexid.library.watch_arguments import fed_channels
         from flexid.streaming.follower import opened_session
         from flexid.streaming.options import options_of_stream, wanted_kind
 
-        if self.follower is not None:
+        if self._follower is not None:
             raise ArgumentError("feed", "samples", "come from the source: iterate over it instead")
         channels = fed_channels(names, wanted_kind(self._chosen, self._estimate))
         sample_time = self._chosen["sample_time"]
         options = options_of_stream(self._chosen, self._estimate, channels, sample_time)
         self._session = opened_session(options, self._checkpoint)
         self._channels = names
-        if self._session.fed and np.isfinite(self._session.time):
+        if self._session.fed and isfinite(self._session.time):
             self._start = self._session.time + options.sample_time
         return self._session
 
@@ -179,16 +200,14 @@ class Watch(Answer):
         RecordingError
             If it cannot be read, or not be read on; then after a turn with what came before.
         """
-        if self.follower is None:
-            raise ArgumentError("watch", "source", "is missing: give one, or feed samples")
         error = None
         try:
-            for due in self.follower.turns(self._every):
+            for due in self.turns():
                 if due:
                     yield self
         except RecordingError as found:
             error = found
-        if self.follower.session is not None:
+        if self.has_begun:
             yield self
         if error is not None:
             raise error
@@ -196,8 +215,7 @@ class Watch(Answer):
     @property
     def health(self) -> Judgement:
         """How the estimation is, a `Health`, and the reason, a sentence."""
-        begun = self._session if self.follower is None else self.follower.session
-        if begun is None:
+        if not self.has_begun:
             return Judgement(Health.CONVERGING, "no sample has come so far")
         return self.session.health
 
@@ -239,8 +257,8 @@ class Watch(Answer):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was assumed of the source's columns, and what a stream does not account for."""
-        if self.follower is not None:
-            return self.follower.warnings
+        if self._follower is not None:
+            return self._follower.warnings
         if self._estimate is None:
             return ()
         return self._estimate.warnings(self.session.options.sample_time)
@@ -297,35 +315,42 @@ def watch(
     stop_at_end: bool = False,
     duration: float | None = None,
 ) -> Watch:
-    """Estimate beside a drive: from samples that you feed, or from a source that is followed.
+    """Estimate a drive's parameters while it runs.
+
+    Samples are lines of numbers below a header, as in a log. Outliers, gaps, late and repeated
+    samples, encoders that stick and inputs at their limit are left out and counted. Without an
+    input the link alone is watched, driven by the motor's measured motion.
+
+    Without a source, feed samples with `Watch.feed`; with one, iterate over the `Watch`.
 
     Parameters
     ----------
     source : str or path, optional
-        A text file that may grow, ``"-"`` for standard input, ``"udp://127.0.0.1:9000"`` or
-        ``"serial:///dev/ttyUSB0?baud=921600"``: lines of numbers below a header, as in a log. A log
-        of another format, such as MCAP, is played again at its own pace. Iterate over what is
-        returned to follow it. Without a source, feed samples.
+        A text file that may grow, - for standard input, udp://127.0.0.1:PORT,
+        serial:///dev/PORT?baud=RATE, or a log of another format such as MCAP, which is played at
+        its own pace.
     columns : path or mapping, optional
         A column map, as for logs.
     header : str, optional
         Names of the columns, where the source does not begin with them.
     sample_time : float, optional
-        In s; without it, that of the source's first time stamps.
+        Seconds between samples; without it, that of the source's first time stamps.
     estimate : JointEstimate, path or mapping, optional
-        What the drive is held against: what `flexid.identify` returned, or an ``estimate.json``.
-        Its model, terms and filter are taken; where the drive departs from its values, the health
-        is inconsistent, and `Watch.departures` says in what and by how much.
+        An estimate that the drive is compared with: the estimate.json of flexid identify. Or what
+        `flexid.identify` returned. Its model, terms and filter are taken. Where the drive departs
+        from its values, the health is inconsistent and says in what and by how much.
     known : mapping of str to float or pair of float, optional
-        Physical parameters or coefficients that are known, as `flexid.identify` takes them.
+        Physical parameters or coefficients that are known, with their standard deviation if they
+        have one. As `flexid.identify` takes them.
     model : {"auto", "flexible", "link", "rigid"}, optional
-        Of the joint; that of the estimate, or what the channels show, if not given.
+        Model of the joint; that of the estimate, or what the channels show, if not given.
     terms : iterable of str, optional
-        Terms of the model beside the joint spring, see `flexid.TERMS`; those of the estimate, or
-        the usual ones: gravity, viscous and Coulomb friction of the motor, damping of the spring.
+        Terms of the model beside the joint spring; those of the estimate, or the usual ones:
+        gravity, viscous and Coulomb friction of the motor, damping of the spring. See
+        `flexid.TERMS`.
     hold : {"auto", "linear", "zero"}, optional
-        The input between samples; ``"auto"`` takes that of the estimate, or widens the intervals
-        by what it matters.
+        The input between samples, on straight lines or held; that of the estimate if not given, or
+        the intervals are wider by what it matters.
     filter_rate : float, optional
         Rate of the filter of least squares in 1/s; that of the estimate, or 20, if not given.
     memory : float, optional
@@ -334,9 +359,9 @@ def watch(
         Velocity in rad/s over which Coulomb friction changes its sign; that of the estimate, or
         0.1, if not given.
     checkpoint : path, optional
-        A file of `Watch.save_checkpoint` to go on from, if it is there.
+        A file to go on from, if it is there. See `Watch.save_checkpoint`.
     every : float, optional
-        Seconds of the stream between two turns of an iteration.
+        Seconds of the stream between two reports.
     stop_at_end : bool, optional
         Stop at the end of a file, rather than wait for it to grow; play a log of another format as
         fast as it can be.
@@ -363,6 +388,9 @@ def watch(
     >>> watch.feed(link_position=0.1, motor_position=0.11, motor_torque=2.0)  # doctest: +SKIP
     >>> watch.health.reason  # doctest: +SKIP
     """
+    from flexid.library.logs import as_columns
+    from flexid.library.options import as_number
+    from flexid.library.watch_arguments import as_chosen, as_commissioned
     from flexid.streaming.follower import Follower, checked_every
     from flexid.streaming.options import wanted_kind
 
