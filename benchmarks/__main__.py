@@ -1,34 +1,40 @@
-"""Run all benchmarks from the root of a clone: ``python -m benchmarks [--quick]``.
+"""Run the benchmarks of speed: ``python -m benchmarks [NAME ...] [--quick]`` in a clone.
 
---quick leaves the slowest peers at one tolerance, repeats less and leaves `RESULTS.md` alone.
+--quick leaves the slowest peers at one tolerance, repeats less and leaves `RESULTS.md` alone, as
+does a choice of some benchmarks by name.
 """
 
 import argparse
+import importlib
 import os
 
-from benchmarks import (
-    campaign,
-    closed_loop,
-    ensemble,
-    identify,
-    observer,
-    prediction_error_growth,
-    sampled_loop,
-    streaming,
-)
 from benchmarks.report import show, write
+
+NAMES = (
+    "identify",
+    "prediction_error_growth",
+    "streaming",
+    "observer",
+    "closed_loop",
+    "sampled_loop",
+    "ensemble",
+    "campaign",
+)
+"""Modules with a function `run`, in the order of the results."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--quick", action="store_true")
-    quick: bool = parser.parse_args().quick
+    options = parser.parse_args()
+    if unknown := set(options.names) - set(NAMES):
+        parser.error(f"no such benchmark: {', '.join(sorted(unknown))}")
     busy = os.getloadavg()[0]
-    parts = (identify, prediction_error_growth, streaming, observer)
-    parts += (closed_loop, sampled_loop, ensemble, campaign)
-    outcomes = [part.run(quick) for part in parts]
+    parts = [importlib.import_module(f"benchmarks.{name}") for name in options.names or NAMES]
+    outcomes = [part.run(options.quick) for part in parts]
     show(outcomes)
-    if not quick:
+    if not options.quick and not options.names:
         write(outcomes, "python -m benchmarks", busy)
 
 

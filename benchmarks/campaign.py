@@ -18,12 +18,13 @@ from types import ModuleType
 from typing import Any
 
 from benchmarks.comparison import AtMost, Comparison, Detail, Outcome, Side
+from benchmarks.size import sized
 from benchmarks.timing import Timing
 
 EXPERIMENT = Path("experiments/huang2003_campaign.toml")
 
 _RUNS = 10_000
-_QUICK_RUNS = 500
+_QUICK_RUNS = sized(500, 16)
 
 
 def run(quick: bool) -> Outcome:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import flexid
+from benchmarks.size import sized
 from flexid.estimators import segmented_motion
 
 _EXAMPLE = Path("examples/flexible_joint.csv")
@@ -27,11 +28,10 @@ _COUNTED = (", _nrt=False", "")
 _CALLED = (", forceinline=True", "")
 _VARIANTS = {
     "as it is": (),
-    "references counted": (_COUNTED,),
-    "and functions called": (_COUNTED, _CALLED),
+    **sized({"references counted": (_COUNTED,), "and functions called": (_COUNTED, _CALLED)}, {}),
 }
 _REPETITIONS = 7
-_FEWEST = 10_000  # samples of a fit that is timed
+_FEWEST = sized(10_000, 100)  # samples of a fit that is timed
 
 
 def fits_of(log: Path) -> list[tuple[ModuleType, tuple[Any, ...]]]:
@@ -90,6 +90,7 @@ def nanoseconds(kernel: ModuleType, arguments: tuple[Any, ...]) -> float:
 def main() -> None:
     """Print a line for each size."""
     fits = fits_of(Path(sys.argv[1]) if len(sys.argv) > 1 else _EXAMPLE)
+    fits = sized(fits, fits[:1])
     with tempfile.TemporaryDirectory() as folder:
         kernels = {kernel.__name__: kernel for kernel, _ in fits}
         compiled = {

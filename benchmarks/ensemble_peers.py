@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks.size import sized
 from benchmarks.table1 import AMPLITUDE, KE_N, MGL_N, OMEGA, START, Table1
 from flexid.arrays import FloatArray
 
-DURATION = 30.0
+DURATION = sized(30.0, 1.0)
 
 _FIRST_STEP = 1e-6  # s, for the stiff solvers
 

@@ -10,6 +10,7 @@ import numpy as np
 from noisy_joint import TRUTH, VALUES, joint_samples, worst_error
 from scipy.stats import t
 
+from benchmarks.size import sized
 from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.state_variable_filter import filtered_least_squares, filtered_signals
@@ -17,13 +18,17 @@ from flexid.models.flexible_joint import flexible_joint
 
 JOINT = flexible_joint()
 RATES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)
+SEEDS = sized(20, 1)
+COVERED = range(1000, sized(1200, 1002))
 
 
 def accuracy() -> None:
     print("worst of five coefficients in percent, 20 seeds, median / largest")
     for first in (0, 1000):
         for rate in RATES:
-            records = [replace(joint_samples(seed, first), velocities=None) for seed in range(20)]
+            records = [
+                replace(joint_samples(seed, first), velocities=None) for seed in range(SEEDS)
+            ]
             fits = [filtered_least_squares([record], JOINT, rate) for record in records]
             errors = [worst_error(fit.values) for fit in fits]
             print(f"  from {first} ms, {rate:g} 1/s: {np.median(errors):.4f} / {max(errors):.4f}")
@@ -34,7 +39,7 @@ def coverage() -> None:
     for first, rates in ((0, RATES[:5]), (20_000, (20.0,))):
         for rate in rates:
             held = []
-            for seed in range(1000, 1200):
+            for seed in COVERED:
                 fit = filtered_least_squares([joint_samples(seed, first)], JOINT, rate)
                 width = t.ppf(0.975, np.array(fit.degrees_of_freedom)) * fit.standard_deviations
                 held.append(np.abs(fit.values - VALUES) <= width)
@@ -52,7 +57,7 @@ def observer() -> None:
             print(f"  {name}, {rate:g} 1/s: {error:.1f}")
 
 
-def best_time(function, repeats: int = 40) -> float:
+def best_time(function, repeats: int = sized(40, 1)) -> float:
     """Shortest of several runs, in s."""
     times = []
     for _ in range(repeats):

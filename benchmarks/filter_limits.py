@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from benchmarks.report import markdown
+from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.estimators.recursive_least_squares import recursive_least_squares
 from flexid.identification.vocabulary.intervals import quantile
@@ -17,11 +18,11 @@ from flexid.simulation.free_run import free_run
 
 TRUTH = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 SYSTEM = flexible_joint(("gravity", "motor_viscous"))
-PRODUCTS = (0.005, 0.02, 0.125, 0.25, 0.5, 1.0, 2.0)
+PRODUCTS = sized((0.005, 0.02, 0.125, 0.25, 0.5, 1.0, 2.0), (0.125,))
 NOISE = 1e-4  # rad
-SEEDS = 8
+SEEDS = sized(8, 1)
 _DURATION, _STEP = 30.0, 1e-3  # s
-_SLOW = (1e-3, 1e-4, 1e-5, 1e-6)
+_SLOW = sized((1e-3, 1e-4, 1e-5, 1e-6), (1e-3,))
 
 
 def motion(h: float) -> FloatArray:

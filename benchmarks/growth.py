@@ -14,11 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.report import markdown
+from benchmarks.size import sized
 from flexid.control.pd_gravity import pd_gravity
 from flexid.control.references import sinusoid
 from flexid.estimators.prediction_error import prediction_error
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import flexible_joint
 from flexid.report.style import BLUE, GREEN, ORANGE, new_figure, save
@@ -33,10 +35,12 @@ ASSETS = Path("docs/assets")
 
 SAMPLE_TIME = 1e-3  # s
 NOISE = 1e-5  # rad
-LENGTHS = (3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)  # samples
-RUN_LENGTHS = (3.0, 10.0, 30.0, 100.0)  # s
-RUNS = (1, 3, 10, 30, 100)
-_REPETITIONS = 3
+LENGTHS = sized(
+    (3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000), (2_000, 3_000, 4_000)
+)  # samples
+RUN_LENGTHS = sized((3.0, 10.0, 30.0, 100.0), (1.0, 2.0, 3.0))  # s
+RUNS = sized((1, 3, 10, 30, 100), (1, 2, 3))
+_REPETITIONS = sized(3, 1)
 
 JOINT = flexible()
 PAPER = ("gravity", "motor_viscous")
@@ -110,6 +114,12 @@ def least(call: Callable[[], object]) -> float:
     return min(taken)
 
 
+def _sought(terms: Sequence[str]) -> Unknowns:
+    """Coefficients of a model with these terms alone."""
+    kept = {c for term in terms for c in JOINT.terms[term]}
+    return JOINT.unknowns(JOINT.optional - kept, {}, (0,))
+
+
 def with_length() -> list[Growth]:
     """Estimators and simulations over the length of the record."""
     longest = record(LENGTHS[-1])
@@ -119,7 +129,7 @@ def with_length() -> list[Growth]:
         cut = (longest.positions[:count], longest.velocities[:count], longest.inputs[:count])
         return [Samples(*cut, SAMPLE_TIME)]
 
-    unknowns = JOINT.unknowns(PAPER, {}, (0,))
+    unknowns = _sought(PAPER)
     jobs: dict[str, Callable[[list[Samples]], object]] = {
         "least squares with its covariance": lambda recordings: (
             filtered_least_squares(recordings, JOINT.system, unknowns=unknowns).covariance
@@ -147,10 +157,10 @@ def with_length() -> list[Growth]:
 
 def with_coefficients() -> list[Growth]:
     """Estimators over the number of coefficients that are sought, 30 000 samples."""
-    recordings = [record(30_000)]
-    terms = list(JOINT.terms)
-    chosen = [PAPER, *(tuple({*PAPER, *terms[:n]}) for n in range(3, len(terms) + 1, 2))]
-    unknowns = [JOINT.unknowns(names, {}, (0,)) for names in chosen]
+    recordings = [record(sized(30_000, 3_000))]
+    terms = [term for term, names in JOINT.terms.items() if not {*names} & JOINT.shapes]
+    chosen = [PAPER, *(tuple({*PAPER, *terms[:n]}) for n in range(3, sized(len(terms) + 1, 6), 2))]
+    unknowns = [_sought(names) for names in chosen]
     sizes = [len(sought.names) for sought in unknowns]
 
     def start(sought):

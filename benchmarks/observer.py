@@ -5,7 +5,9 @@ The record is the noisy joint of the estimators' tests: 30 s at 1 kHz, seed 0, b
 
 import subprocess
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from tests.estimators.noisy_joint import (
@@ -18,7 +20,6 @@ from tests.estimators.noisy_joint import (
 
 from benchmarks.c_observer import BUILDS, Replay, compile_replay
 from benchmarks.comparison import AtLeast, AtMost, Comparison, Detail, Outcome, Side, duration
-from benchmarks.kalman import JointFilter
 from benchmarks.timing import Timing, measure
 from flexid.arrays import FloatArray
 from flexid.estimators.parametric_observer import (
@@ -28,6 +29,9 @@ from flexid.estimators.parametric_observer import (
     suggest_gains,
 )
 from flexid.models.flexible_joint import flexible_joint
+
+if TYPE_CHECKING:
+    from benchmarks.kalman import JointFilter
 
 _SEED = 0
 _STEPS = 1000  # of one timed stretch of single steps
@@ -48,27 +52,26 @@ def run(quick: bool) -> Outcome:
     samples = packed(record)
     observer = parametric_observer(system, suggest_gains(record, system), SAMPLE_TIME)
     replays, builds = _replays(observer, samples, 20 if quick else 300)
-    steps, kalman = _steps(observer, samples, 3 if quick else 15)
     fastest = min(builds, key=lambda flags: builds[flags].median)
-    name = "filterpy EKF, 8 states"
     comparisons = [
         Comparison(
             "observer over a log, per sample",
             Side("replay", replays),
             Side(f"C, gcc {' '.join(fastest)}", builds[fastest]),
             AtMost(1.5),
-        ),
-        Comparison(
-            "observer over a log, per sample",
-            Side("replay", replays),
-            Side(name, kalman),
-            AtLeast(1000),
-        ),
-        Comparison(
-            "one step called from Python", Side("step", steps), Side(name, kalman), AtLeast(25)
-        ),
+        )
     ]
-    return Outcome(comparisons, [_builds_table(builds), _fits_table(observer, samples)])
+    tables = [_builds_table(builds)]
+    if find_spec("filterpy"):
+        steps, kalman = _steps(observer, samples, 3 if quick else 15)
+        peer = Side("filterpy EKF, 8 states", kalman)
+        job, single = "observer over a log, per sample", "one step called from Python"
+        comparisons += [
+            Comparison(job, Side("replay", replays), peer, AtLeast(1000)),
+            Comparison(single, Side("step", steps), peer, AtLeast(25)),
+        ]
+        tables.append(_fits_table(observer, samples))
+    return Outcome(comparisons, tables)
 
 
 def _replays(
@@ -114,7 +117,9 @@ def _steps(
     return first.per(_STEPS), second.per(_STEPS)
 
 
-def _kalman() -> JointFilter:
+def _kalman() -> "JointFilter":
+    from benchmarks.kalman import JointFilter
+
     return JointFilter(SAMPLE_TIME, TRUTH["beta1"], (POSITION_NOISE, VELOCITY_NOISE), 0.5 * _TRUE)
 
 

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 import flexid
 from benchmarks.report import markdown
+from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.recording.one_clock import Signal, on_one_clock
 from flexid.simulation.free_run import free_run
@@ -25,7 +26,7 @@ COEFFICIENTS = {
     "beta1": 1 / 0.3,
 }
 TRUTH = {"joint_stiffness": 100.0, "link_inertia": 1.0, "motor_inertia": 0.3, "gravity_torque": 5.0}
-SEEDS = 3
+SEEDS = sized(3, 1)
 _H, _SLOW, _DURATION, _NOISE = 1e-3, 5, 20.0, 1e-4
 _APART = 0.37e-3  # s, of the link's samples from the motor's
 
@@ -73,7 +74,7 @@ def logs(kind: str, seed: int) -> dict[str, dict[str, FloatArray]]:
 def main() -> None:
     """Print the table."""
     lines = []
-    for kind in TORQUES:
+    for kind in sized([*TORQUES], ["sines"]):
         halves: dict[str, list[float]] = {"sampled": [], "filtered": []}
         held = dict.fromkeys(halves, 0)
         for seed in range(SEEDS):

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from noisy_joint import SAMPLE_TIME, TRUTH, VALUES, joint_samples, worst_error
 
+from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
@@ -21,7 +22,7 @@ from flexid.estimators.samples import Samples
 from flexid.models.flexible_joint import flexible_joint
 
 JOINT = flexible_joint()
-STEPS = 3000  # single steps from Python that are timed
+STEPS = sized(3000, 10)  # single steps from Python that are timed
 STARTS = (10.0, 0.1)  # times the truth
 
 

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Callable
 
-import casadi
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks.size import sized
 from benchmarks.table1 import Exponents, Table1
 
-DURATION = 30.0
+DURATION = sized(30.0, 1.0)
 MOST_STEPS = 10_000_000
 
 Solver = Callable[[], list[float]]
@@ -55,6 +55,8 @@ def cvodes(exponents: Exponents, plain: bool, tolerance: float, compiled: bool =
         Let CasADi print its functions as C and compile them with -O3; by default they run in its
         virtual machine.
     """
+    import casadi  # of the extra "benchmarks"
+
     symbolic = Table1(exponents, casadi.sin, casadi.cos)
     time, state = casadi.SX.sym("t"), casadi.SX.sym("z", 8)
     rates = symbolic.plain_rates if plain else symbolic.error_rates

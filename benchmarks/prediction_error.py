@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from scipy.stats import t
 from segment_bound import cramer_rao_bound
 
+from benchmarks.size import sized
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
@@ -22,7 +23,9 @@ from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
 
 JOINT = flexible_joint()
-SEEDS = range(20)
+SEEDS = range(sized(20, 1))
+DURATIONS = sized((0.5, 1.0, 2.0, 5.0, 10.0), (1.0,))
+STARTS = sized(100, 1)
 
 
 def fit(samples: Samples, duration: float = 1.0, velocities: bool = False) -> PredictionErrorFit:
@@ -32,7 +35,7 @@ def fit(samples: Samples, duration: float = 1.0, velocities: bool = False) -> Pr
 
 def accuracy() -> None:
     print("worst of five coefficients in percent, 20 seeds: median / largest; RMS over bound")
-    for duration in (0.5, 1.0, 2.0, 5.0, 10.0):
+    for duration in DURATIONS:
         bound = cramer_rao_bound(round(30.0 / duration))
         for velocities in (False, True):
             fits = [fit(joint_samples(seed), duration, velocities) for seed in SEEDS]
@@ -56,7 +59,7 @@ def encoders() -> None:
     print("encoders only, record cut at 0, 100, ... 1900 ms: median / largest of the worst error")
     for bits in (16, 14, 12):
         for duration in (1.0, 5.0):
-            errors = [worst_error(fit(encoder(bits, 100 * i), duration).values) for i in range(20)]
+            errors = [worst_error(fit(encoder(bits, 100 * i), duration).values) for i in SEEDS]
             print(f"  {bits} bit, {duration:g} s: {np.median(errors):.4f} / {max(errors):.4f}")
 
 
@@ -73,7 +76,7 @@ def white_covariance(found: PredictionErrorFit) -> FloatArray:
     return np.linalg.inv(found.information)
 
 
-def coverage(n_seeds: int = 400) -> None:
+def coverage(n_seeds: int = sized(400, 1)) -> None:
     print(f"coverage of nominal 95 % intervals, {n_seeds} seeds: each coefficient, all")
     for rho in (0.0, 0.9):
         fits = [fit(correlated(seed, rho)) for seed in range(1000, 1000 + n_seeds)]
@@ -92,7 +95,7 @@ def starts() -> None:
     for factor in (2.0, 10.0):
         counts = {"right": 0, "refused": 0, "wrong": 0}
         generator = np.random.default_rng(5)
-        for seed in range(100):
+        for seed in range(STARTS):
             start = VALUES * factor ** generator.uniform(-1.0, 1.0, len(VALUES))
             guess = dict(zip(TRUTH, start.tolist(), strict=True))
             try:
@@ -109,7 +112,7 @@ def speed() -> None:
     start = filtered_least_squares([samples], JOINT)
     for velocities in (False, True):
         times = []
-        for _ in range(20):
+        for _ in SEEDS:
             begin = time.perf_counter()
             prediction_error([samples], JOINT, start, use_velocities=velocities)
             times.append(time.perf_counter() - begin)

@@ -10,10 +10,11 @@ import sys
 
 from benchmarks.comparison import AtLeast, AtMost, Comparison, Detail, Outcome, Side, duration
 from benchmarks.report import show
+from benchmarks.size import sized
 from benchmarks.timing import Timing
 
 _SAMPLES = (30_000, 100_000, 300_000, 1_000_000)
-_QUICK_SAMPLES = (30_000, 100_000)
+_QUICK_SAMPLES = sized((30_000, 100_000), (2_000, 4_000))
 _RUNS = 3
 
 # A process for each length, so that the memory is what it needs.

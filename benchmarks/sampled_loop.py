@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmarks.c_observer import BUILDS
 from benchmarks.comparison import AtMost, Comparison, Detail, Outcome, Side, duration
+from benchmarks.size import sized
 from benchmarks.timing import measure
 from flexid.arrays import FloatArray
 from flexid.control.pd_gravity import pd_gravity
@@ -21,8 +22,8 @@ from flexid.studies.huang2003.table1 import AMPLITUDE, FREQUENCY, table1_loop
 
 SOURCE = Path(__file__).with_name("sampled_loop.c")
 
-_DURATION = 30.0
-_TICKS = 30_001
+_DURATION = sized(30.0, 1.0)
+_TICKS = round(1000 * _DURATION) + 1
 _IDEAL = Sampling()
 _REAL = Sampling(
     input_limit=200.0, position_resolution=1e-4, position_noise=1e-5, velocity_noise=1e-2, seed=7

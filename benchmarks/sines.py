@@ -21,13 +21,16 @@ from unittest.mock import patch
 import joint_logs
 import numpy as np
 
+from benchmarks.size import sized
 from flexid.identification.estimation import excitations, final_fits
 from flexid.identification.identify import identify
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.recording.read import read_log
 
-AMPLITUDES, RATES = (0.05, 0.1, 0.3, 1.0, 1.5), (1.0, 2.0, 5.0, 8.0)  # rad, rad/s
-NOISES, MOTORS = (1e-4, 1e-6), (0.3, 0.005)  # rad, kg m2
+AMPLITUDES = sized((0.05, 0.1, 0.3, 1.0, 1.5), (1.0,))  # rad
+RATES = sized((1.0, 2.0, 5.0, 8.0), (2.0,))  # rad/s
+NOISES = sized((1e-4, 1e-6), (1e-4,))  # rad
+MOTORS = sized((0.3, 0.005), (0.3,))  # kg m2
 EDGES = (-1.0, 0.001, 0.002, 0.004, 0.008, np.inf)
 CORE = {"gravity_torque": 5.0, "link_inertia": 0.5, "joint_stiffness": 100.0}
 WRONG = 0.01  # off by more than that, and outside its interval

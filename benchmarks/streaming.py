@@ -18,10 +18,11 @@ import numpy as np
 from benchmarks.comparison import Comparison, Detail, Outcome, Side, duration
 from benchmarks.long_log import write_long_log
 from benchmarks.report import show
+from benchmarks.size import sized
 from benchmarks.timing import Timing
 
 _ROWS = 10_000_000
-_QUICK_ROWS = 1_000_000
+_QUICK_ROWS = sized(1_000_000, 30_000)
 _PARTS = {
     "import": "imports",
     "head": "read the head, choose terms, alignment and filter rate on it",
@@ -62,7 +63,7 @@ json.dump(parts | {"memory": most_memory()}, sys.stdout)
 
 def run(quick: bool) -> Outcome:
     """Stream 10⁷ samples; fewer and less often if quick."""
-    return measured(_QUICK_ROWS if quick else _ROWS, 2 if quick else 5)
+    return measured(_QUICK_ROWS if quick else _ROWS, sized(2, 1) if quick else 5)
 
 
 def measured(rows: int, runs: int) -> Outcome:
@@ -70,7 +71,7 @@ def measured(rows: int, runs: int) -> Outcome:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.parquet"
         write_long_log(path, rows)
-        for program in (_IDENTIFY, _READ):  # compiles, and fills the cache of the disk
+        for program in sized((_IDENTIFY, _READ), ()):  # compiles, and fills the cache of the disk
             _once(program, path)
         rounds = [(_once(_IDENTIFY, path), _once(_READ, path)) for _ in range(runs)]
     own, peer = ({k: [r[side][k] for r in rounds] for k in rounds[0][side]} for side in (0, 1))

@@ -8,6 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from benchmarks.size import sized
+
 Result = TypeVar("Result")
 
 
@@ -56,6 +58,7 @@ def measure(
     clock : callable, optional
         What is read before and after a call, in s; wall time by default.
     """
+    warm_up, repetitions = sized((warm_up, repetitions), (0, 1))
     rounds = []
     gc.collect()
     gc.disable()

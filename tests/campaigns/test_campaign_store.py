@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-from dataclasses import replace
 
 import polars as pl
 import pytest
@@ -103,7 +102,7 @@ def test_a_part_with_other_columns_is_run_again(full, change):
 
 def test_a_directory_keeps_its_part_size(full):
     """Assert that a file that asks for other parts goes on with those that are there."""
-    with open_store(full, replace(MANIFEST, runs_per_part=2)) as store:
+    with open_store(full, MANIFEST.model_copy(update={"runs_per_part": 2})) as store:
         assert store.manifest == MANIFEST
         assert store.missing(PLAN, RESULTS) == []
 
@@ -124,7 +123,7 @@ def test_the_directory_of_something_else_is_refused(full, field, value, reason):
     before = sorted(path.stat().st_mtime_ns for path in full.rglob("*.parquet"))
     with (
         pytest.raises(CampaignError) as refused,
-        open_store(full, replace(MANIFEST, **{field: value})),
+        open_store(full, MANIFEST.model_copy(update={field: value})),
     ):
         pass
     assert reason in str(refused.value)

@@ -40,7 +40,17 @@ def made_up_rows(plan: Plan, runs: range) -> pl.DataFrame:
 def write_campaign(out, kind: Kind = "sobol", runs=400, parts=None):
     """Write a campaign of made-up rows, or some of its parts."""
     plan = make_plan(Variation(kind, runs, 0, INPUTS, (), None), sampled=False)
-    manifest = Manifest("1.0", "0123", plan.digest, kind, runs, plan.inputs, (), 50, "the file")
+    manifest = Manifest(
+        flexid="1.0",
+        experiment="0123",
+        plan=plan.digest,
+        kind=kind,
+        runs=runs,
+        inputs=plan.inputs,
+        keep=(),
+        runs_per_part=50,
+        text="the file",
+    )
     with open_store(out, manifest) as store:
         for part in manifest.parts if parts is None else parts:
             store.write(part, made_up_rows(plan, manifest.runs_of(part)), None)

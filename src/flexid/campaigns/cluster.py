@@ -8,10 +8,8 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import polars as pl
-
 import flexid
-from flexid.campaigns.part import Part, run_part
+from flexid.campaigns.part import Part, PartResult, run_part
 from flexid.errors import CampaignError
 from flexid.experiments import Experiment
 
@@ -23,7 +21,7 @@ _TIMEOUT = 10.0  # s, to reach the scheduler
 
 def run_on_cluster(
     experiment: Experiment, parts: Iterable[Part], scheduler: str
-) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
+) -> Iterator[PartResult]:
     """Run parts on the workers of a Dask scheduler, and yield each when it is done."""
     client = _connect(scheduler)
     try:
@@ -72,9 +70,7 @@ def _version() -> str:
     return flexid.__version__
 
 
-def _run(
-    version: str, experiment: Experiment, part: Part
-) -> tuple[int, pl.DataFrame, pl.DataFrame | None]:
+def _run(version: str, experiment: Experiment, part: Part) -> PartResult:
     """What a worker does; one that came later may have another version."""
     if flexid.__version__ != version:
         raise CampaignError(
@@ -85,7 +81,7 @@ def _run(
 
 def _results(
     client: "Client", experiment: Experiment, parts: Iterable[Part], scheduler: str
-) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
+) -> Iterator[PartResult]:
     from distributed import KilledWorker, as_completed
 
     job = partial(_run, flexid.__version__, experiment)

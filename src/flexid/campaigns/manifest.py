@@ -1,9 +1,9 @@
 """What a campaign's directory says about itself: ``campaign.json``."""
 
-import json
-from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexid.atomic import write_atomically
 from flexid.errors import CampaignError
@@ -12,18 +12,19 @@ from flexid.experiments.variation import MOST_RUNS
 FILE = "campaign.json"
 
 
-@dataclass(frozen=True)
-class Manifest:
+class Manifest(BaseModel):
     """What was planned; it decides every row of the campaign."""
 
+    model_config = ConfigDict(strict=True, frozen=True)
+
     flexid: str  # version that runs it
-    experiment: str  # digest of whatever decides a run's result
+    experiment: str  # digest of what decides a run's result
     plan: str  # digest of all values
-    kind: str  # kind of the plan
-    runs: int  # number of runs
+    kind: str  # of the plan
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)]
     inputs: tuple[str, ...]  # dotted paths of what varies
     keep: tuple[str, ...]  # what is kept of each run
-    runs_per_part: int  # how many runs share a file
+    runs_per_part: Annotated[int, Field(ge=1)]  # runs that share a file
     text: str  # the experiment file as it was
 
     @property
@@ -39,42 +40,23 @@ class Manifest:
 
 def write_manifest(manifest: Manifest, directory: Path) -> None:
     """Write ``campaign.json``."""
-    text = json.dumps(asdict(manifest), indent=2, ensure_ascii=False) + "\n"
+    text = manifest.model_dump_json(indent=2) + "\n"
     write_atomically(directory / FILE, lambda path: path.write_text(text, encoding="utf-8"))
 
 
 def read_manifest(directory: Path) -> Manifest | None:
     """Read ``campaign.json``; None where there is none."""
     try:
-        content = json.loads((directory / FILE).read_text(encoding="utf-8"))
-        return _manifest(content)
+        return Manifest.model_validate_json((directory / FILE).read_bytes())
     except FileNotFoundError:
         return None
     except NotADirectoryError:
         raise CampaignError(str(directory), "is no directory: give one") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValidationError):
         raise CampaignError(
             str(directory / FILE),
-            "is damaged or of no campaign: start anew in another directory",
+            "is damaged or of no campaign: start again in another directory",
         ) from None
-
-
-def _manifest(content: dict[str, Any]) -> Manifest:
-    values: dict[str, Any] = {}
-    for field in fields(Manifest):
-        value = content[field.name]
-        if field.type in (str, int) and type(value) is not field.type:
-            raise TypeError(field.name)
-        values[field.name] = value if field.type in (str, int) else _names(value)
-    if not 1 <= values["runs"] <= MOST_RUNS or values["runs_per_part"] < 1:
-        raise ValueError("runs")
-    return Manifest(**values)
-
-
-def _names(value: object) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise TypeError("names")
-    return tuple(map(str, value))
 
 
 def refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:

@@ -10,7 +10,7 @@ import polars as pl
 
 import flexid
 from flexid.campaigns.manifest import Manifest
-from flexid.campaigns.part import Part, run_part
+from flexid.campaigns.part import Part, PartResult, run_part
 from flexid.campaigns.plan import Plan, make_plan
 from flexid.campaigns.rows import STATUS, result_schema
 from flexid.campaigns.store import Store, open_store
@@ -93,15 +93,15 @@ def _plan(experiment: Experiment, variation: Variation) -> Plan:
 
 def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manifest:
     return Manifest(
-        flexid.__version__,
-        experiment.digest,
-        plan.digest,
-        variation.kind,
-        variation.runs,
-        plan.inputs,
-        variation.keep,
-        variation.runs_per_part or _runs_per_part(experiment, variation),
-        Path(experiment.path).read_text(encoding="utf-8"),
+        flexid=flexid.__version__,
+        experiment=experiment.digest,
+        plan=plan.digest,
+        kind=variation.kind,
+        runs=variation.runs,
+        inputs=plan.inputs,
+        keep=variation.keep,
+        runs_per_part=variation.runs_per_part or _runs_per_part(experiment, variation),
+        text=Path(experiment.path).read_text(encoding="utf-8"),
     )
 
 
@@ -144,15 +144,13 @@ def _complete(
             progress(manifest.runs - left, manifest.runs)
 
 
-def run_here(
-    experiment: Experiment, parts: Iterable[Part], workers: int
-) -> Iterator[tuple[int, pl.DataFrame, pl.DataFrame | None]]:
+def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Iterator[PartResult]:
     """Run parts on threads of this process, and yield each when it is done.
 
     Compiled code lets other threads run, so that these use all cores.
     """
     stop = threading.Event()
-    waiting: set[Future[tuple[int, pl.DataFrame, pl.DataFrame | None]]] = set()
+    waiting: set[Future[PartResult]] = set()
     with ThreadPoolExecutor(workers) as pool:
         try:
             for part in parts:
