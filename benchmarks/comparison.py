@@ -69,6 +69,11 @@ class Comparison:
                 return 1 / self.times_faster <= factor
         return None
 
+    @property
+    def description(self) -> str:
+        """What was done, and by what."""
+        return f"{self.job}. flexid: {self.own.name}. Peer: {self.peer.name}."
+
     def cells(self) -> tuple[str, ...]:
         """Texts of a table's line, in the order of `HEADINGS`."""
         if isinstance(self.goal, AtMost) or self.times_faster < 1:
@@ -76,18 +81,17 @@ class Comparison:
         else:
             digits = 1 if self.times_faster < 10 else 0
             ratio = f"{self.times_faster:.{digits}f} × faster"
-        goal = {AtLeast: "≥ {:g} × faster", AtMost: "≤ {:g} × the time", type(None): "–"}
+        goal = {AtLeast: "≥ {:.4g}", AtMost: "≤ {:.4g}", type(None): "–"}
         return (
-            self.job,
-            f"{self.own.name}: {duration(self.own.timing)}",
-            f"{self.peer.name}: {duration(self.peer.timing)}",
+            duration(self.own.timing),
+            duration(self.peer.timing),
             ratio,
             goal[type(self.goal)].format(getattr(self.goal, "factor", 0)),
             {True: "yes", False: "NO", None: "–"}[self.met],
         )
 
 
-HEADINGS = ("job", "flexid", "peer", "ratio", "goal", "met")
+HEADINGS = ("flexid", "peer", "ratio", "goal", "met")
 
 
 def duration(timing: Timing) -> str:

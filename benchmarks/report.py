@@ -6,24 +6,42 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from textwrap import wrap
 
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.comparison import HEADINGS, Outcome
+from benchmarks.comparison import HEADINGS, Comparison, Outcome
 
 RESULTS = Path(__file__).with_name("RESULTS.md")
 
+_WIDTH = 100  # columns
 _PACKAGES = ("flexid", "numpy", "scipy", "numba", "casadi", "filterpy", "diffrax", "jax")
 
 
 def show(outcomes: Sequence[Outcome]) -> None:
-    """Print all comparisons as one table."""
-    table = Table(*HEADINGS, title="flexid beside other tools", show_lines=True)
-    for outcome in outcomes:
-        for comparison in outcome.comparisons:
-            table.add_row(*comparison.cells())
-    Console().print(table)
+    """Print all comparisons as one table, and what each of them is."""
+    comparisons = [c for outcome in outcomes for c in outcome.comparisons]
+    table = Table("", *HEADINGS, title="flexid beside other tools")
+    for number, comparison in enumerate(comparisons, start=1):
+        table.add_row(str(number), *comparison.cells())
+    console = Console(width=_WIDTH)
+    console.print(table)
+    console.print("\n".join(_descriptions(comparisons)), markup=False, highlight=False)
+
+
+def _ratios(comparisons: Sequence[Comparison]) -> list[str]:
+    """The table of ratios, and below it what each line is, as Markdown."""
+    lines = [(str(n), *c.cells()) for n, c in enumerate(comparisons, start=1)]
+    return [*markdown(("", *HEADINGS), lines), "", *_descriptions(comparisons)]
+
+
+def _descriptions(comparisons: Sequence[Comparison]) -> list[str]:
+    return [
+        line
+        for number, comparison in enumerate(comparisons, start=1)
+        for line in wrap(f"{number}. {comparison.description}", _WIDTH, subsequent_indent="   ")
+    ]
 
 
 def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
@@ -50,7 +68,7 @@ def write(outcomes: Sequence[Outcome], command: str, busy: float) -> None:
         "is compared runs in turn, and ratios are ratios of medians. What takes many seconds is "
         "run once. What limits them: [performance](../docs/comparison.md#performance).",
         "",
-        *markdown(HEADINGS, [c.cells() for outcome in outcomes for c in outcome.comparisons]),
+        *_ratios([c for outcome in outcomes for c in outcome.comparisons]),
     ]
     for outcome in outcomes:
         for detail in outcome.details:

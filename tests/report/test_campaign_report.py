@@ -29,7 +29,15 @@ def made_result(correlations=(), indices=(), values=(1.0, 2.0, NAN), name="track
 def made_summary(done=100, statuses=None, damaged=(), first_error="", results=()):
     """Return a summary of a campaign of 100 runs."""
     manifest = Manifest(
-        "1.0", "0123", "4567", "sobol", 100, ("controller.k",), ("tracking",), 10, "the file"
+        flexid="1.0",
+        experiment="0123",
+        plan="4567",
+        kind="sobol",
+        runs=100,
+        inputs=("controller.k",),
+        keep=("tracking",),
+        runs_per_part=10,
+        text="the file",
     )
     inputs = {"controller.k": np.array([1.0, 2.0, 3.0])}
     statuses = statuses or {"finished": done}
@@ -128,7 +136,7 @@ def test_each_panel_has_its_unit():
         made_result(correlated, values=(1e-30, 1.0, 2.0), name="settling_time.theta1"),
     )
     summary = made_summary(results=results)
-    charts = campaign_charts(replace(summary, manifest=replace(summary.manifest, text="")))
+    charts = campaign_charts(replace(summary, manifest=summary.manifest.model_copy(update={"text": ""})))
     distributions, dependence = charts
     for chart in charts:
         titles = [panel.title.splitlines() for panel in chart.panels]
