@@ -77,7 +77,7 @@ class Comparison:
     def cells(self) -> tuple[str, ...]:
         """Texts of a table's line, in the order of `HEADINGS`."""
         if isinstance(self.goal, AtMost) or self.times_faster < 1:
-            ratio = f"{1 / self.times_faster:.2f} × the time"
+            ratio = f"{1 / self.times_faster:.2f} × time"
         else:
             digits = 1 if self.times_faster < 10 else 0
             ratio = f"{self.times_faster:.{digits}f} × faster"
