@@ -12,6 +12,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -158,9 +159,10 @@ def datagrams(seconds: int) -> None:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     watch = [sys.executable, "-m", "flexid", "watch", f"udp://127.0.0.1:{port}", "--json"]
-    watch += ["--header", HEADER, "--duration", str(seconds + 12)]
+    watch += ["--header", HEADER, "--duration", str(seconds + 5)]
     with subprocess.Popen(watch, stdout=subprocess.PIPE, text=True) as process:
-        time.sleep(6.0)  # until it listens
+        while f":{port:04X} " not in Path("/proc/net/udp").read_text():  # until it listens
+            time.sleep(0.1)
         subprocess.run([sys.executable, "-c", _SENDER, str(port), str(seconds)], check=True)
         printed, _ = process.communicate()
     samples = json.loads(printed.splitlines()[-1])["samples"]

@@ -12,46 +12,34 @@ from flexid.models.parametric_system import ParametricSystem, Row
 ARM = ParametricSystem("arm", (Row("arm", "q", "v", {"gravity": "-sin(q)"}, known="u"),))
 
 
-def declare(law: Controller) -> LoopDeclaration:
-    """Put a law in the loop with the arm."""
-    return LoopDeclaration(ARM, law, constant(1.0))
+CLASHES = ("q", "gravity", "qd_2", "t", "sin", "qd_offset")
+
+REFUSED = {
+    "not in the whitelist": ({"u": "__import__('os')"}, {}, ExpressionError, "not allowed"),
+    "undeclared name": ({"u": "gain*(qd - q)"}, {}, ExpressionError, "gain"),
+    "missing input": ({"torque": "-v"}, {}, ModelError, "gives the inputs torque"),
+    "word of Python": (
+        {"u": "-v"},
+        {"lambda": 1.0},
+        ModelError,
+        r"'lambda' is a word of Python.*: write lambda_$",
+    ),
+    **{name: ({"u": "-v"}, {name: 1.0}, ModelError, "another meaning") for name in CLASHES},
+}
 
 
-def test_expression_is_checked() -> None:
-    """Assert that a law may not call what the whitelist does not have."""
-    with pytest.raises(ExpressionError, match="not allowed"):
-        declare(Controller("law", "q", {"u": "__import__('os')"}))
-
-
-def test_unknown_name_is_refused() -> None:
-    """Assert that a law may use declared names only."""
-    with pytest.raises(ExpressionError, match="gain"):
-        declare(Controller("law", "q", {"u": "gain*(qd - q)"}))
-
-
-@pytest.mark.parametrize("name", ["q", "gravity", "qd_2", "t", "sin", "qd_offset"])
-def test_clash_of_names_is_refused(name: str) -> None:
-    """Assert that a parameter may not take a name that means something else."""
-    with pytest.raises(ModelError, match="another meaning"):
-        declare(Controller("law", "q", {"u": "-v"}, {name: 1.0}))
-
-
-def test_word_of_python_is_no_parameter() -> None:
-    """Assert that a parameter named after a word of Python is refused with a remedy."""
-    with pytest.raises(ModelError, match=r"'lambda' is a word of Python.*: write lambda_$"):
-        declare(Controller("law", "q", {"u": "-v"}, {"lambda": 1.0}))
-
-
-def test_missing_input_is_refused() -> None:
-    """Assert that a law must drive the inputs of the system."""
-    with pytest.raises(ModelError, match="gives the inputs torque"):
-        declare(Controller("law", "q", {"torque": "-v"}))
+@pytest.mark.parametrize("fault", REFUSED)
+def test_laws_that_do_not_fit_are_refused(fault: str) -> None:
+    """Assert that a law with a wrong expression, input or name is refused by what is wrong."""
+    inputs, parameters, error, message = REFUSED[fault]
+    with pytest.raises(error, match=message):
+        LoopDeclaration(ARM, Controller("law", "q", inputs, parameters), constant(1.0))
 
 
 def test_unknown_tracked_state_is_refused() -> None:
     """Assert that the tracked state must exist."""
     with pytest.raises(ModelError, match="tracks 'x1'"):
-        declare(Controller("law", "x1", {"u": "-v"}))
+        LoopDeclaration(ARM, Controller("law", "x1", {"u": "-v"}), constant(1.0))
 
 
 def test_unknown_parameter_is_refused() -> None:

@@ -136,7 +136,9 @@ def test_each_panel_has_its_unit():
         made_result(correlated, values=(1e-30, 1.0, 2.0), name="settling_time.theta1"),
     )
     summary = made_summary(results=results)
-    charts = campaign_charts(replace(summary, manifest=summary.manifest.model_copy(update={"text": ""})))
+    charts = campaign_charts(
+        replace(summary, manifest=summary.manifest.model_copy(update={"text": ""}))
+    )
     distributions, dependence = charts
     for chart in charts:
         titles = [panel.title.splitlines() for panel in chart.panels]
