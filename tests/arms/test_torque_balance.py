@@ -10,30 +10,41 @@ from benchmarks.arms.arm import mjcf, random_arm
 from two_links import ARM, TRUTH, TwoLinks, motion, truth_values
 
 from flexid.arrays import FloatArray
-from flexid.estimators.balance_motion import balance_kernel, balance_motion, balance_unknowns
+from flexid.derivation.torque_balance import balance_functions
+from flexid.estimators.balance_motion import balance_motion, balance_unknowns
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import divide
 from flexid.models.planar_arm import PlanarArm, planar_arm
+from flexid.models.torque_balance import TorqueBalance
 
 BALANCE = planar_arm(ARM)
 
 
 def rates(
-    kernel: Any, x: FloatArray, u: FloatArray, p: FloatArray, arm: PlanarArm = ARM
+    functions: dict[str, Any], x: FloatArray, u: FloatArray, p: FloatArray, arm: PlanarArm = ARM
 ) -> FloatArray:
     """Rates of the states, all rows sliding."""
     found = np.empty(len(x))
     constants = np.array(list(planar_arm(arm).constants.values()))
-    kernel.state_rates(x, u, np.where(x[1::2] < 0.0, -1.0, 1.0), p, constants, found)
+    functions["state_rates"](x, u, np.where(x[1::2] < 0.0, -1.0, 1.0), p, constants, found)
     return found
 
 
+def functions_of(balance: TorqueBalance) -> dict[str, Any]:
+    """The generated functions as plain Python."""
+    names: dict[str, Any] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("numba.njit", lambda **_: lambda function: function)
+        exec(compile(balance_functions(balance), "generated", "exec"), names)
+    return names
+
+
 @pytest.fixture(scope="module")
-def kernel() -> Any:
-    """Return the module of two joints."""
-    return balance_kernel(BALANCE)
+def functions() -> dict[str, Any]:
+    """Return those of two joints."""
+    return functions_of(BALANCE)
 
 
 def problem_of(torques: FloatArray, h: float, outputs: FloatArray | None = None) -> SegmentedMotion:
@@ -58,18 +69,20 @@ def sought(problem: SegmentedMotion) -> FloatArray:
     return np.array([TRUTH.get(name, 0.0) for name in problem.names])
 
 
-def test_accelerations_of_the_textbook(kernel: Any):
+def test_accelerations_of_the_textbook(functions: dict[str, Any]):
     """Assert that any motion has the accelerations of the textbook's two links."""
     rng = np.random.default_rng(1)
     for _ in range(20):
         x, u = rng.normal(size=8), rng.normal(size=2)
         arm = TwoLinks(u)
         expected = arm.accelerations(x, np.sign(x[1::2]))
-        np.testing.assert_allclose(rates(kernel, x, u, truth_values())[1::2], expected, rtol=1e-9)
+        np.testing.assert_allclose(
+            rates(functions, x, u, truth_values())[1::2], expected, rtol=1e-9
+        )
 
 
 @pytest.mark.parametrize("seed", [0, 3, 6])
-def test_accelerations_of_mujoco(kernel: Any, seed: int):
+def test_accelerations_of_mujoco(functions: dict[str, Any], seed: int):
     """Assert that random arms, rotors carried or not, accelerate as they do in MuJoCo."""
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     rng = np.random.default_rng(seed)
@@ -92,13 +105,13 @@ def test_accelerations_of_mujoco(kernel: Any, seed: int):
         data.qpos[places["motor"]], data.qvel[places["motor"]] = x[[2, 6]], x[[3, 7]]
         data.qfrc_applied[places["motor"]] = u
         mujoco.mj_forward(model, data)
-        found = rates(kernel, x, u, p, known)
+        found = rates(functions, x, u, p, known)
         link = data.qacc[places["link"]] + (data.qacc[places["motor"]] if arm.carried else 0.0)
         np.testing.assert_allclose(found[[1, 5]], link, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(found[[3, 7]], data.qacc[places["motor"]], rtol=1e-6, atol=1e-8)
 
 
-def test_energy_is_kept(kernel: Any):
+def test_energy_is_kept(functions: dict[str, Any]):
     """Assert that without friction and torque the power of all terms is nothing."""
     rng = np.random.default_rng(2)
     kept = {n: v for n, v in TRUTH.items() if "friction" not in n and "damping" not in n}
@@ -119,7 +132,7 @@ def test_energy_is_kept(kernel: Any):
 
     for _ in range(10):
         x = rng.normal(size=8)
-        rate = rates(kernel, x, np.zeros(2), p)
+        rate = rates(functions, x, np.zeros(2), p)
         step = 1e-5
         power = (energy(x + step * rate) - energy(x - step * rate)) / (2.0 * step)
         assert abs(power) < 1e-6 * (1.0 + abs(energy(x)))
@@ -133,7 +146,7 @@ def test_a_pendulum_in_closed_form():
     known |= {"motor_inertia_1": 0.2, "torque_constant_1": 1.0}
     p = np.array([known.get(name, 0.0) for name in balance.coefficients])
     angle = 0.2
-    found = rates(balance_kernel(balance), np.array([angle, 0.0, 0.0, 0.0]), np.zeros(1), p, arm)
+    found = rates(functions_of(balance), np.array([angle, 0.0, 0.0, 0.0]), np.zeros(1), p, arm)
     expected = -(40.0 * angle + 9.81 * 0.3 * np.sin(angle)) / 0.5
     np.testing.assert_allclose(found, [0.0, expected, 0.0, 40.0 * angle / 0.2], rtol=1e-12)
 

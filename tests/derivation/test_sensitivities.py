@@ -61,9 +61,9 @@ def columns_of(system):
 def slopes_of(functions, system, x, u, du, modes, p, c, at, delay):
     """Return the derivatives of the rates of velocities and memories by the state and the rest."""
     n = len(system.rows) + len(system.memories)
-    a, r = np.zeros((n, len(x))), np.zeros(n * functions["WIDTH"])
+    a, r = np.zeros(n * len(x)), np.zeros(n * functions["WIDTH"])
     functions["slopes"](x, u, du, modes, p, c, at, delay, a, r)
-    return a, r.reshape(n, functions["WIDTH"])
+    return a.reshape(n, len(x)), r.reshape(n, functions["WIDTH"])
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -169,11 +169,11 @@ def test_columns_are_derivatives_of_the_step(plain, name):
         slopes_of(functions, system, stage, u, 0.0 * u, modes, p, c, at, 0) for stage in stages
     ]
     a, r = (np.array(each) for each in zip(*slopes, strict=True))
-    b, q = np.zeros((4, memories, len(x))), np.zeros((4, memories * width))
+    b, q = np.zeros((4, memories * len(x))), np.zeros((4, memories * width))
     for stage, then in enumerate([*stages[1:], end]):
         functions["memory_slopes"](then, x, p, at, b[stage], q[stage])
     after = z.ravel().copy()
-    functions["vary"](after, n, h, a, r.ravel(), b, q.ravel())
+    functions["vary"](after, n, h, a.ravel(), r.ravel(), b.ravel(), q.ravel())
     after = after.reshape(z.shape)
     for column in range(1, n):
         dp = np.zeros(len(p))
@@ -229,9 +229,10 @@ def test_a_path_s_derivatives_are_those_of_its_memory(plain, moved):
     functions = plain(sensitivity_functions(TWO_MEMORIES, "Test"))
     start, end = np.random.default_rng(3).standard_normal((2, 6))
     grips, width = np.array([3.0, 2.0]), functions["WIDTH"]
-    b, q = np.zeros((2, 6)), np.zeros(2 * width)
+    b, q = np.zeros(2 * 6), np.zeros(2 * width)
     at = np.array([0, 0, 0, 0, 0, 1, 2])
     functions["memory_slopes"](end, start, np.array([0.0] * 5 + grips.tolist()), at, b, q)
+    b = b.reshape(2, 6)
 
     def slope(d_start, d_end, d_grips):
         high, low = (

@@ -31,7 +31,7 @@ from flexid.estimators.recursive_least_squares import (
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import By, Point, segmented_motion
+from flexid.estimators.segmented_motion import MOTION, By, Point, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.kernels import store
@@ -137,7 +137,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     ),
     "segments": (
         equations,
-        {"bound", "sin_cos", "runge_kutta", "dry_motion", "prediction_error"},
+        {"bound", "compiled", "dry_motion", "prediction_error"} | {*MOTION},
     ),
     "least squares": (
         lambda: filtered_least_squares([samples()], JOINT, 20.0),
@@ -159,14 +159,27 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
 }
 
 
-def uncompiled(kernel: ModuleType, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Return the functions of a kernel as plain Python."""
+def uncompiled(
+    kernel: ModuleType, models: dict[int, Callable[..., None]], monkeypatch: pytest.MonkeyPatch
+) -> dict[str, Any]:
+    """Return the functions of a kernel as plain Python, and note a model by its address."""
     path = Path(str(kernel.__file__))
     plain: dict[str, Any] = {"__name__": "plain"}
     with monkeypatch.context() as patch:
         patch.setattr(config, "DISABLE_JIT", True)
+        patch.setattr("numba.cfunc", lambda *_, **__: addressed)
         exec(compile(path.read_text("utf-8"), str(path), "exec"), plain)
+    plain["call"] = lambda address, *arguments: models[int(address)](*arguments)
+    plain["part"] = lambda numbers, first, size: numbers[first : first + size]
+    if "MODEL" in plain:
+        models[int(vars(kernel)["MODEL"][0])] = plain["run"]
     return plain
+
+
+def addressed(function: Any) -> Any:
+    """Return the function, with an address that is none."""
+    function.address = 0
+    return function
 
 
 def flat(values: Any) -> list[Any]:
@@ -205,14 +218,15 @@ def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> N
     seen: set[str] = set()
     called: list[str] = []
     loaded: dict[str, SimpleNamespace] = {}
+    models: dict[int, Callable[..., None]] = {}
 
     def load(
-        task: str, declarations: list[str], build: Callable[[], str], templates: Any = ()
+        task: str, declarations: list[str], build: Any, templates: Any = ()
     ) -> SimpleNamespace:
         kernel = load_kernel(task, declarations, build, templates)
         if kernel.__name__ not in loaded:
             seen.update(templates)
-            plain = uncompiled(kernel, monkeypatch)
+            plain = uncompiled(kernel, models, monkeypatch)
             both = SimpleNamespace(**vars(kernel))
             for name, value in vars(kernel).items():
                 if hasattr(value, "py_func"):

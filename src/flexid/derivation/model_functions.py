@@ -24,6 +24,7 @@ N_STATES = {len(system.states)}
 N_ROWS = {len(system.rows)}
 N_INPUTS = {len(system.inputs)}
 N_COEFFICIENTS = {len(system.coefficients)}
+N_CONSTANTS = {len(system.constants)}
 '''
 
 

@@ -258,9 +258,9 @@ def _memory_slopes(symbolic: SymbolicSystem) -> str:
     blocks = []
     for m, memory in enumerate(symbolic.memories):
         place, grip = _places_of(symbolic, m)
-        lines = [_along_path(symbolic, m), f"    _b[{m}, {place}] = _e"]
+        lines = [_along_path(symbolic, m), f"    _b[{m} * N_STATES + {place}] = _e"]
         lines += [
-            f"    _b[{m}, {i}] = -_left * _d * _p[{grip}] * {slope!r}"
+            f"    _b[{m} * N_STATES + {i}] = -_left * _d * _p[{grip}] * {slope!r}"
             for i, slope in _path(symbolic, memory).items()
         ]
         lines.append(f"    _q[{m} * WIDTH + _at[{grip}]] = -_left * abs(_path)")
@@ -295,7 +295,7 @@ def _slopes(symbolic: SymbolicSystem) -> str:
     expressions: list[sp.Expr] = []
     delayed = []
     for j, (rate, jacobian) in enumerate(_equations(symbolic)):
-        targets += [f"_a[{j}, {place}]" for place in jacobian]
+        targets += [f"_a[{j} * N_STATES + {place}]" for place in jacobian]
         expressions += jacobian.values()
         for i, coefficient in enumerate(symbolic.coefficients):
             if rate.has(coefficient):
@@ -351,9 +351,9 @@ def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] 
     for stage in range(4):
         for j, pattern in enumerate(patterns):
             products = [f"_r[({stage} * {rows + memories} + {j}) * WIDTH + _j]"]
+            first = (stage * (rows + memories) + j) * size
             products += [
-                f"{known(f'_a{stage}_{j}_{i}', f'_a[{stage}, {j}, {i}]')} * {at}{i}"
-                for i in pattern
+                f"{known(f'_a{stage}_{j}_{i}', f'_a[{first + i}]')} * {at}{i}" for i in pattern
             ]
             body.append(f"        _k{stage}_{2 * j} = {at}{2 * j + 1}")
             body.append(f"        _k{stage}_{2 * j + 1} = {' + '.join(products)}")
@@ -369,10 +369,11 @@ def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] 
                 body.append(f"        {then}{i} = _s{i} + _sixth * ({total})")
         for m, path in enumerate(paths):
             place = 2 * rows + m
-            kept = known(f"_b{stage}_{m}_{place}", f"_b[{stage}, {m}, {place}]")
+            first = (stage * memories + m) * size
+            kept = known(f"_b{stage}_{m}_{place}", f"_b[{first + place}]")
             terms = [f"_q[({stage} * {memories} + {m}) * WIDTH + _j]", f"{kept} * _s{place}"]
             terms += [
-                f"{known(f'_b{stage}_{m}_{i}', f'_b[{stage}, {m}, {i}]')} * ({then}{i} - _s{i})"
+                f"{known(f'_b{stage}_{m}_{i}', f'_b[{first + i}]')} * ({then}{i} - _s{i})"
                 for i in path
             ]
             body.append(f"        {then}{place} = {' + '.join(terms)}")

@@ -94,13 +94,18 @@ def unpack(array: str, symbols: Sequence[sp.Symbol]) -> str:
 
 
 DECORATORS = """
-# References to arrays are counted, by atomic instructions, wherever an array is taken out of a
-# tuple. At every stage of a step this costs more than the mathematics, and what allocates nothing
-# does not need it. A product and the sum that it goes into are rounded once.
-uncounted = njit(cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)
-inlined = njit(
-    cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True, _nrt=False
-)
+# What runs at every stage of a step allocates nothing. References to arrays are then not counted,
+# which costs more than the mathematics. Python does not call these functions: their wrappers would
+# double the time to compile them. A product and the sum that it goes into are rounded once.
+_AT_EVERY_STAGE = {
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "_nrt": False,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+uncounted = njit(**_AT_EVERY_STAGE)
+inlined = njit(**_AT_EVERY_STAGE, forceinline=True)
 """
 """How functions are compiled that run at every stage of a step: they allocate nothing."""
 

@@ -349,7 +349,7 @@ def _slopes(symbolic: SymbolicBalance, mass: _Mass) -> str:
         slopes = {j: cast(sp.Expr, sp.diff(sums[j], symbol(name))) for j in rows}
         column = {j: slope for j, slope in slopes.items() if slope != 0}
         users = [i for i in rows if state in _depends(mass, i)]
-        solve(column, f"s{state}", f"_a[{{}}, {state}]", users)
+        solve(column, f"s{state}", f"_a[{{}} * N_STATES + {state}]", users)
     for k, column in enumerate(symbolic.columns):
         users = [i for i in rows if any((i, j) in names for j in column)]
         solve(column, f"k{k}", f"_r[{{}} * WIDTH + _at[{k}]]", users)

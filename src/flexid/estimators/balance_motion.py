@@ -7,7 +7,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.segmented_motion import SegmentedMotion
+from flexid.estimators.segmented_motion import MOTION, SegmentedMotion
 from flexid.estimators.segments import Segments
 from flexid.estimators.unknowns import Unknowns
 from flexid.kernels.store import load_kernel
@@ -23,8 +23,7 @@ def balance_kernel(balance: TorqueBalance) -> ModuleType:
 
         return balance_functions(balance)
 
-    templates = ["bound", "sin_cos", "runge_kutta", "dry_motion", "prediction_error"]
-    return load_kernel("torque_balance", [balance.digest], build, templates)
+    return load_kernel("torque_balance", [balance.digest], build, MOTION)
 
 
 def balance_unknowns(balance: TorqueBalance, fixed: dict[str, float]) -> Unknowns:

@@ -219,21 +219,17 @@ class SegmentedMotion:
     def _jacobians(self, states: FloatArray, coefficients: FloatArray) -> FloatArray:
         """Derivatives of the rates by the states, about a state at the start of each segment."""
         kernel = self._kernel
-        n, equations = kernel.N_STATES, kernel.N_ROWS + kernel.N_MEMORIES
-        nowhere = np.zeros(kernel.N_COEFFICIENTS, dtype=np.int64)
-        rest = np.zeros(equations * kernel.WIDTH)
-        inputs, modes = self.segments.inputs[self.segments.starts], np.sign(states[:, 1::2])
-        still = np.zeros_like(inputs[0])
+        n, rows = kernel.N_STATES, 2 * kernel.N_ROWS
+        inputs = self.segments.inputs[self.segments.starts]
         jacobians = np.zeros((len(states), n, n))
-        velocities = np.arange(1, 2 * kernel.N_ROWS, 2)
+        velocities = np.arange(1, rows, 2)
         jacobians[:, velocities - 1, velocities] = 1.0
-        places = [*velocities.tolist(), *range(2 * kernel.N_ROWS, n)]
-        found = np.zeros((equations, n))
-        for s, p in enumerate(coefficients):
-            kernel.slopes(
-                states[s], inputs[s], still, modes[s], p, self.constants, nowhere, 0, found, rest
-            )
-            jacobians[s, places] = found
+        found = np.zeros((len(states), kernel.N_EQUATIONS * n))
+        linearise = segments_kernel().linearise
+        states = np.ascontiguousarray(states)
+        linearise(states, inputs, coefficients, self.constants, kernel.MODEL, found)
+        places = [*velocities.tolist(), *range(rows, n)]
+        jacobians[:, places] = found.reshape(len(states), -1, n)
         return jacobians
 
     def _wanted(self) -> NDArray[np.int64]:
@@ -300,10 +296,10 @@ class SegmentedMotion:
             segments.lengths,
             self.first_blocks,
             segments.sample_times,
-            point.initial_states,
+            np.ascontiguousarray(point.initial_states),
         )
         observer = self._observer
-        whitening = observer.whitening
+        whitening = np.ascontiguousarray(observer.whitening)
         sensors = (
             outputs,
             segments.measured,
@@ -320,13 +316,17 @@ class SegmentedMotion:
             observer.directions,
             observer.corrected,
         )
-        model = drives, coefficients, self.constants, dry, gains
+        gains = tuple(map(np.ascontiguousarray, gains))  # of one layout, or it compiles again
+        motion = drives, coefficients, self.constants, dry, gains
         sought = wanted, delay_sought
         results = normal, gradient, residuals, costs
 
         def run(*part: int) -> None:
-            kernel.segment_equations(part, divided, sensors, model, self.substeps, sought, results)
+            segment_equations(
+                part, divided, sensors, motion, self.substeps, sought, results, kernel.MODEL
+            )
 
+        segment_equations = segments_kernel().segment_equations
         in_threads(run, segments.lengths)
         # Segment by segment in their order, so that no digit depends on the threads.
         cost = float(np.sum(costs))
@@ -403,15 +403,29 @@ def segmented_motion(
     unknowns: Unknowns | None = None,
 ) -> SegmentedMotion:
     """The motion of a model over segments, all outputs of the same weight."""
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
+    weights = np.ones(len(segments.measured))
+    unknowns = unknowns or Unknowns(system)
+    kernel = motion_kernel(system)
+    return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
+
+
+MOTION = ("sin_cos", "runge_kutta", "model")
+"""Templates by which the kernel of the segments moves a model."""
+
+
+def motion_kernel(system: ParametricSystem) -> ModuleType:
+    """The compiled motion of a model, for the kernel of the segments to call."""
 
     def build() -> str:
         from flexid.derivation.sensitivities import sensitivity_functions
 
-        return sensitivity_functions(system, "Segmented prediction error")
+        return sensitivity_functions(system, "Motion and its derivatives")
 
-    templates = ["bound", "sin_cos", "runge_kutta", "dry_motion", "prediction_error"]
-    kernel = load_kernel("prediction_error", [system.digest], build, templates)
-    constants = np.array(list(system.constants.values()), dtype=np.float64)
-    weights = np.ones(len(segments.measured))
-    unknowns = unknowns or Unknowns(system)
-    return SegmentedMotion(segments, unknowns, timing, constants, 1, weights, kernel)
+    return load_kernel("motion", [system.digest], build, MOTION)
+
+
+def segments_kernel() -> ModuleType:
+    """The compiled equations of segments, which are the same for all models."""
+    templates = ("compiled", "bound", "dry_motion", "prediction_error")
+    return load_kernel("segments", (), None, templates)

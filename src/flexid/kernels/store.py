@@ -32,6 +32,8 @@ _END = "\n# The kernel ends here.\n"
 
 _LOADING = threading.RLock()  # a second thread would find half a module
 
+_LOADED: dict[tuple[str, ...], ModuleType] = {}
+
 CACHE_VARIABLE = "FLEXID_CACHE_DIR"
 """Environment variable that moves the cache of kernels."""
 
@@ -44,7 +46,7 @@ _DAY = 86400.0
 def load_kernel(
     task: str,
     declarations: Sequence[str],
-    build: Callable[[], str],
+    build: Callable[[], str] | None,
     templates: Sequence[str] = (),
 ) -> ModuleType:
     """Import a kernel, building its source first if it is not on disk yet.
@@ -56,9 +58,9 @@ def load_kernel(
     declarations : sequence of str
         Digests of the declarations that the kernel is generated from, and whatever else decides
         what ``build`` returns.
-    build : callable
-        Returns the generated part of the source. Called only when the file is missing, so that
-        symbolic algebra costs nothing in later processes.
+    build : callable or None
+        Returns the generated part of the source, if there is one. Called only when the file is
+        missing, so that symbolic algebra costs nothing in later processes.
     templates : sequence of str, optional
         Names of the templates that follow it, in this order.
 
@@ -69,21 +71,38 @@ def load_kernel(
         compile the same kernel at once: a lock beside it lets one at a time write.
     """
     directory = cache_directory()
+    asked = (str(directory), _generator_digest(), task, *declarations, "", *templates)
     with _LOADING:
+        kernel = _LOADED.get(asked)
+        if kernel is None or sys.modules.get(kernel.__name__) is not kernel:
+            kernel = _LOADED[asked] = _load(directory, task, declarations, build, templates)
+        return kernel
+
+
+def _load(
+    directory: Path,
+    task: str,
+    declarations: Sequence[str],
+    build: Callable[[], str] | None,
+    templates: Sequence[str],
+) -> ModuleType:
+    """Import a kernel that this process has not loaded yet."""
+    text = ""
+    if build is not None:
         try:
             text = _derived(directory, task, declarations, build)
         except OSError:  # a full disk
             text = _unsaved(task, declarations, build)
-        source = "\n\n".join((text, *(template(name) for name in templates)))
-        name = f"flexid_{task}_{_digest(source)}"
-        if name in sys.modules:
-            return sys.modules[name]
-        path = directory / f"{name}.py"
-        try:
-            _provide(path, source + _END)
-        except OSError:
-            return _in_memory(name, source)
+    source = "\n\n".join((text, *(template(name) for name in templates)))
+    name = f"flexid_{task}_{_digest(source)}"
+    if name in sys.modules:
+        return sys.modules[name]
+    path = directory / f"{name}.py"
+    try:
+        _provide(path, source + _END)
         return _import(name, path)
+    except OSError:
+        return _in_memory(name, source)
 
 
 def _provide(path: Path, source: str) -> None:
@@ -116,7 +135,14 @@ def _unsaved(task: str, declarations: Sequence[str], build: Callable[[], str]) -
 def _in_memory(name: str, source: str) -> ModuleType:
     """A kernel for this process alone, where nothing can be written: compiled, but not kept."""
     module = ModuleType(name)
-    exec(compile(source.replace("cache=True, ", ""), f"<{name}>", "exec"), vars(module))
+    exec(
+        compile(
+            source.replace("cache=True", "cache=False").replace('"cache": True', '"cache": False'),
+            f"<{name}>",
+            "exec",
+        ),
+        vars(module),
+    )
     sys.modules[name] = module
     return module
 

@@ -8,34 +8,15 @@ and so are their derivatives, but for those of velocities:
                matrix couples them,
     release    S+ = S-.
 
-What runs at every stage of a step is `uncounted` or `inlined`: references to arrays cost more than
-the mathematics.
+The model is moved by its own kernel, which this one calls by its address, so that this one is
+compiled once for all models. All numbers of a motion lie in one array, `work`.
 """
 
 from collections import namedtuple
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numba import njit
-
 if TYPE_CHECKING:
-    from flexid.kernels.templates.generated import (
-        N_CORNERS,
-        N_INPUTS,
-        N_MEMORIES,
-        N_ROWS,
-        N_STATES,
-        WIDTH,
-        corners,
-        inlined,
-        memory_slopes,
-        remember,
-        slopes,
-        state_rates,
-        uncounted,
-        vary,
-    )
-    from flexid.kernels.templates.runge_kutta import node, runge_kutta
+    from flexid.kernels.templates.compiled import call, inlined, uncounted
 
 MOST_EVENTS = 12  # changes of mode within one sampling interval; then it runs on as it is
 MOST_TRIALS = 8  # of the secant that locates a change
@@ -48,211 +29,160 @@ NEAR = 1e-9  # of an interval, to which a change is located
 # may try: derivatives by the moment of turning then hold for no change at all, and drown the rest.
 GRAZING = 0.1
 
-# What moves the model over one interval, beside its state: each input's start and change with their
-# derivatives by the delay; the mode of each row, and whether it can stick; coefficients, constants;
-# the column of each coefficient and of the delay; and room for the inputs, their derivatives, and
-# what is zero at each corner, at the start and at the end of a step; and each row's disturbance, an
-# acceleration that is constant over the interval.
-Motion = namedtuple("Motion", "drive modes dry p c at delay u du bends disturbance")
+# What a model does, and what is where in the array `columns`; see the template ``model``.
+STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
+IN_USE, DELAY, ARE_DISTURBED, ARE_DRY, AT = range(5)
 
-# The derivatives of the state, columns 1 to n - 1 of z; and what they follow from at each stage of
-# a step: those of the rates by the state and by the rest, and those of what a memory keeps. Last,
-# the derivatives of each row's disturbance, in the same columns.
-Derivatives = namedtuple("Derivatives", "z n by_state by_rest kept_by_state kept_by_rest disturbed")
-
-
-@njit(cache=True, error_model="numpy")
-def room_for_derivatives(n, disturbed):
-    """Arrays for derivatives in n - 1 columns, disturbances among what they are of or not."""
-    equations = N_ROWS + N_MEMORIES
-    return Derivatives(
-        np.zeros(N_STATES * WIDTH),
-        n,
-        np.zeros((4, equations, N_STATES)),
-        np.zeros(4 * equations * WIDTH),
-        np.zeros((4, N_MEMORIES, N_STATES)),
-        np.zeros(4 * N_MEMORIES * WIDTH),
-        np.zeros((N_ROWS if disturbed else 0, WIDTH)),
-    )
+# A model: its address, its sizes, and what lies where in `work`.
+Model = namedtuple(
+    "Model",
+    "address n_states n_rows n_inputs n_coefficients n_constants n_corners n_equations width "
+    "z by_rest disturbed by_state x step alone drive "
+    "modes dry disturbance coefficients constants corners work_size",
+)
 
 
 @uncounted
-def start_derivatives(derivatives):
+def start_derivatives(model, work):
     """Let the derivatives be those at the start of a segment."""
-    derivatives.z[:] = 0.0
-    derivatives.disturbed[:] = 0.0
-    for i in range(N_STATES):
-        derivatives.z[i * WIDTH + 1 + i] = 1.0
+    width = model.width
+    work[model.z : model.z + model.n_states * width] = 0.0
+    work[model.disturbed : model.disturbed + model.n_rows * width] = 0.0
+    for i in range(model.n_states):
+        work[model.z + i * width + 1 + i] = 1.0
 
 
 @inlined
-def rates_at(x, place, motion, rate):
-    """Rates of x at a place within the interval; rows that stick do not move."""
-    for j in range(N_INPUTS):
-        motion.u[j] = motion.drive[j, 0] + place * motion.drive[j, 1]
-    state_rates(x, motion.u, motion.modes, motion.p, motion.c, rate)
-    for row in range(N_ROWS):
-        rate[2 * row + 1] += motion.disturbance[row]
-        if motion.dry[row] and motion.modes[row] == 0.0:
-            rate[2 * row] = 0.0
-            rate[2 * row + 1] = 0.0
+def move(place, span, h, model, work, columns):
+    """Bring the state over a span of an interval of h seconds."""
+    call(model.address, work, columns, place, span, h, model.x, model.step, STEP_STATE)
 
 
-@inlined
-def recall(x, start, motion):
-    """Set the memories of x to what its path since the start of a step makes of them."""
-    remember(x, start, motion.p)
+@uncounted
+def try_move(place, span, h, model, work, columns):
+    """The same for a look ahead, into another place."""
+    size = 6 * model.n_states
+    for i in range(size):
+        work[model.alone + i] = work[model.step + i]
+    move(place, span, h, model, work, columns)
+    for i in range(size):
+        there = work[model.alone + i]
+        work[model.alone + i] = work[model.step + i]
+        work[model.step + i] = there
 
 
-@inlined
-def slopes_at(x, place, stage, motion, derivatives):
-    """Derivatives of the rates at a place within the interval; rows that stick have none."""
-    drive, modes = motion.drive, motion.modes
-    for j in range(N_INPUTS):
-        motion.u[j] = drive[j, 0] + place * drive[j, 1]
-        motion.du[j] = drive[j, 2] + place * drive[j, 3]
-    size = (N_ROWS + N_MEMORIES) * WIDTH
-    a = derivatives.by_state[stage]
-    r = derivatives.by_rest[stage * size : (stage + 1) * size]
-    kept = derivatives.n if derivatives.disturbed.shape[0] else 0
-    for i in range(N_ROWS * WIDTH if kept else 0):
-        r[i] = 0.0  # `slopes` leaves alone what does not depend on the model
-    slopes(x, motion.u, motion.du, modes, motion.p, motion.c, motion.at, motion.delay, a, r)
-    for row in range(N_ROWS):
-        for j in range(1, kept):
-            r[row * WIDTH + j] += derivatives.disturbed[row, j]
-        if motion.dry[row] and modes[row] == 0.0:
-            a[row] = 0.0
-            r[row * WIDTH : (row + 1) * WIDTH] = 0.0
-
-
-@inlined
-def carry(derivatives, x, place, span, h, motion, work):
-    """Bring the derivatives over the step that took x to the end of the work."""
-    end, _, stages = work
-    for stage in range(4):
-        slopes_at(stages[stage], place + node(stage) * span, stage, motion, derivatives)
-        if N_MEMORIES:
-            then = stages[stage + 1] if stage < 3 else end
-            b = derivatives.kept_by_state[stage]
-            size = N_MEMORIES * WIDTH
-            q = derivatives.kept_by_rest[stage * size : (stage + 1) * size]
-            memory_slopes(then, x, motion.p, motion.at, b, q)
-    z, n, a, r, b, q, _ = derivatives
-    vary(z, n, span * h, a, r, b, q)
-
-
-@inlined
-def pull(x, row, side, place, motion, alone):
+@uncounted
+def pull(state, row, side, place, model, work, columns):
     """Acceleration of a row at rest if its friction were that of sliding to a side."""
-    rate = alone[1]
-    modes = motion.modes
-    kept = modes[row]
-    modes[row] = side
-    rates_at(x, place, motion, rate)
-    modes[row] = kept
-    return rate[2 * row + 1]
+    mode, rate = model.modes + row, model.alone + model.n_states
+    kept = work[mode]
+    work[mode] = side
+    call(model.address, work, columns, place, 0.0, 0.0, state, rate, RATES)
+    work[mode] = kept
+    return work[rate + 2 * row + 1]
 
 
 @inlined
-def margin(x, row, place, motion, alone):
+def margin(state, row, place, model, work, columns):
     """Positive as long as a row stays in its mode: its speed, or what friction has in reserve."""
-    mode = motion.modes[row]
+    mode = work[model.modes + row]
     if mode != 0.0:
-        return mode * x[2 * row + 1]
-    forward = pull(x, row, 1.0, place, motion, alone)
-    backward = pull(x, row, -1.0, place, motion, alone)
+        return mode * work[state + 2 * row + 1]
+    forward = pull(state, row, 1.0, place, model, work, columns)
+    backward = pull(state, row, -1.0, place, model, work, columns)
     return min(-forward, backward)
 
 
 @uncounted
-def change_mode(x, derivatives, row, place, motion, alone):
+def change_mode(row, place, model, work, columns):
     """Let a row whose margin is used up change its mode: reverse, stick, or let go."""
-    modes, z, n = motion.modes, derivatives.z, derivatives.n
-    velocity = 2 * row + 1
-    forward = pull(x, row, 1.0, place, motion, alone)
-    backward = pull(x, row, -1.0, place, motion, alone)
-    old = modes[row]
+    x, z, width, n = model.x, model.z, model.width, columns[IN_USE]
+    mode, velocity = model.modes + row, 2 * row + 1
+    forward = pull(x, row, 1.0, place, model, work, columns)
+    backward = pull(x, row, -1.0, place, model, work, columns)
+    old = work[mode]
     if old == 0.0:
-        modes[row] = 1.0 if forward > -backward else -1.0
+        work[mode] = 1.0 if forward > -backward else -1.0
         return
     before = forward if old > 0.0 else backward
     after = backward if old > 0.0 else forward
-    x[velocity] = 0.0
+    work[x + velocity] = 0.0
     through = after * old < 0.0
     turned = -old if through else 0.0
     if before * old < 0.0:
-        jump, rate, _ = alone
-        rates_at(x, place, motion, jump)
-        modes[row] = turned
-        rates_at(x, place, motion, rate)
-        for i in range(N_STATES):
-            jump[i] -= rate[i]
-        least = GRAZING * abs(jump[velocity])
+        jump = model.alone
+        rate = jump + model.n_states
+        call(model.address, work, columns, place, 0.0, 0.0, x, jump, RATES)
+        work[mode] = turned
+        call(model.address, work, columns, place, 0.0, 0.0, x, rate, RATES)
+        for i in range(model.n_states):
+            work[jump + i] -= work[rate + i]
+        least = GRAZING * abs(work[jump + velocity])
         if abs(before) < least:
             before = -old * least
         for j in range(1, n):
-            later = -z[velocity * WIDTH + j] / before
-            for i in range(N_ROWS):
-                z[(2 * i + 1) * WIDTH + j] += jump[2 * i + 1] * later
-    modes[row] = turned
+            later = -work[z + velocity * width + j] / before
+            for i in range(1, 2 * model.n_rows, 2):
+                work[z + i * width + j] += work[jump + i] * later
+    work[mode] = turned
     if not through:
-        z[velocity * WIDTH : velocity * WIDTH + n] = 0.0
+        work[z + velocity * width : z + velocity * width + n] = 0.0
 
 
 @uncounted
-def first_modes(x, derivatives, h, trace, motion, alone):
+def first_modes(h, trace, model, work, columns):
     """Modes at the start of a segment; a row that would stop within a few samples sticks at once.
 
     How fast such a row was leaves no trace in its positions, if it moves by less than `trace`, and
     a fit must not chase it.
     """
-    modes = motion.modes
-    for row in range(N_ROWS):
-        modes[row] = -1.0 if x[2 * row + 1] < 0.0 else 1.0
-    for row in range(N_ROWS):
-        velocity = x[2 * row + 1]
-        if not motion.dry[row]:
+    x, modes, width = model.x, model.modes, model.width
+    for row in range(model.n_rows):
+        work[modes + row] = -1.0 if work[x + 2 * row + 1] < 0.0 else 1.0
+    for row in range(model.n_rows):
+        velocity = work[x + 2 * row + 1]
+        if work[model.dry + row] == 0.0:
             continue
-        forward = pull(x, row, 1.0, 0.0, motion, alone)
-        backward = pull(x, row, -1.0, 0.0, motion, alone)
+        forward = pull(x, row, 1.0, 0.0, model, work, columns)
+        backward = pull(x, row, -1.0, 0.0, model, work, columns)
         braking = -forward if velocity >= 0.0 else backward
         soon = abs(velocity) <= STOPPING_SAMPLES * h * braking
         near = velocity * velocity <= 2.0 * braking * trace[row]
         if forward <= 0.0 <= backward and soon and near:
-            modes[row] = 0.0
-            x[2 * row + 1] = 0.0
-            derivatives.z[(2 * row + 1) * WIDTH : (2 * row + 2) * WIDTH] = 0.0
+            work[modes + row] = 0.0
+            work[x + 2 * row + 1] = 0.0
+            first = model.z + (2 * row + 1) * width
+            work[first : first + width] = 0.0
         elif velocity == 0.0:
-            modes[row] = 1.0 if forward > -backward else -1.0
+            work[modes + row] = 1.0 if forward > -backward else -1.0
 
 
 @inlined
-def leaving_row(x, place, span, h, motion, work, alone):
+def leaving_row(place, span, h, model, work, columns):
     """The row whose mode ends first, by linear interpolation, and a span within which it does.
 
     It is -1 where none ends within the span that `work` holds the end of. A held input jumps
     between two intervals: it may let go of a row that stuck, and hold it again before the interval
     ends.
     """
-    end, rate, _ = work
+    x, end = model.x, model.step
     chosen, earliest, reach = -1, 2.0, span
-    for row in range(N_ROWS):
-        if motion.dry[row]:
-            mode = motion.modes[row]
-            last = margin(end, row, place + span, motion, alone)
+    for row in range(model.n_rows):
+        if work[model.dry + row] != 0.0:
+            mode = work[model.modes + row]
+            last = margin(end, row, place + span, model, work, columns)
             when, within = 2.0, span
             if last < 0.0 or mode == 0.0:
-                first = margin(x, row, place, motion, alone)
+                first = margin(x, row, place, model, work, columns)
                 if first < 0.0:
                     when = 0.0
                 elif last < 0.0:
                     when = first / (first - last)
             else:
-                rise = mode * rate[2 * row + 1] * h
-                lowest, least = turning_point(x, row, place, span, last, rise, h, motion, alone)
+                rise = mode * work[end + model.n_states + 2 * row + 1] * h
+                lowest, least = turning_point(row, place, span, last, rise, h, model, work, columns)
                 if least < 0.0:
-                    first = mode * x[2 * row + 1]
+                    first = mode * work[x + 2 * row + 1]
                     when, within = lowest / span * first / (first - least), lowest
             if when < earliest:
                 chosen, earliest, reach = row, when, within
@@ -260,43 +190,44 @@ def leaving_row(x, place, span, h, motion, work, alone):
 
 
 @inlined
-def turning_point(x, row, place, span, last, rise, h, motion, alone):
+def turning_point(row, place, span, last, rise, h, model, work, columns):
     """Span after which a row that slides is slowest, and its margin there.
 
     A row may turn back and forth within one span and slide at its end as it did at its start; the
     margin is that of the end where it cannot have done so, by a parabola through both ends with
     the slope at the end.
     """
-    mode = motion.modes[row]
-    first = mode * x[2 * row + 1]
+    velocity = 2 * row + 1
+    mode = work[model.modes + row]
+    first = mode * work[model.x + velocity]
     fall = rise - 2.0 * (last - first) / span
     if first <= 0.0 or rise <= 0.0 or fall <= 0.0 or last >= rise * span:
         return span, last
-    fall = -mode * pull(x, row, mode, place, motion, alone) * h
+    fall = -mode * pull(model.x, row, mode, place, model, work, columns) * h
     if fall <= 0.0:
         return span, last
     lowest = span * fall / (fall + rise)
-    runge_kutta(x, place, lowest, h, motion, alone)
-    return lowest, mode * alone[0][2 * row + 1]
+    try_move(place, lowest, h, model, work, columns)
+    return lowest, mode * work[model.alone + velocity]
 
 
 @uncounted
-def span_to_change(x, row, place, span, h, motion, alone):
+def span_to_change(row, place, span, h, model, work, columns):
     """Span after which the margin of a row is used up (regula falsi after Illinois)."""
-    end = alone[0]
+    x, end = model.x, model.alone
     low, high = 0.0, span
-    at_low = margin(x, row, place, motion, alone)
-    runge_kutta(x, place, span, h, motion, alone)
-    at_high = margin(end, row, place + span, motion, alone)
+    at_low = margin(x, row, place, model, work, columns)
+    try_move(place, span, h, model, work, columns)
+    at_high = margin(end, row, place + span, model, work, columns)
     if at_low <= 0.0:
-        side = motion.modes[row]
-        gain = side * pull(x, row, side, place, motion, alone)
+        side = work[model.modes + row]
+        gain = side * pull(x, row, side, place, model, work, columns)
         if side == 0.0 or gain <= 0.0:
             return 0.0
         # It has just been let go and comes to rest again: at constant jerk, not before this.
         low = 0.5 * span * gain * span * h / (gain * span * h - at_high)
-        runge_kutta(x, place, low, h, motion, alone)
-        at_low = margin(end, row, place + low, motion, alone)
+        try_move(place, low, h, model, work, columns)
+        at_low = margin(end, row, place + low, model, work, columns)
         if at_low <= 0.0:
             return low
     found = high
@@ -304,8 +235,8 @@ def span_to_change(x, row, place, span, h, motion, alone):
         found = low + (high - low) * at_low / (at_low - at_high)
         if found - low < NEAR or high - found < NEAR:
             break
-        runge_kutta(x, place, found, h, motion, alone)
-        value = margin(end, row, place + found, motion, alone)
+        try_move(place, found, h, model, work, columns)
+        value = margin(end, row, place + found, model, work, columns)
         if value < 0.0:
             high, at_high = found, value
             at_low *= 0.5
@@ -315,68 +246,74 @@ def span_to_change(x, row, place, span, h, motion, alone):
     return found
 
 
-@inlined
-def span_to_corner(x, place, span, h, motion, work):
+@uncounted
+def corners_at(state, target, model, work, columns):
+    """Put what is zero at each corner, for one state, into `work`."""
+    call(model.address, work, columns, 0.0, 0.0, 0.0, state, target, FIND_CORNERS)
+
+
+@uncounted
+def span_to_corner(place, span, h, model, work, columns):
     """Span up to the first corner of the rates, or all of it; the work holds the end of that.
 
     It ends just before the corner, and the next span just behind: each of the others then has the
     slopes of one side in all its stages.
     """
-    end, before, after = work[0], motion.bends[0], motion.bends[1]
-    corners(x, motion.p, motion.c, before)
-    corners(end, motion.p, motion.c, after)
+    x, end = model.x, model.step
+    before = model.corners
+    after = before + model.n_corners
+    corners_at(x, before, model, work, columns)
+    corners_at(end, after, model, work, columns)
     first, high = -1, span
-    for i in range(N_CORNERS):
-        if before[i] * after[i] < 0.0:
-            when = span * before[i] / (before[i] - after[i])
+    for i in range(model.n_corners):
+        if work[before + i] * work[after + i] < 0.0:
+            when = span * work[before + i] / (work[before + i] - work[after + i])
             if when < high:
                 first, high = i, when
     if first < 0:
         return span
     if high <= AT_CORNER:
-        runge_kutta(x, place, min(span, 2.0 * AT_CORNER), h, motion, work)
+        move(place, min(span, 2.0 * AT_CORNER), h, model, work, columns)
         return min(span, 2.0 * AT_CORNER)
     low, high, found = 0.0, span, high
-    at_low, at_high = before[first], after[first]
+    at_low, at_high = work[before + first], work[after + first]
     for _ in range(CORNER_TRIALS):
         found = low + (high - low) * at_low / (at_low - at_high)
-        runge_kutta(x, place, found, h, motion, work)
-        corners(end, motion.p, motion.c, after)
-        if after[first] * at_low > 0.0:
-            low, at_low = found, after[first]
+        move(place, found, h, model, work, columns)
+        corners_at(end, after, model, work, columns)
+        value = work[after + first]
+        if value * at_low > 0.0:
+            low, at_low = found, value
         else:
-            high, at_high = found, after[first]
+            high, at_high = found, value
     just_before = max(found - 0.5 * AT_CORNER, 0.5 * AT_CORNER)
-    runge_kutta(x, place, just_before, h, motion, work)
+    move(place, just_before, h, model, work, columns)
     return just_before
 
 
 @inlined
-def cross_interval(x, derivatives, h, substeps, motion, work, alone):
-    """Bring x and its derivatives over one sampling interval, in place."""
-    end = work[0]
+def cross_interval(h, substeps, model, work, columns):
+    """Bring the state and its derivatives over one sampling interval, in place."""
+    x, end = model.x, model.step
     place, events, turns = 0.0, 0, 0
-    any_dry = False
-    for row in range(N_ROWS):
-        any_dry = any_dry or motion.dry[row]
     while place < 1.0 - NEAR:
         span = min(1.0 / substeps, 1.0 - place)
-        runge_kutta(x, place, span, h, motion, work)
-        if N_CORNERS and turns < MOST_EVENTS:
+        move(place, span, h, model, work, columns)
+        if model.n_corners and turns < MOST_EVENTS:
             whole = span
-            span = span_to_corner(x, place, span, h, motion, work)
+            span = span_to_corner(place, span, h, model, work, columns)
             turns += span < whole
         row, reach = -1, span
-        if any_dry and events < MOST_EVENTS:
-            row, reach = leaving_row(x, place, span, h, motion, work, alone)
+        if columns[ARE_DRY] and events < MOST_EVENTS:
+            row, reach = leaving_row(place, span, h, model, work, columns)
         if row >= 0:
-            span = span_to_change(x, row, place, reach, h, motion, alone)
-            runge_kutta(x, place, span, h, motion, work)
-        if derivatives.n > 1:
-            carry(derivatives, x, place, span, h, motion, work)
-        for i in range(N_STATES):
-            x[i] = end[i]
+            span = span_to_change(row, place, reach, h, model, work, columns)
+            move(place, span, h, model, work, columns)
+        if columns[IN_USE] > 1:
+            call(model.address, work, columns, place, span, h, x, end, CARRY)
+        for i in range(model.n_states):
+            work[x + i] = work[end + i]
         if row >= 0:
-            change_mode(x, derivatives, row, place + span, motion, alone)
+            change_mode(row, place + span, model, work, columns)
             events += 1
         place += span

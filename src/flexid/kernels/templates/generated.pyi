@@ -15,6 +15,7 @@ HELD: tuple[bool, ...]
 LANES: int
 N_BLOCKS: int
 N_COEFFICIENTS: int
+N_CONSTANTS: int
 N_CORNERS: int
 N_INPUTS: int
 N_MEMORIES: int

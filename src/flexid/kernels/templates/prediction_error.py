@@ -1,6 +1,5 @@
 """Motion over segments with its derivatives, and the normal equations of its residuals."""
 
-from collections import namedtuple
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,69 +7,91 @@ from numba import njit
 
 if TYPE_CHECKING:
     from flexid.kernels.templates.bound import BOUND
+    from flexid.kernels.templates.compiled import call, equations, inlined, uncounted
     from flexid.kernels.templates.dry_motion import (
-        Motion,
+        ARE_DISTURBED,
+        ARE_DRY,
+        AT,
+        DELAY,
+        IN_USE,
+        LINEARISE,
+        RATES,
+        Model,
         cross_interval,
         first_modes,
-        rates_at,
-        room_for_derivatives,
-        slopes_at,
         start_derivatives,
     )
-    from flexid.kernels.templates.generated import (
-        N_COEFFICIENTS,
-        N_CORNERS,
-        N_INPUTS,
-        N_ROWS,
-        N_STATES,
-        WIDTH,
-        inlined,
-        uncounted,
-    )
-    from flexid.kernels.templates.runge_kutta import room_for_a_step
 
 
-@njit(cache=True, error_model="numpy")
-def position_noise(measured, whitening):
+@uncounted
+def model_of(a):
+    """A model from the numbers that its kernel gives."""
+    return Model(
+        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11],
+        a[12], a[13], a[14], a[15], a[16], a[17], a[18], a[19], a[20], a[21], a[22], a[23],
+    )  # fmt: skip
+
+
+@njit(**equations)
+def linearise(states, inputs, coefficients, constants, address, found):
+    """Derivatives of the rates of velocities and memories by the states, about each state."""
+    model = model_of(address)
+    columns = np.zeros(AT + model.n_coefficients, np.int64)
+    work = np.zeros(model.work_size)
+    put(constants, model.constants, work)
+    for s in range(states.shape[0]):
+        put(states[s], model.x, work)
+        put(coefficients[s], model.coefficients, work)
+        for row in range(model.n_rows):
+            velocity = work[model.x + 2 * row + 1]
+            work[model.modes + row] = np.sign(velocity)
+        for j in range(model.n_inputs):
+            work[model.drive + 4 * j] = inputs[s, j]
+        call(model.address, work, columns, 0.0, 0.0, 0.0, model.x, model.x, LINEARISE)
+        for i in range(found.shape[1]):
+            found[s, i] = work[model.by_state + i]
+
+
+@uncounted
+def fill_position_noise(measured, whitening, noise):
     """Standard deviation of each row's position; 0 where it is not measured."""
-    noise = np.zeros(N_ROWS)
+    noise[:] = 0.0
     for a in range(measured.shape[0]):
         if measured[a] % 2 == 0:
             noise[measured[a] // 2] = 1.0 / whitening[0, a, a]
-    return noise
 
 
-@inlined
-def add_delay(row, x, rate, derivatives, drive, h, sensor):
+@uncounted
+def add_delay(row, h, sensor, n, model, work):
     """Move what an output should be, and its derivatives, to when the output is true.
 
-    rate      of x, and `derivatives` of which the first stage is at it, too
     sensor    the state that it measures; the state that it is relative to, if that is not -1, or
               the input -2 - that, if it is below; the delay in s, and its place among what is
               sought
     """
     state, reference, late, late_column = sensor
-    z, n, by_state, by_rest, _, _, _ = derivatives
-    speed, acceleration = x[state + 1], rate[state + 1]
+    x, rate, width = model.x, model.step + model.n_states, model.width
+    speed, acceleration = work[x + state + 1], work[rate + state + 1]
     if reference >= 0:
-        speed -= x[reference + 1]
-        acceleration -= rate[reference + 1]
+        speed -= work[x + reference + 1]
+        acceleration -= work[rate + reference + 1]
     elif reference < -1:
-        i = -1 - reference  # the input after it, which is its velocity
-        speed -= drive[i, 0]
-        acceleration -= drive[i, 1] / h
+        following = model.drive + 4 * (-1 - reference)  # the input after it, which is its velocity
+        speed -= work[following]
+        acceleration -= work[following + 1] / h
     row[0] += late * (0.5 * late * acceleration - speed)
     if late_column >= 0:
         row[1 + late_column] = late * acceleration - speed
     for sign, place in ((1.0, state), (-1.0, reference)):
         if place < 0:
             continue
-        own = place // 2 * WIDTH
+        by_rest = model.by_rest + place // 2 * width
+        by_state = model.by_state + place // 2 * model.n_states
         for j in range(1, n):
-            change = by_rest[own + j]
-            for i in range(N_STATES):
-                change += by_state[0, place // 2, i] * z[i * WIDTH + j]
-            speed = z[(place + 1) * WIDTH + j]
+            change = work[by_rest + j]
+            for i in range(model.n_states):
+                change += work[by_state + i] * work[model.z + i * width + j]
+            speed = work[model.z + (place + 1) * width + j]
             row[j] += sign * late * (0.5 * late * change - speed)
 
 
@@ -96,23 +117,24 @@ def add_residuals(errors, rows, whitening, mixed, normal, gradient):
 
 
 @uncounted
-def correct(x, derivatives, errors, rows, gains, motion):
+def correct(errors, rows, gains, model, work, columns):
     """Correct a predicted state and the disturbances by what was measured, as an observer does."""
     gain, disturbance_gain, decay = gains
-    z, n, disturbed = derivatives.z, derivatives.n, derivatives.disturbed
-    for row in range(N_ROWS):
-        motion.disturbance[row] *= decay[row]
+    x, z, width, n = model.x, model.z, model.width, columns[IN_USE]
+    for row in range(model.n_rows):
+        disturbance, disturbed = model.disturbance + row, model.disturbed + row * width
+        work[disturbance] *= decay[row]
         for j in range(1, n):
-            disturbed[row, j] *= decay[row]
+            work[disturbed + j] *= decay[row]
         for a in range(errors.shape[0]):
-            motion.disturbance[row] += disturbance_gain[row, a] * errors[a]
+            work[disturbance] += disturbance_gain[row, a] * errors[a]
             for j in range(1, n):
-                disturbed[row, j] -= disturbance_gain[row, a] * rows[a, j]
-    for i in range(2 * N_ROWS):
+                work[disturbed + j] -= disturbance_gain[row, a] * rows[a, j]
+    for i in range(2 * model.n_rows):
         for a in range(errors.shape[0]):
-            x[i] += gain[i, a] * errors[a]
+            work[x + i] += gain[i, a] * errors[a]
             for j in range(1, n):
-                z[i * WIDTH + j] -= gain[i, a] * rows[a, j]
+                work[z + i * width + j] -= gain[i, a] * rows[a, j]
 
 
 @uncounted
@@ -123,91 +145,84 @@ def mirror(normal):
             normal[i, j] = normal[j, i]
 
 
-# Room for one segment: state, its rates, the residuals of a sample, their derivatives and one
-# combination of these, and the steps of the integrator; the columns of what is sought; and what no
-# segment changes: the noise of each row's position, which outputs are late, and rows none of which
-# can stick.
-Room = namedtuple(
-    "Room",
-    "x rate errors rows mixed derivatives step alone modes at delay u du bends disturbance noise "
-    "is_late never_sticks",
-)
+@inlined
+def set_drive(drive, model, work):
+    """Let the inputs be those over one interval."""
+    for j in range(model.n_inputs):
+        for i in range(4):
+            work[model.drive + 4 * j + i] = drive[j, i]
+
+
+@inlined
+def put(values, place, work):
+    """Copy numbers into `work`."""
+    for i in range(values.shape[0]):
+        work[place + i] = values[i]
 
 
 @uncounted
-def run_segment(s, segments, sensors, model, substeps, room, results):
-    """Add a segment to the normal equations of its blocks; its cost, infinite if it diverged."""
-    starts, lengths, first_blocks, sample_times, initial_states = segments
-    outputs, measured, reference, late, late_columns, whitening, speeds = sensors
-    drives, p, c, dry, observer = model
-    x, rate, errors, rows, mixed, derivatives, step, alone, modes, at, delay, u, du, bends = room[
-        :14
-    ]
-    disturbance, noise, is_late, never_sticks = room[14:]
-    normal, gradient, residuals, _ = results
-    gain, disturbance_gain, decay, directions, corrected = observer
-    observed = gain.shape[2] > 0
-    directed = observed
-    any_late = is_late.any() and not observed
-    cost, h = 0.0, sample_times[s]
-    for i in range(N_STATES):
-        x[i] = initial_states[s, i]
-    disturbance[:] = 0.0
-    start_derivatives(derivatives)
-    drive = drives[starts[s]]
-    can_stick = never_sticks if observed else dry
-    motion = Motion(drive, modes, can_stick, p[s], c, at, delay, u, du, bends, disturbance)
-    first_modes(x, derivatives, h, noise, motion, alone)
-    blocks = first_blocks[s + 1] - first_blocks[s]
-    for k in range(starts[s], starts[s] + lengths[s]):
-        b = first_blocks[s] + (k - starts[s]) * blocks // lengths[s]
-        if k > starts[s]:
-            drive = drives[k - 1]
-            if directed and k - starts[s] >= corrected[s]:  # from here on the model is alone
-                directed, can_stick = False, dry
-                motion = Motion(drive, modes, dry, p[s], c, at, delay, u, du, bends, disturbance)
-                first_modes(x, derivatives, h, noise, motion, alone)
-            if directed:
-                for row in range(N_ROWS):
-                    modes[row] = directions[k - 1, row]
-            motion = Motion(drive, modes, can_stick, p[s], c, at, delay, u, du, bends, disturbance)
-            cross_interval(x, derivatives, h, substeps, motion, step, alone)
-        drive = drives[k]
-        motion = Motion(drive, modes, can_stick, p[s], c, at, delay, u, du, bends, disturbance)
-        if any_late:
-            rates_at(x, 0.0, motion, rate)
-            if derivatives.n > 1:
-                slopes_at(x, 0.0, 0, motion, derivatives)
-        for a in range(measured.shape[0]):
-            state = measured[a]
-            row = rows[a]
-            row[:] = 0.0
-            row[0] = x[state]
-            for j in range(1, derivatives.n):
-                row[j] = derivatives.z[state * WIDTH + j]
-            if observed:  # outputs come on time, with their own rates
-                if late_columns[a] >= 0:
-                    row[1 + late_columns[a]] -= speeds[k, a]
-            elif is_late[a]:
-                sensor = state, reference[a], late[a], late_columns[a]
-                add_delay(row, x, rate, derivatives, drives[k], h, sensor)
-            errors[a] = outputs[k, a] - row[0]
-            if not abs(errors[a]) < BOUND:
-                return np.inf
-            residuals[k, a] = errors[a]
-        cost += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
-        if observed:
-            if k - starts[s] >= corrected[s]:
-                errors[:] = 0.0
-            gains = gain[s], disturbance_gain[s], decay[s]
-            correct(x, derivatives, errors, rows, gains, motion)
-    for b in range(first_blocks[s], first_blocks[s + 1]):
-        mirror(normal[b])
-    return cost
+def start_segment(start, coefficients, model, work):
+    """Begin at a state, with the derivatives that it has by itself."""
+    put(start, model.x, work)
+    put(coefficients, model.coefficients, work)
+    for row in range(model.n_rows):
+        work[model.disturbance + row] = 0.0
+    start_derivatives(model, work)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def segment_equations(part, segments, sensors, model, substeps, sought, results):
+@uncounted
+def set_modes(dry, directed, noise, h, model, work, columns):
+    """Mode of each row; none sticks where an observer directs friction."""
+    columns[ARE_DRY] = 0
+    for row in range(model.n_rows):
+        sticks = dry[row] and not directed
+        work[model.dry + row] = 1.0 if sticks else 0.0
+        columns[ARE_DRY] |= sticks
+    first_modes(h, noise, model, work, columns)
+
+
+@uncounted
+def fill_columns(columns, size, wanted, delay_sought, observed, model):
+    """Say which columns of derivatives are in use, for what; `size` is that of the equations."""
+    carried = 0
+    if size > 0:
+        carried = model.n_states + wanted.shape[0] + (1 if delay_sought else 0)
+    columns[DELAY] = carried if delay_sought else 0
+    if observed:  # what corrects the state depends on how late the outputs are
+        carried = size
+        columns[ARE_DISTURBED] = 1
+    columns[IN_USE] = 1 + carried
+    for j in range(wanted.shape[0]):
+        columns[AT + wanted[j]] = 1 + model.n_states + j
+
+
+@inlined
+def fill_rows(rows, measured, model, work, columns):
+    """What each output is by the model, and its derivatives."""
+    for a in range(measured.shape[0]):
+        row, state = rows[a], measured[a]
+        row[:] = 0.0
+        row[0] = work[model.x + state]
+        for j in range(1, columns[IN_USE]):
+            row[j] = work[model.z + state * model.width + j]
+
+
+@uncounted
+def add_delays(rows, measured, reference, late, late_columns, h, model, work, columns):
+    """Move what the outputs should be to when they are true."""
+    x, n = model.x, columns[IN_USE]
+    rate = model.step + model.n_states
+    call(model.address, work, columns, 0.0, 0.0, 0.0, x, rate, RATES)
+    if n > 1:
+        call(model.address, work, columns, 0.0, 0.0, 0.0, x, rate, LINEARISE)
+    for a in range(measured.shape[0]):
+        if late[a] != 0.0 or late_columns[a] >= 0:
+            sensor = measured[a], reference[a], late[a], late_columns[a]
+            add_delay(rows[a], h, sensor, n, model, work)
+
+
+@njit(**equations, nogil=True)
+def segment_equations(part, segments, sensors, motion, substeps, sought, results, address):
     """Normal equations of every block for its segment's initial state and what is sought.
 
     part      the first segment, and the one that is no longer taken: threads that have different
@@ -221,7 +236,7 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
               delay in s, the place of that among what is sought (-1: not sought), for each segment
               the lower triangle that whitens the outputs' noise, and, where an observer follows
               outputs that were moved beforehand, their rates
-    model     drives[k], of each input over the interval from sample k on its start and its change,
+    motion    drives[k], of each input over the interval from sample k on its start and its change,
               and the derivatives of both by the delay; coefficients of each segment; constants;
               which rows can stick; and the observer: for each segment the gains of the states and
               of the disturbances, one column for each output, or none, and what an interval leaves
@@ -232,41 +247,62 @@ def segment_equations(part, segments, sensors, model, substeps, sought, results)
               sides, shape (n_blocks, n), residuals, shape of the outputs, and the weighted sum of
               squares of each segment: infinite, and then the last one, if its motion diverged.
               If n is 0, the motion runs without derivatives
+    address   of the model, and what lies where in its work: `Model`
     """
-    _, measured, _, late, late_columns, whitening, _ = sensors
+    starts, lengths, first_blocks, sample_times, initial_states = segments
+    outputs, measured, reference, late, late_columns, whitening, speeds = sensors
+    drives, p, c, dry, observer = motion
+    gain, disturbance_gain, decay, directions, corrected = observer
     wanted, delay_sought = sought
-    normal, _, _, costs = results
-    observed = model[4][0].shape[2] > 0
-    carried = 0
-    if normal.shape[1] > 0:
-        carried = N_STATES + wanted.shape[0] + (1 if delay_sought else 0)
-    by_delay = carried if delay_sought else 0
-    if observed:  # what corrects the state depends on how late the outputs are
-        carried = normal.shape[1]
-    at = np.zeros(N_COEFFICIENTS, np.int64)
-    for j in range(wanted.shape[0]):
-        at[wanted[j]] = 1 + N_STATES + j
-    room = Room(
-        np.empty(N_STATES),
-        np.empty(N_STATES),
-        np.zeros(measured.shape[0]),
-        np.zeros((measured.shape[0], 1 + normal.shape[1])),
-        np.zeros(normal.shape[1]),
-        room_for_derivatives(1 + carried, observed),
-        room_for_a_step(),
-        room_for_a_step(),  # by which an event is located
-        np.empty(N_ROWS),
-        at,
-        by_delay,
-        np.empty(N_INPUTS),
-        np.empty(N_INPUTS),
-        np.empty((2, N_CORNERS)),
-        np.zeros(N_ROWS),
-        position_noise(measured, whitening),
-        (late != 0.0) | (late_columns >= 0),
-        np.zeros(N_ROWS, np.bool_),
-    )
+    normal, gradient, residuals, costs = results
+    model = model_of(address)
+    observed = gain.shape[2] > 0
+    size, count = normal.shape[1], measured.shape[0]
+    columns = np.zeros(AT + model.n_coefficients, np.int64)
+    fill_columns(columns, size, wanted, delay_sought, observed, model)
+    work = np.zeros(model.work_size)
+    put(c, model.constants, work)
+    errors, rows, mixed = np.zeros(count), np.zeros((count, 1 + size)), np.zeros(size)
+    noise = np.zeros(model.n_rows)
+    fill_position_noise(measured, whitening, noise)
+    late_ones = 0
+    for a in range(0 if observed else count):
+        late_ones += late[a] != 0.0 or late_columns[a] >= 0
     for s in range(part[0], part[1]):
-        costs[s] = run_segment(s, segments, sensors, model, substeps, room, results)
-        if not costs[s] < np.inf:
-            return
+        h, first, b = sample_times[s], starts[s], first_blocks[s]
+        blocks = first_blocks[s + 1] - b
+        costs[s] = 0.0
+        set_drive(drives[first], model, work)
+        start_segment(initial_states[s], p[s], model, work)
+        directed = observed
+        set_modes(dry, directed, noise, h, model, work, columns)
+        for k in range(first, first + lengths[s]):
+            alone = k - first >= corrected[s]
+            if k > first:  # the inputs are still those from the sample before on
+                if directed and alone:
+                    directed = False
+                    set_modes(dry, directed, noise, h, model, work, columns)
+                if directed:
+                    put(directions[k - 1], model.modes, work)
+                cross_interval(h, substeps, model, work, columns)
+            set_drive(drives[k], model, work)
+            fill_rows(rows, measured, model, work, columns)
+            if late_ones:
+                add_delays(rows, measured, reference, late, late_columns, h, model, work, columns)
+            for a in range(count):
+                if observed and late_columns[a] >= 0:  # outputs come on time, with their own rates
+                    rows[a, 1 + late_columns[a]] -= speeds[k, a]
+                errors[a] = outputs[k, a] - rows[a, 0]
+                if not abs(errors[a]) < BOUND:
+                    costs[s] = np.inf
+                    return
+                residuals[k, a] = errors[a]
+            b = first_blocks[s] + (k - first) * blocks // lengths[s]
+            costs[s] += add_residuals(errors, rows, whitening[s], mixed, normal[b], gradient[b])
+            if observed:
+                if alone:
+                    errors[:] = 0.0
+                gains = gain[s], disturbance_gain[s], decay[s]
+                correct(errors, rows, gains, model, work, columns)
+        for b in range(first_blocks[s], first_blocks[s + 1]):
+            mirror(normal[b])

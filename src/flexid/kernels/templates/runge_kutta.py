@@ -2,7 +2,7 @@
 
 Another template gives ``rates_at(x, place, motion, rate)``, which fills `rate` with the rates of
 the state x at a place within the sampling interval: 0 at its start, 1 at its end. What it needs
-beyond that is the tuple `motion`. And it gives ``recall(x, start, motion)``, which may set states
+beyond that is `motion`. And it gives ``recall(x, start, motion)``, which may set states
 of x that follow from the path since the start of the step.
 """
 
@@ -12,14 +12,14 @@ import numpy as np
 from numba import njit
 
 if TYPE_CHECKING:
-    from flexid.kernels.templates.dry_motion import rates_at, recall
     from flexid.kernels.templates.generated import N_STATES, inlined
+    from flexid.kernels.templates.model import rates_at, recall
 
 
 @njit(cache=True, error_model="numpy")
 def room_for_a_step():
     """Arrays for the end of a step, rates, and the states of the four stages."""
-    return np.empty(N_STATES), np.empty(N_STATES), np.empty((4, N_STATES))
+    return np.empty(N_STATES), np.empty(N_STATES), np.empty(4 * N_STATES)
 
 
 @inlined
@@ -35,15 +35,17 @@ def runge_kutta(x, place, span, h, motion, work):
     step = span * h
     for i in range(N_STATES):
         end[i] = x[i]
-        stages[0, i] = x[i]
+        stages[i] = x[i]
     for stage in range(4):
         weight = step / 6.0 if stage == 0 or stage == 3 else step / 3.0
-        rates_at(stages[stage], place + node(stage) * span, motion, rate)
+        at_stage = stages[stage * N_STATES : (stage + 1) * N_STATES]
+        rates_at(at_stage, place + node(stage) * span, motion, rate)
         for i in range(N_STATES):
             end[i] += weight * rate[i]
         if stage < 3:
             reach = node(stage + 1) * step
+            then = stages[(stage + 1) * N_STATES : (stage + 2) * N_STATES]
             for i in range(N_STATES):
-                stages[stage + 1, i] = x[i] + reach * rate[i]
-            recall(stages[stage + 1], x, motion)
+                then[i] = x[i] + reach * rate[i]
+            recall(then, x, motion)
     recall(end, x, motion)

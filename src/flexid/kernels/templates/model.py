@@ -1,0 +1,211 @@
+"""A model's motion within one sampling interval, and its derivatives, for `segments` to call.
+
+That kernel is the same for all models. It calls the functions of a model by their addresses, all
+with the same arguments: two arrays, numbers, and two places in the array `work`.
+
+Row `row` sticks while its mode is 0: it then does not move, nor do its derivatives.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numba import cfunc, types
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+
+if TYPE_CHECKING:
+    from flexid.kernels.templates.generated import (
+        N_COEFFICIENTS,
+        N_CONSTANTS,
+        N_CORNERS,
+        N_INPUTS,
+        N_MEMORIES,
+        N_ROWS,
+        N_STATES,
+        WIDTH,
+        corners,
+        inlined,
+        memory_slopes,
+        remember,
+        slopes,
+        state_rates,
+        uncounted,
+        vary,
+    )
+    from flexid.kernels.templates.runge_kutta import node, runge_kutta
+
+N_EQUATIONS = N_ROWS + N_MEMORIES
+
+# What lies where in the array `work`. First the derivatives of the state, in columns, and what they
+# follow from at each of four stages: derivatives of the rates by the state and by the rest, and of
+# what a memory keeps. Then the derivatives of each row's disturbance, in the same columns.
+Z = 0
+BY_REST = Z + N_STATES * WIDTH
+KEPT_BY_REST = BY_REST + 4 * N_EQUATIONS * WIDTH
+DISTURBED = KEPT_BY_REST + 4 * N_MEMORIES * WIDTH
+BY_STATE = DISTURBED + N_ROWS * WIDTH
+KEPT_BY_STATE = BY_STATE + 4 * N_EQUATIONS * N_STATES
+# The state; the end of a step from it, the last rates and the four stages; and the same of a step
+# by which an event is located.
+X = KEPT_BY_STATE + 4 * N_MEMORIES * N_STATES
+STEP = X + N_STATES
+ALONE = STEP + 6 * N_STATES
+# Of each input its start and its change over the interval, and the derivatives of both by the
+# delay; the inputs and their derivatives at a place.
+DRIVE = ALONE + 6 * N_STATES
+INPUTS = DRIVE + 4 * N_INPUTS
+INPUT_SLOPES = INPUTS + N_INPUTS
+# Of each row its mode, whether it can stick, and a disturbance, which is an acceleration.
+MODES = INPUT_SLOPES + N_INPUTS
+DRY_ROWS = MODES + N_ROWS
+DISTURBANCE = DRY_ROWS + N_ROWS
+COEFFICIENTS = DISTURBANCE + N_ROWS
+CONSTANTS = COEFFICIENTS + N_COEFFICIENTS
+CORNERS = CONSTANTS + N_CONSTANTS  # what is zero at each corner, at two places
+WORK_SIZE = CORNERS + 2 * N_CORNERS
+
+# In the array `columns`: how many columns are in use, that of the state included; the column of the
+# delay of the inputs; whether disturbances have derivatives, and whether a row may stick; and the
+# column of each coefficient.
+IN_USE, DELAY, ARE_DISTURBED, ARE_DRY, AT = range(5)
+
+# What to do.
+STEP_STATE, CARRY, RATES, LINEARISE, FIND_CORNERS = range(5)
+
+SIZES = (N_STATES, N_ROWS, N_INPUTS, N_COEFFICIENTS, N_CONSTANTS, N_CORNERS, N_EQUATIONS, WIDTH)
+PLACES = (Z, BY_REST, DISTURBED, BY_STATE, X, STEP, ALONE, DRIVE)
+PLACES += (MODES, DRY_ROWS, DISTURBANCE, COEFFICIENTS, CONSTANTS, CORNERS, WORK_SIZE)
+
+
+def _part(_: Any, numbers, first, size):
+    """Numbers from a place on, as an array: without the checks that a slice makes."""
+    array = types.Array(numbers.dtype, 1, "C")
+
+    def code(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        numbers, first, size = arguments
+        found = context.make_array(array)(context, builder)
+        bytes_each = context.get_constant(types.intp, 8)
+        data = builder.gep(numbers, [first])
+        populate_array(found, data, [size], [bytes_each], bytes_each, None)
+        return found._getvalue()
+
+    return array(numbers, first, size), code
+
+
+part: Any = intrinsic(_part)
+
+
+@inlined
+def rates_at(x, place, work, rate):
+    """Rates of x at a place within the interval."""
+    u = part(work, INPUTS, N_INPUTS)
+    for j in range(N_INPUTS):
+        u[j] = work[DRIVE + 4 * j] + place * work[DRIVE + 4 * j + 1]
+    modes = part(work, MODES, N_ROWS)
+    p = part(work, COEFFICIENTS, N_COEFFICIENTS)
+    state_rates(x, u, modes, p, part(work, CONSTANTS, N_CONSTANTS), rate)
+    for row in range(N_ROWS):
+        rate[2 * row + 1] += work[DISTURBANCE + row]
+        if work[DRY_ROWS + row] != 0.0 and modes[row] == 0.0:
+            rate[2 * row] = 0.0
+            rate[2 * row + 1] = 0.0
+
+
+@inlined
+def recall(x, start, work):
+    """Set the memories of x to what its path since the start of a step makes of them."""
+    if N_MEMORIES:
+        remember(x, start, part(work, COEFFICIENTS, N_COEFFICIENTS))
+
+
+@inlined
+def slopes_at(x, place, stage, work, columns):
+    """Derivatives of the rates at a place within the interval."""
+    u = part(work, INPUTS, N_INPUTS)
+    du = part(work, INPUT_SLOPES, N_INPUTS)
+    for j in range(N_INPUTS):
+        u[j] = work[DRIVE + 4 * j] + place * work[DRIVE + 4 * j + 1]
+        du[j] = work[DRIVE + 4 * j + 2] + place * work[DRIVE + 4 * j + 3]
+    a_size, r_size = N_EQUATIONS * N_STATES, N_EQUATIONS * WIDTH
+    a = part(work, BY_STATE + stage * a_size, a_size)
+    r = part(work, BY_REST + stage * r_size, r_size)
+    kept = columns[IN_USE] if columns[ARE_DISTURBED] else 0
+    for i in range(N_ROWS * WIDTH if kept else 0):
+        r[i] = 0.0  # `slopes` leaves alone what does not depend on the model
+    modes = part(work, MODES, N_ROWS)
+    p = part(work, COEFFICIENTS, N_COEFFICIENTS)
+    c = part(work, CONSTANTS, N_CONSTANTS)
+    slopes(x, u, du, modes, p, c, part(columns, AT, N_COEFFICIENTS), columns[DELAY], a, r)
+    for row in range(N_ROWS):
+        for j in range(1, kept):
+            r[row * WIDTH + j] += work[DISTURBED + row * WIDTH + j]
+        if work[DRY_ROWS + row] != 0.0 and modes[row] == 0.0:
+            for i in range(N_STATES):
+                a[row * N_STATES + i] = 0.0
+            for j in range(WIDTH):
+                r[row * WIDTH + j] = 0.0
+
+
+@uncounted
+def step(work, place, span, h):
+    """Bring the state over a span of an interval of h seconds."""
+    room = (
+        part(work, STEP, N_STATES),
+        part(work, STEP + N_STATES, N_STATES),
+        part(work, STEP + 2 * N_STATES, 4 * N_STATES),
+    )
+    runge_kutta(part(work, X, N_STATES), place, span, h, work, room)
+
+
+@uncounted
+def carry(work, columns, place, span, h):
+    """Bring the derivatives over the last step."""
+    x, end = part(work, X, N_STATES), part(work, STEP, N_STATES)
+    stages = STEP + 2 * N_STATES
+    p, at = part(work, COEFFICIENTS, N_COEFFICIENTS), part(columns, AT, N_COEFFICIENTS)
+    for stage in range(4):
+        at_stage = part(work, stages + stage * N_STATES, N_STATES)
+        slopes_at(at_stage, place + node(stage) * span, stage, work, columns)
+        if N_MEMORIES:
+            then = part(work, stages + (stage + 1) * N_STATES, N_STATES) if stage < 3 else end
+            b_size, q_size = N_MEMORIES * N_STATES, N_MEMORIES * WIDTH
+            b = part(work, KEPT_BY_STATE + stage * b_size, b_size)
+            q = part(work, KEPT_BY_REST + stage * q_size, q_size)
+            memory_slopes(then, x, p, at, b, q)
+    b = part(work, KEPT_BY_STATE, 4 * N_MEMORIES * N_STATES)
+    q = part(work, KEPT_BY_REST, 4 * N_MEMORIES * WIDTH)
+    z = part(work, Z, N_STATES * WIDTH)
+    a = part(work, BY_STATE, 4 * N_EQUATIONS * N_STATES)
+    r = part(work, BY_REST, 4 * N_EQUATIONS * WIDTH)
+    vary(z, columns[IN_USE], span * h, a, r, b, q)
+
+
+def _run(work, columns, place, span, h, source, target, what):
+    """Do what the kernel `segments` asks for; one function, since each costs time to compile."""
+    if what == STEP_STATE:
+        step(work, place, span, h)
+    elif what == CARRY:
+        carry(work, columns, place, span, h)
+    elif what == RATES:
+        rates_at(part(work, source, N_STATES), place, work, part(work, target, N_STATES))
+    elif what == LINEARISE:
+        slopes_at(part(work, source, N_STATES), place, source - source, work, columns)
+    elif what == FIND_CORNERS:
+        p = part(work, COEFFICIENTS, N_COEFFICIENTS)
+        c = part(work, CONSTANTS, N_CONSTANTS)
+        corners(part(work, source, N_STATES), p, c, part(work, target, N_CORNERS))
+
+
+_RUN: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "_nrt": False,
+}
+_numbers, _places = types.CPointer(types.float64), types.CPointer(types.int64)
+run: Any = cfunc(types.void(_numbers, _places, *[types.float64] * 3, *[types.int64] * 3), **_RUN)(
+    _run
+)
+
+# As the kernel `segments` takes a model.
+MODEL = np.array([run.address, *SIZES, *PLACES], np.int64)
