@@ -55,7 +55,9 @@ def observed(samples: Samples) -> SegmentedMotion:
     problem = motion(samples)
     gains = _steady_gains(problem, jacobian(), SAMPLE_TIME, SIZES)
     own, disturbed, decay, whitening = (each[None] for each in gains[:4])
-    return replace(problem, observer=Observer(own, disturbed, decay, still(samples), whitening))
+    always = np.array([len(samples)])
+    observer = Observer(own, disturbed, decay, still(samples), whitening, always)
+    return replace(problem, observer=observer)
 
 
 def still(samples: Samples) -> np.ndarray:
@@ -193,6 +195,7 @@ def test_no_gain_is_no_observer():
         np.zeros((1, 2)),
         still(samples),
         np.diag(problem.weights)[None],
+        np.array([len(samples)]),
     )
     plain = problem.equations(AT_REST)
     found = replace(problem, observer=nothing).equations(AT_REST)
