@@ -14,7 +14,7 @@ from flexid.recording import Log
 Columns = dict[str, FloatArray]
 DEGREES = 180.0 / np.pi
 TURN = 2.0 * np.pi
-SLOW = 0.002 * np.arange(2000)
+SLOW: FloatArray = 0.002 * np.arange(2000.0)
 
 
 def changed(*left_out: str, **channels: Callable[[FloatArray], FloatArray]) -> Columns:
@@ -231,7 +231,7 @@ def test_a_counter_of_unknown_turns_is_named() -> None:
 @pytest.mark.parametrize("displaced", [0.6, 0.7, 0.8, 1.0])
 def test_a_pause_is_no_wrap(displaced: float) -> None:
     """Assert that a motor that moved during a pause, in front of a gear, is read as it is."""
-    late = np.arange(len(SLOW)) >= len(SLOW) // 2
+    late = (np.arange(len(SLOW)) >= len(SLOW) // 2).astype(np.float64)
     turns = 0.1 * np.sin(3.0 * SLOW) + displaced * late  # of the motor
     motor = TURN * turns / 100.0
     columns = joint(motor + 0.002 * np.sin(4.0 * SLOW), turns, SLOW + late)
@@ -243,7 +243,7 @@ def test_a_pause_is_no_wrap(displaced: float) -> None:
 
 def test_an_encoder_of_one_count_is_no_jump() -> None:
     """Assert that a position all of whose steps are as large as its range does not jump."""
-    columns = joint(1e-3 * (np.arange(len(SLOW)) // 7 % 2), np.sin(SLOW))
+    columns = joint(1e-3 * (np.arange(2000.0) // 7.0 % 2.0), np.sin(SLOW))
     columns["motor_torque"] = 3.0 * np.cos(SLOW)
     assert not any("jumps" in warning for warning in read_columns(columns).warnings)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -18,6 +19,7 @@ from joint_log import (
     without,
     write_csv,
 )
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.recording import Log, read_log
@@ -117,14 +119,16 @@ def test_xarray() -> None:
     """Assert that a data set's coordinate is a column, and its attributes are units."""
     xarray = pytest.importorskip("xarray")
     columns = joint_columns()
-    channels = {name: ("time", values) for name, values in columns.items() if name != "time"}
+    channels: dict[str, Any] = {
+        name: ("time", values) for name, values in columns.items() if name != "time"
+    }
     degrees = np.degrees(columns["link_position"])
     channels["link_position"] = ("time", degrees, {"units": "deg"})
     data = xarray.Dataset(channels, coords={"time": columns["time"], "rig": 7})
     assert_equal_logs(read_columns(data), read_columns(columns), rtol=1e-12)
 
 
-def rows(kept: FloatArray) -> dict[str, FloatArray]:
+def rows(kept: NDArray[Any]) -> dict[str, FloatArray]:
     """Some samples of all columns."""
     return {name: values[kept] for name, values in joint_columns().items()}
 

@@ -123,7 +123,8 @@ def test_measured_velocities_are_kept() -> None:
 def test_differentiates_as_savitzky_and_golay(half: int) -> None:
     """Assert that with a given window the derivative is that of SciPy's filter, ends included."""
     position = np.random.default_rng(half).standard_normal(400).cumsum()
-    expected = savgol_filter(position, 2 * half + 1, velocities.DEGREE, deriv=1, delta=0.01)
+    window, degree = 2 * half + 1, velocities.DEGREE
+    expected = np.asarray(savgol_filter(position, window, degree, deriv=1, delta=0.01))
     np.testing.assert_allclose(velocity(position, 0.01, half), expected, rtol=3e-6, atol=3e-6)
 
 

@@ -155,11 +155,8 @@ class Reading:
         if self._is_late or self._process.returncode == _OUT_OF_TIME:
             return self._refusal(f"reading it takes too long, as if without end: {part}")
         if rows is not None:
-            return RecordingError(
-                self.file,
-                f"row {rows + 1} or after",
-                "the file cannot be read on from there: export or copy it again",
-            )
+            reason = "the file cannot be read on from there: export or copy it again"
+            return RecordingError(self.file, f"row {rows + 1} or after", reason)
         return self._refusal(
             f"this is no {self.format.what.split(' ', 1)[1]} that can be read: export or copy it "
             f"again, or name it .csv if it is text"

@@ -52,16 +52,11 @@ def read(path: Path) -> Contents:
         places[path_of], groups[clock] = (group, index), group
 
     def frames(paths: Collection[str], size: int) -> Iterator[Frame]:
-        """Parts of all groups in turn, as many as the longest group has of so many records."""
+        """Records of one group after the other, so many at a time."""
         chosen = [one for one in series if one.path in paths]
-        lengths = {one.clock: one.length for one in chosen}
-        turns = -(-max(lengths.values()) // size)
-        for turn in range(turns):
-            for clock, length in lengths.items():
-                first, stop = length * turn // turns, length * (turn + 1) // turns
-                if first == stop:
-                    continue
-                part = {"record_offset": first, "record_count": stop - first}
+        for clock, length in {one.clock: one.length for one in chosen}.items():
+            for first in range(0, length, size):
+                part = {"record_offset": first, "record_count": min(size, length - first)}
                 columns = {STAMPS: _numbers(file.get_master(groups[clock], **part))}
                 for one in chosen:
                     if one.clock == clock:

@@ -155,26 +155,17 @@ def _messages(
 
 
 def _of_mcap(path: Path) -> Iterator[tuple[Topic, int, bytes]]:
-    from mcap.records import Channel, Message, Schema
-    from mcap.stream_reader import StreamReader
+    from mcap.reader import NonSeekingReader
 
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Topic] = {}
     with path.open("rb") as opened:
-        for record in StreamReader(opened, record_size_limit=_LARGEST_RECORD).records:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                schema = schemas.get(record.schema_id)
-                channels[record.id] = Topic(
-                    record.topic,
-                    schema.name if schema else "",
-                    record.message_encoding,
-                    schema.data.decode(errors="replace") if schema else "",
-                    schema.encoding if schema else "",
-                )
-            elif isinstance(record, Message):
-                yield channels[record.channel_id], record.log_time, record.data
+        reader = NonSeekingReader(opened, record_size_limit=_LARGEST_RECORD)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            kind, language, definition = "", "", ""
+            if schema is not None:
+                kind, language = schema.name, schema.encoding
+                definition = schema.data.decode(errors="replace")
+            topic = Topic(channel.topic, kind, channel.message_encoding, definition, language)
+            yield topic, message.log_time, message.data
 
 
 def _of_bag(path: Path, topics: set[str] | None) -> Iterator[tuple[Topic, int, bytes]]:

@@ -150,11 +150,8 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
     sided = [key for key, entry in entries.items() if entry.side is not None]
     for key in sided if gear_ratio is None else sorted({*sided} - {*GEARED}):
         what = "has a side, but the map no gear_ratio" if key in GEARED else "has no side"
-        raise RecordingError(
-            file,
-            f"key '{key}.side'",
-            f"{key} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio",
-        )
+        reason = f"{key} {what}: a side is for {', '.join(GEARED)} in a map with a gear_ratio"
+        raise RecordingError(file, f"key '{key}.side'", reason)
     return ColumnMap(file, entries, gear_ratio, unread)
 
 

@@ -18,7 +18,7 @@ from flexid.recording.names import (
     split_header,
     usual_channel,
 )
-from flexid.recording.si_channels import direct, find_header, mapped
+from flexid.recording.si_channels import Recipe, made, recipe_of_map
 from flexid.recording.units import UnitError, scale_to_si
 
 if TYPE_CHECKING:
@@ -46,7 +46,6 @@ class _Plan:
 
     column_map: ColumnMap | None
     found: dict[str, _Column]
-    wanted: set[str] = field(default_factory=set)
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -66,18 +65,49 @@ def read_channels(
     table: Table, columns: MapSource | None, clock: Clock | None = None
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
     """Channels of a table in SI units by canonical name, and warnings."""
-    plan = _plan(table, columns)
+    recipes, warnings = _recipes(table, columns)
     clock = clock or Clock()
-    channels = {}
-    for name in SI_UNITS:
-        if name in plan.wanted:
-            if plan.column_map is not None and name in plan.entries:
-                channels[name] = mapped(table, name, plan.column_map, clock)
-            else:
-                gear = None if plan.column_map is None else plan.column_map.gear(name)
-                header, unit = plan.found[name]
-                channels[name] = direct(table, name, header, unit, gear, clock)
-    return channels, tuple(plan.warnings)
+    return {name: made(table, name, recipe, clock) for name, recipe in recipes.items()}, warnings
+
+
+def sources(
+    table: Table, columns: MapSource | None
+) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
+    """Headers that each channel is read from, and warnings, from the names alone."""
+    recipes, warnings = _recipes(table, columns)
+    return {name: (*recipe.weights,) for name, recipe in recipes.items()}, warnings
+
+
+def _recipes(table: Table, columns: MapSource | None) -> tuple[dict[str, Recipe], tuple[str, ...]]:
+    """How each channel that is read is made, and warnings."""
+    column_map = None
+    if columns is not None:
+        from flexid.recording.column_map import read_map
+
+        column_map = read_map(columns)
+    named = set() if column_map is None else {*column_map.entries, *column_map.unread}
+    plan = _Plan(column_map, _canonical_columns(table, named))
+    if column_map is None:
+        _add_usual(table, plan)
+    _require(table, plan)
+    recipes = {}
+    for name in sorted(_wanted(table, plan), key=[*SI_UNITS].index):
+        if column_map is not None and name in column_map.entries:
+            recipes[name] = recipe_of_map(table, name, column_map)
+            continue
+        header, unit = plan.found[name]
+        place = f"{table.header}, column {header!r}" if table.header else f"column {header!r}"
+        gear = None if column_map is None else column_map.gear(name)
+        recipes[name] = Recipe({header: 1.0}, table.file, place, gear, unit)
+    if column_map is None and not table.kinds:  # a bag holds much that no joint needs
+        taken = {column.header for column in plan.found.values()}
+        unused = [name for name in table.names if name not in taken]
+        if unused:
+            plan.warnings.append(
+                f"{table.file}: {quoted(unused)} not used: name them in a column map if they "
+                f"are needed"
+            )
+    return recipes, tuple(plan.warnings)
 
 
 def is_by_name(channel: str, origin: Mapping[str, Any]) -> bool:
@@ -110,47 +140,6 @@ def _says(name: str, channel: str, factor: float) -> bool:
         return isclose(scale_to_si(unit, SI_UNITS.get(channel, ()))[0], factor)
     except UnitError:
         return False
-
-
-def sources(
-    table: Table, columns: MapSource | None
-) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
-    """Headers that each channel is read from, and warnings, from the names alone."""
-    plan = _plan(table, columns)
-    headers = {}
-    for name in SI_UNITS:
-        if name not in plan.wanted:
-            continue
-        if plan.column_map is not None and name in plan.entries:
-            terms, map_file = plan.entries[name].terms, plan.column_map.file
-            headers[name] = tuple(find_header(table, term.column, name, map_file) for term in terms)
-        else:
-            headers[name] = (plan.found[name].header,)
-    return headers, tuple(plan.warnings)
-
-
-def _plan(table: Table, columns: MapSource | None) -> _Plan:
-    """Decide where each channel comes from."""
-    column_map = None
-    if columns is not None:
-        from flexid.recording.column_map import read_map
-
-        column_map = read_map(columns)
-    named = set() if column_map is None else {*column_map.entries, *column_map.unread}
-    plan = _Plan(column_map, _canonical_columns(table, named))
-    if column_map is None:
-        _add_usual(table, plan)
-    _require(table, plan)
-    _choose(table, plan)
-    if column_map is None and not table.kinds:  # a bag holds much that no joint needs
-        taken = {column.header for column in plan.found.values()}
-        unused = [name for name in table.names if name not in taken]
-        if unused:
-            plan.warnings.append(
-                f"{table.file}: {quoted(unused)} not used: name them in a column map if they "
-                f"are needed"
-            )
-    return plan
 
 
 def _canonical_columns(table: Table, named: set[str]) -> dict[str, _Column]:
@@ -266,18 +255,16 @@ def _require(table: Table, plan: _Plan) -> None:
     )
 
 
-def _choose(table: Table, plan: _Plan) -> None:
-    """Choose the channels to read: of several inputs, and of two link positions, only one."""
-    plan.wanted = wanted = plan.available
-
-    def leave_out(name: str, why: str) -> None:
-        wanted.discard(name)
-        plan.warnings.append(f"{table.file}: {name} is not used, since {why}")
-
-    if "link_velocity" in wanted and not wanted & {"link_position", "deflection"}:
-        leave_out("link_velocity", "there is no link position: log it")
+def _wanted(table: Table, plan: _Plan) -> set[str]:
+    """The channels to read: of several inputs, and of two link positions, only one."""
+    wanted = plan.available
+    first, *others = [name for name in INPUTS if name in wanted] or [""]
+    left_out = dict.fromkeys(others, f"{first} is there: remove {first} to use it")
     if {"link_position", "deflection"} <= wanted:
-        leave_out("deflection", "the link position is there: remove the link position to use it")
-    inputs = [name for name in INPUTS if name in wanted]
-    for name in inputs[1:]:
-        leave_out(name, f"{inputs[0]} is there: remove {inputs[0]} to use it")
+        why = "the link position is there: remove the link position to use it"
+        left_out = {"deflection": why, **left_out}
+    if "link_velocity" in wanted and not wanted & {"link_position", "deflection"}:
+        left_out = {"link_velocity": "there is no link position: log it", **left_out}
+    for name, why in left_out.items():
+        plan.warnings.append(f"{table.file}: {name} is not used, since {why}")
+    return wanted - {*left_out}

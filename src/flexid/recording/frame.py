@@ -116,11 +116,8 @@ def _array(name: str, values: Any) -> Any:
     except ValueError:  # lists of different lengths
         found = np.empty((0, 0))
     if found.ndim != 1:
-        raise RecordingError(
-            ARRAYS,
-            f"column {name!r}",
-            f"it has {found.ndim} dimensions: give an array of one, a value for each sample",
-        )
+        reason = f"it has {found.ndim} dimensions: give an array of one, a value for each sample"
+        raise RecordingError(ARRAYS, f"column {name!r}", reason)
     return found.tolist() if found.dtype == object else _known_times(ARRAYS, name, found)
 
 

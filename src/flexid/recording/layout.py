@@ -147,11 +147,8 @@ def _above(
 
 
 def _no_header(file: str, line: int) -> RecordingError:
-    return RecordingError(
-        file,
-        f"line {line}",
-        "the file begins with numbers: write a header with the column names first",
-    )
+    reason = "the file begins with numbers: write a header with the column names first"
+    return RecordingError(file, f"line {line}", reason)
 
 
 def _head(file: str, text: bytes) -> list[_Line]:
@@ -165,11 +162,8 @@ def _head(file: str, text: bytes) -> list[_Line]:
         if end == 0:
             end = len(text)
         if end - position > LONGEST_LINE:
-            raise RecordingError(
-                file,
-                f"line {number}",
-                f"the line has more than {LONGEST_LINE} bytes: write one line for each sample",
-            )
+            reason = f"the line has more than {LONGEST_LINE} bytes: write one line for each sample"
+            raise RecordingError(file, f"line {number}", reason)
         line = text[position:end].decode("utf-8", errors="replace").rstrip("\r\n")
         if line.strip():
             lines.append(_Line(number, position, end, line))
@@ -280,9 +274,6 @@ def _with_unit(file: str, line: int, name: str, unit: str) -> str:
     if own is None:
         return f"{name} [{unit}]"
     if own != unit:
-        raise RecordingError(
-            file,
-            f"line {line}, column {name!r}",
-            f"the unit below the name is [{unit}]: let the two agree, or remove one",
-        )
+        reason = f"the unit below the name is [{unit}]: let the two agree, or remove one"
+        raise RecordingError(file, f"line {line}, column {name!r}", reason)
     return f"{bare} [{unit}]"

@@ -46,11 +46,8 @@ def check_velocity(
     place = f"column {channel.column!r}"
     for factor, remedy in _KNOWN.items():
         if abs(slope / factor - 1.0) < 0.1 and _share(measured - slope * own, measured) < 0.4:
-            raise RecordingError(
-                file,
-                place,
-                f"{name} is {slope:.3g} times the position's derivative: it is {remedy}",
-            )
+            reason = f"{name} is {slope:.3g} times the position's derivative: it is {remedy}"
+            raise RecordingError(file, place, reason)
     off = _share(measured - own, own)
     if off <= _MOST_OFF and abs(slope - 1.0) <= _MOST_SCALED:
         return None

@@ -56,11 +56,8 @@ def on_one_clock(
     for stamps in apart.values():
         usable &= _between_samples(stamps, times)
     if usable.sum() < 2:
-        raise RecordingError(
-            file,
-            "",
-            f"{quoted(clocks)} have no times in common: log them together, by one clock",
-        )
+        reason = f"{quoted(clocks)} have no times in common: log them together, by one clock"
+        raise RecordingError(file, "", reason)
     columns = {}
     filtered = []
     for signal in signals:

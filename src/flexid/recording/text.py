@@ -35,6 +35,7 @@ _PACKED = {
     b"\x28\xb5\x2f\xfd": "zstd",
     b"7z\xbc\xaf": "7z",
 }
+_OPEN_QUOTE = "a quotation mark opens on this line and does not close on it: remove it"
 _OTHERS = {  # what else flexid reads, and where it belongs
     ".toml": "this is a TOML file, not a log: a column map is given with --columns",
     ".json": "this is a JSON file, not a log: export the log as CSV or Parquet",
@@ -77,11 +78,8 @@ def read_text(file: str, raw: bytes) -> tuple[Layout, polars.DataFrame]:
     layout = layout_of(file, text)
     body = _without_blank_end(text[layout.start :])
     if not body:
-        raise RecordingError(
-            file,
-            f"line {layout.header_line}",
-            "no samples follow the header: export the log again",
-        )
+        reason = "no samples follow the header: export the log again"
+        raise RecordingError(file, f"line {layout.header_line}", reason)
     if layout.separator == BLANK:
         body = re.sub(rb"(?m)^ +| +$", b"", re.sub(rb"[ \t\r]+", b" ", body))
     names = layout.names
@@ -145,51 +143,39 @@ def as_utf_8(file: str, raw: bytes) -> bytes:
 
 
 def _ragged_row(file: str, layout: Layout, body: bytes) -> RecordingError | None:
-    """Return the first row whose number of cells differs from the header's, if there is one."""
+    """The first row whose number of cells differs from the header's, if there is one."""
     lines = io.TextIOWrapper(io.BytesIO(body), encoding="utf-8", errors="replace", newline="")
     reader = csv.reader(lines, delimiter=layout.separator, strict=True)
-    line = layout.first_line
-    width = len(layout.names)
-    before = 0
+    line, before = layout.first_line, 0
     try:
         for row in reader:
-            place = f"line {line}"
-            if reader.line_num > before + 1:
-                return _open_quote(file, place)
-            if not row:
-                return RecordingError(file, place, "the line is blank: remove it")
-            if "\0" in row[0]:
-                reason = "null bytes stand there, as where a file was not closed: cut them off"
-                return RecordingError(file, place, reason)
-            if row[0].lstrip().startswith(COMMENTS):
-                return RecordingError(
-                    file, place, "the line is a comment between samples: remove it"
-                )
-            if len(row) != width:
-                reason = "complete or remove it; numbers with decimal commas need another separator"
-                if line == layout.first_line:
-                    reason = (
-                        f"let the names in line {layout.header_line} be as many; numbers with "
-                        f"decimal commas need another separator"
-                    )
-                return RecordingError(
-                    file,
-                    place,
-                    f"the row has {len(row)} cells where the header has {width}: {reason}",
-                )
-            line += 1
-            before = reader.line_num
+            fault = _OPEN_QUOTE if reader.line_num > before + 1 else _fault(layout, line, row)
+            if fault:
+                return RecordingError(file, f"line {line}", fault)
+            line, before = line + 1, reader.line_num
     except csv.Error as error:
-        if "expected after" in str(error):
-            return RecordingError(
-                file, f"line {line}", "text follows a quotation mark within a cell: remove one"
-            )
         # The end of the file, or of the longest cell, is reached within a quotation.
-        return _open_quote(file, f"line {line}")
+        fault = _OPEN_QUOTE
+        if "expected after" in str(error):
+            fault = "text follows a quotation mark within a cell: remove one"
+        return RecordingError(file, f"line {line}", fault)
     return None
 
 
-def _open_quote(file: str, place: str) -> RecordingError:
-    return RecordingError(
-        file, place, "a quotation mark opens on this line and does not close on it: remove it"
+def _fault(layout: Layout, line: int, row: list[str]) -> str:
+    """What is wrong with a row, if anything is."""
+    if not row:
+        return "the line is blank: remove it"
+    if "\0" in row[0]:
+        return "null bytes stand there, as where a file was not closed: cut them off"
+    if row[0].lstrip().startswith(COMMENTS):
+        return "the line is a comment between samples: remove it"
+    if len(row) == len(layout.names):
+        return ""
+    remedy = "complete or remove it"
+    if line == layout.first_line:
+        remedy = f"let the names in line {layout.header_line} be as many"
+    return (
+        f"the row has {len(row)} cells where the header has {len(layout.names)}: {remedy}; numbers "
+        f"with decimal commas need another separator"
     )
