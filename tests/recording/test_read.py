@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from joint_log import (
 from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
+from flexid.errors import RecordingError
 from flexid.recording import Log, read_log
 
 CHANNELS = ("link_position", "motor_position", "link_velocity", "motor_velocity")
@@ -42,6 +45,18 @@ def test_canonical_columns(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(recording, name), columns[name])
     pl.DataFrame(columns).write_parquet(tmp_path / "log.parquet")
     assert_equal_logs(read_log(tmp_path / "log.parquet"), log)
+
+
+def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Assert that text from standard input is read as that of a file, and said where it is bad."""
+    columns = joint_columns()
+    text = csv_text(columns)
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
+    (recording,) = read_log(Path("-")).recordings
+    np.testing.assert_array_equal(recording.input, columns["motor_torque"])
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"")))
+    with pytest.raises(RecordingError, match="standard input: the file is empty"):
+        read_log(Path("-"))
 
 
 def test_integer_parquet(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ _FILE = Option(Path | None, "FILE")
 _SECONDS = Option(float | None, "SECONDS")
 _DELAY = Option(str, "SECONDS", parse_number)
 _NUMBER = Option(int | None, "NUMBER")
-_LOGS = Option(list[Path], "LOG", note=f"Files: {kinds()}.")
+_LOGS = Option(list[Path], "LOG", note=f"Files: {kinds()}; - for CSV from standard input.")
 _ESTIMATE = Option(str, "ESTIMATE")
 _NAMES = ", ".join((*TERMS, *SHAPE_TERMS))
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexid.arrays import FloatArray
-    from flexid.recording.clock import Clock
     from flexid.recording.column_map import MapSource
     from flexid.recording.table import Table
 
@@ -33,19 +32,18 @@ def read_log(path: Path, columns: MapSource | None = None) -> Log:
     return log_of_table(table_of_file(path, columns), columns)
 
 
-def log_of_table(table: Table, columns: MapSource | None = None, clock: Clock | None = None) -> Log:
-    """As `read_log`, from a file's columns; of a part of a log with the clock of the whole."""
-    channels, warnings = read_channels(table, columns, clock)
+def log_of_table(table: Table, columns: MapSource | None = None) -> Log:
+    """As `read_log`, from a file's columns."""
+    channels, warnings = read_channels(table, columns)
     warnings = tuple(dict.fromkeys(table.warnings + warnings))
     origins = {name: channel.origin for name, channel in channels.items()}
     time = channels.pop("time")
     checks.check_magnitude(table.file, "time", time)
     check_increasing(table, time.column, time.values)
-    if clock is None:  # what a part ends with may go on in the next one
-        channels, time, frozen = without_frozen(table.file, channels, time)
-        channels, values, odd = mended(table.file, channels, time.values)
-        time = replace(time, values=values)
-        warnings += frozen + odd
+    channels, time, frozen = without_frozen(table.file, channels, time)
+    channels, values, odd = mended(table.file, channels, time.values)
+    time = replace(time, values=values)
+    warnings += frozen + odd
     grid = even_grid(table, time.column, time.values)
     warnings += grid.warnings
     warnings += _check_each(table.file, channels)

@@ -7,7 +7,9 @@ import hashlib
 import io
 import os
 import re
+import sys
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexid.errors import RecordingError
@@ -18,14 +20,14 @@ from flexid.recording.limits import LARGEST_FILE, check_cells
 from flexid.recording.table import Table
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import polars
 
 MINUS = "\N{MINUS SIGN}".encode()
 """As some languages' formats write it before a number."""
 
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+_STANDARD_INPUT = Path("-")
 
 _PACKED = {
     b"\x1f\x8b": "gzip",
@@ -43,13 +45,18 @@ _OTHERS = {  # what else flexid reads, and where it belongs
 
 
 def read_table(path: Path) -> Table:
-    """A text file as columns of text."""
-    file = shown(path)
+    """A text file as columns of text; ``-`` is standard input."""
+    file = "standard input" if path == _STANDARD_INPUT else shown(path)
     refuse = partial(RecordingError, file, "")
     if os.path.isdir(path) and any(one.suffix in (".zst", ".zstd") for one in path.iterdir()):
         raise refuse("this bag is compressed as a whole: unpack its files with zstd -d --rm")
     remedy = "identify it as Parquet with --stream, or cut the log into shorter files"
-    raw = read_bytes(path, LARGEST_FILE, "a log", refuse, shorten=remedy)
+    if path == _STANDARD_INPUT:
+        raw = sys.stdin.buffer.read(LARGEST_FILE + 1)
+        if len(raw) > LARGEST_FILE:
+            raise refuse(f"it is longer than {LARGEST_FILE / 1e6:g} MB: {remedy}")
+    else:
+        raw = read_bytes(path, LARGEST_FILE, "a log", refuse, shorten=remedy)
     if not raw.strip():
         raise refuse("the file is empty: export the log again")
     if path.suffix.lower() in _OTHERS:
