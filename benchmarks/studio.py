@@ -47,25 +47,23 @@ class Visitor:
     def __init__(self, address: str, connection: ClientConnection) -> None:
         self._address = address
         self._connection = connection
-        connection.send(json.dumps({"method": "init", "data": {}}))
         self.ask("open", values={})
         self._key = self.wait(lambda message: message["kind"] == "opened")["key"]
 
     def ask(self, kind: str, **more: Any) -> None:
         """Ask for something, as the page's script does."""
         request = {"kind": kind, "asked": time.monotonic(), **more}
-        self._connection.send(json.dumps({"method": "update", "data": {"request": request}}))
+        self._connection.send(json.dumps(request))
 
     def wait(
         self, wanted: Callable[[dict[str, Any]], bool], *, problems: bool = False
     ) -> dict[str, Any]:
         """Wait for a message; a problem that the page would show ends it, unless it is expected."""
         while True:
-            message = json.loads(self._connection.recv(PATIENCE))
-            found = message.get("custom", {}).get("studio")
-            if found and not problems and 'class="problem"' in found.get("html", ""):
+            found = json.loads(self._connection.recv(PATIENCE))
+            if not problems and 'class="problem"' in found.get("html", ""):
                 raise RuntimeError(found["html"])
-            if found and wanted(found):
+            if wanted(found):
                 return found
 
     def shown(self, place: str, text: str) -> None:
@@ -139,7 +137,7 @@ def load(windows: int, identified: int) -> Load:
         stack.callback(watching.join)
         stack.callback(over.set)
         origin = address.rstrip("/")
-        socket = f"ws://{urlsplit(address).netloc}/websocket/"
+        socket = f"ws://{urlsplit(address).netloc}/socket"
         connections = [
             stack.enter_context(
                 connect(socket, origin=Origin(origin), max_size=None, max_queue=None)
@@ -177,7 +175,7 @@ def play_times(places: int) -> list[float]:
 
     with running() as (_, address):
         origin = address.rstrip("/")
-        socket = f"ws://{urlsplit(address).netloc}/websocket/"
+        socket = f"ws://{urlsplit(address).netloc}/socket"
         with connect(socket, origin=Origin(origin), max_size=None, max_queue=None) as connection:
             visitor = Visitor(address, connection)
             for reading in READINGS:  # compiled, if need be

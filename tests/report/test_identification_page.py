@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from made_result import made_result
+from made_result import VALIDATION, made_result
 
 import flexid
 from browser import serious_faults
@@ -175,6 +175,14 @@ def verdicts(*of_parameters: str, coefficient: str = "determined", **more):
             "Of 3: 1 determined, 1 weak, 1 undetermined.",
         ),
         (verdicts("undetermined"), "No", "bad", "The only one is not determined."),
+        (
+            verdicts(
+                "determined", validation=replace(VALIDATION, fit_percent={"deflection": -865.0})
+            ),
+            "With care, and not for long predictions",
+            "bad",
+            "The only one is determined.",
+        ),
     ],
 )
 def test_trust_follows_verdicts_and_warnings(result, word, tone, said):

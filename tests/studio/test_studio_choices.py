@@ -43,6 +43,11 @@ def test_choices_as_a_column_map():
     assert Choices().column_map is None
 
 
+def test_a_gear_ratio_may_be_a_fraction():
+    """Assert that 1/101 is what it says."""
+    assert read_choices({"column.time": "t", "gear_ratio": "1/101"}).gear_ratio == 1.0 / 101.0
+
+
 def test_terms_have_one_order():
     """Assert that an address that names them otherwise asks for the same."""
     assert read_choices({"terms": "motor_viscous,gravity"}) == read_choices(
@@ -57,6 +62,7 @@ def test_terms_have_one_order():
         {"hold": "<script>"},
         {"terms": "gravity,nonsense"},
         {"column.time": "t", "scale.time": "nan"},
+        {"column.time": "t", "gear_ratio": "1/0"},
         {"column.time": "t", "offset.time": "1e999"},
         {"column.time": "t" * 1000},
         {f"key{i}": "" for i in range(1000)},

@@ -53,7 +53,7 @@ def test_a_slider_is_moved_pinned_and_put_back(page: Page, empty_address: str):
     assert float(label.split()[0]) < 50.0
     page.click("text=Pin this run")
     page.wait_for_url("**pin.k=**")
-    page.click("text=Table I >> nth=-1")
+    page.click("[data-kind=reset]")
     page.wait_for_url(lambda url: "k=" not in url)
     page.wait_for_selector("#play-figures td:has-text('0.00082 rad')")
 

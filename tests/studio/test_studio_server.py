@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import inspect
 import socket
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
@@ -56,31 +56,25 @@ def test_off_the_loopback_the_address_has_a_token(start):
             assert b"flexid studio" in page.read()
 
 
-class Session:
-    """What Shiny gives for a window."""
-
-    def __init__(self) -> None:
-        self.sent: list[dict[str, Any]] = []
-        self.flushed: Any = None
-
-    async def send_custom_message(self, _: str, message: dict[str, Any]) -> None:
-        """Take a message."""
-        self.sent.append(message)
-
-    def on_flushed(self, done: Any) -> None:
-        """Take what is to be done next."""
-        self.flushed = done
-
-
 def test_one_window_too_many_is_told():
     """Assert that the window says why it stays empty."""
-    offer = Offer(None, *[Workers(0)] * 3)
+    sent: list[dict[str, Any]] = []
+
+    class Socket:
+        async def accept(self) -> None:
+            """Take the window."""
+
+        async def send_json(self, message: dict[str, Any]) -> None:
+            sent.append(message)
+
+        async def iter_text(self) -> AsyncIterator[str]:
+            yield '{"kind": "open"}'
+
     windows: dict[str, Any] = dict.fromkeys(map(str, range(server.MOST_WINDOWS)))
-    session: Any = Session()
-    server._server(offer, windows)(None, None, session)
-    assert inspect.iscoroutinefunction(session.flushed)  # which alone Shiny awaits
-    asyncio.run(session.flushed())
-    assert "close one and reload" in session.sent[0]["text"]
+    socket: Any = Socket()
+    asyncio.run(server._window(Offer(None, *[Workers(0)] * 3), windows)(socket))
+    assert "close one and reload" in sent.pop()["text"]
+    assert sent == []
 
 
 class Sent:

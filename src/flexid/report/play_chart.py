@@ -10,7 +10,8 @@ from flexid.arrays import FloatArray
 from flexid.report.charts.decimate import peaks
 from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel
 
-_COLOURS: tuple[Colour, ...] = ("blue", "orange", "green", "red", "ink", "grey")
+_OF_ERRORS: tuple[Colour, ...] = ("blue", "orange", "green", "red")
+_OF_ROWS: tuple[Colour, ...] = ("ink", "grey")  # one legend names errors and rows
 SYMBOLS = {"theta1": "θ₁", "theta2": "θ₂", "alpha1": "α₁", "alpha2": "α₂"}
 _STRETCHES = 150  # of which each shows the largest value of an error that oscillates
 
@@ -43,9 +44,9 @@ def play_chart(run: Played | None, pinned: Played | None) -> Chart:
         if played is not None:
             x, y = _peaks(played.time, played.tracking)
             tracking.append(_line("tracking error", x, y, "ink", named=named))
-            errors.extend(_curves(played.time, played.errors, named=named))
-            lyapunov.extend(_curves(played.time, {"V": played.lyapunov}, named=named))
-            excitation.extend(_curves(played.moments, played.conditions, named=named))
+            errors.extend(_curves(played.time, played.errors, _OF_ERRORS, named=named))
+            lyapunov.extend(_curves(played.time, {"V": played.lyapunov}, _OF_ROWS, named=named))
+            excitation.extend(_curves(played.moments, played.conditions, _OF_ROWS, named=named))
     time = Axis("time", "s")
     return Chart(
         "play",
@@ -77,8 +78,14 @@ def _peaks(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray
     return peaks(time, values, max(1, len(time) // _STRETCHES))
 
 
-def _curves(time: FloatArray, curves: Mapping[str, FloatArray], *, named: bool) -> Iterator[Line]:
-    for (name, values), colour in zip(curves.items(), _COLOURS, strict=False):
+def _curves(
+    time: FloatArray,
+    curves: Mapping[str, FloatArray],
+    colours: tuple[Colour, ...],
+    *,
+    named: bool,
+) -> Iterator[Line]:
+    for (name, values), colour in zip(curves.items(), colours, strict=False):
         if np.isnan(values).all():
             continue
         x, y = _peaks(time, values)

@@ -120,10 +120,9 @@ def read_choices(values: object) -> Choices:
                 _number(f"scale of {channel}", texts.get(f"scale.{channel}", ""), 1.0),
                 _number(f"offset of {channel}", texts.get(f"offset.{channel}", ""), 0.0),
             )
-    gear = texts.get("gear_ratio", "")
     return Choices(
         sources,
-        _number("gear ratio", gear, 1.0) if gear and sources else None,
+        _number("gear ratio", gear, 1.0) if (gear := texts.get("gear_ratio")) and sources else None,
         one_of("model", texts.get("model", "auto"), MODELS),
         one_of("hold", texts.get("hold", "auto"), HOLDS),
         _terms(texts["terms"]) if "terms" in texts else None,
@@ -134,12 +133,15 @@ def read_choices(values: object) -> Choices:
 def _number(what: str, text: str, default: float) -> float:
     if not text.strip():
         return default
+    above, fraction, below = text.partition("/")
     try:
-        value = float(text)
-    except ValueError:
+        value = float(above) / (float(below) if fraction else 1.0)
+    except (ValueError, ZeroDivisionError):
         value = math.nan
     if not math.isfinite(value):
-        raise SettingError(what, f"{text[:40]!r} is no number: write one such as 0.5 or -1.5e-3")
+        raise SettingError(
+            what, f"{text[:40]!r} is no number: write one such as 0.5, 1/101 or -1.5e-3"
+        )
     return value
 
 

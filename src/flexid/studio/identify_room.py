@@ -13,7 +13,7 @@ from flexid.errors import FlexidError
 from flexid.recording.channel import INPUTS, SI_UNITS
 from flexid.recording.units import EXAMPLES
 from flexid.studio import jobs
-from flexid.studio.choices import ALL_TERMS, HOLDS, MODELS, Choices, Source, read_choices
+from flexid.studio.choices import HOLDS, MODELS, Choices, Source, read_choices
 
 if TYPE_CHECKING:
     from flexid.recording.overview import FileOverview
@@ -118,6 +118,7 @@ class IdentifyRoom:
             self._choices = replace(read_choices(values), ran=self._choices.ran)
         except FlexidError as error:
             await self._window.show("check", "problem.html", text=str(error))
+            await self._window.show("check-charts", "nothing.html")
             raise
         found = self._overview
         if (
@@ -208,7 +209,7 @@ class IdentifyRoom:
         await window.show("check", "check.html", survey=found.survey, found=found)
         await window.show("check-charts", "figures.html", figures=(found.figure,))
         await window.show(
-            "run", "run.html", choices=self._choices, models=MODELS, holds=HOLDS, terms=ALL_TERMS
+            "run", "run.html", choices=self._choices, models=MODELS, holds=HOLDS, found=found
         )
         if self._choices.ran and self._shown is None:
             window.start("run", self._run(), "run-state")
@@ -262,7 +263,8 @@ class IdentifyRoom:
             folder=shown.folder, said=window.saying("export-state"),
         )  # fmt: skip
         window.files[name] = shown.folder / name
-        await window.show("export-state", "exported.html", name=name)
+        names = [one for one in window.files if one.endswith(".zip")]
+        await window.show("export-state", "exported.html", names=names)
 
 
 def _guessed(found: FileOverview) -> dict[str, Source]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 if TYPE_CHECKING:
     from flexid.identification.vocabulary.evidence import ValueEstimate
@@ -32,6 +32,7 @@ class Checked:
     warnings: tuple[str, ...]  # what was mended, or looks odd
     origins: dict[str, str]  # the columns of each channel
     figure: Drawn  # its channels over time
+    kinds_of: dict[str, str]  # by term, the kinds of joint that have it
 
 
 @dataclass(frozen=True)
@@ -81,14 +82,20 @@ def look(_: Progress, name: str) -> FileOverview:
 
 def check(_: Progress, name: str, choices: Choices) -> Checked:
     """Read a log as it would be identified, and say what it shows."""
+    from flexid.identification.preparation.joint import Kind, joint_of
     from flexid.recording.read import read_log
     from flexid.recording.survey import survey
     from flexid.report.charts.svg import drawn
     from flexid.report.log_charts import log_chart
+    from flexid.studio.choices import ALL_TERMS
 
     log = read_log(Path(name), choices.column_map)
+    kinds_of = {
+        term: " ".join(kind for kind in get_args(Kind) if term in joint_of(kind).terms)
+        for term in ALL_TERMS
+    }
     origins = {channel: " + ".join(origin.columns) for channel, origin in log.columns.items()}
-    return Checked(survey(log), log.warnings, origins, drawn(log_chart(log)))
+    return Checked(survey(log), log.warnings, origins, drawn(log_chart(log)), kinds_of)
 
 
 def identify(progress: Progress, name: str, choices: Choices, into: str) -> Answer:

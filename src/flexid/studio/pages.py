@@ -7,6 +7,8 @@ from importlib.resources import files
 from math import log10
 from typing import TYPE_CHECKING, Any
 
+from flexid.report.page.render import breakable
+
 if TYPE_CHECKING:
     from jinja2 import Environment
 
@@ -24,7 +26,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["log10"] = log10
+    environment.filters.update(log10=log10, breakable=breakable)
     return environment
 
 

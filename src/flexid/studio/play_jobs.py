@@ -40,7 +40,9 @@ class PlayedRuns:
     seconds: float  # how long it took
 
 
-def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> PlayedRuns:
+def play(
+    _: Progress, chosen: PlayChoices, pinned: PlayChoices | None, window: str = "wide"
+) -> PlayedRuns:
     """Simulate a loop, and say what came of it beside a pinned one."""
     from flexid.report.charts.svg import drawn
 
@@ -55,7 +57,7 @@ def play(_: Progress, chosen: PlayChoices, pinned: PlayChoices | None) -> Played
             why = error.reason.partition(":")[0]  # what it advises is not to be had here
             problems.append(f"{which} stops at {error.time:.3g} s: {why}. Move a slider back.")
     run, pin = runs
-    figure = drawn(play_chart(run, pin))
+    figure = drawn(play_chart(run, pin), (window,))
     return PlayedRuns(_rows(run, pin), tuple(problems), figure, perf_counter() - begun)
 
 
@@ -169,5 +171,5 @@ def _rows(run: Played | None, pin: Played | None) -> tuple[tuple[str, str, str],
             row(f"condition number, {name}", lambda r, n=name: f"{r.conditions[n][-1]:.3g}")
             for name in ("link", "motor")
         ),
-        row("largest torque, of all", lambda r: f"{r.largest_torque:.3g} N m"),
+        row("largest torque in all 30 s", lambda r: f"{r.largest_torque:.3g} N m"),
     )

@@ -93,7 +93,7 @@ class PlayRoom:
     async def _show_run(self) -> None:
         window = self._window
         found: PlayedRuns = await window.brief(
-            window.offer.play, play, self._chosen, self._pinned, place="play-line"
+            window.offer.play, play, self._chosen, self._pinned, window.kind, place="play-line"
         )
         problems = (self._refused, *found.problems) if self._refused else found.problems
         await window.show("play-problem", "play_problems.html", problems=problems)

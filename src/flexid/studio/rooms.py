@@ -26,6 +26,7 @@ class Rooms:
     async def handle(self, request: Mapping[str, object]) -> None:
         """Do what the page asks for; what is not known is not done."""
         values, target = request.get("values"), request.get("target")
+        self.window.kind = "narrow" if request.get("narrow") is True else "wide"
         try:
             match request.get("kind"):
                 case "open":

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,13 +14,13 @@ from urllib.parse import unquote
 
 from flexid.errors import SettingError
 from flexid.readers.formats import kinds, suffixes
-from flexid.studio.pages import assets
+from flexid.studio.pages import assets, fragment
 
 if TYPE_CHECKING:
-    from shiny import Inputs, Outputs, Session
     from starlette.requests import Request
     from starlette.responses import Response
     from starlette.types import ASGIApp
+    from starlette.websockets import WebSocket
 
     from flexid.studio.rooms import Rooms
     from flexid.studio.window import Offer
@@ -28,17 +30,19 @@ _LONG, _SHORT, _PLAY = 2, 1, 1  # processes
 
 
 def need_packages() -> None:
-    """Raise unless the packages of the extra are installed."""
-    if find_spec("shiny") is None:
-        raise SettingError(
-            "studio", "it is made with shiny, which is not installed: pip install 'flexid[studio]'"
-        )
+    """Raise `SettingError` unless the packages of the extra are installed."""
+    for package in ("starlette", "uvicorn", "websockets"):
+        if find_spec(package) is None:
+            raise SettingError(
+                "studio",
+                f"it needs {package}, which is not installed: pip install 'flexid[studio]'",
+            )
 
 
 def studio(log: Path | None, host: str, token: str) -> ASGIApp:
-    """The studio as an ASGI application."""
-    import shiny
-    from starlette.routing import Route
+    """The studio as an ASGI application; each window opens with the log, if there is one."""
+    from starlette.applications import Starlette
+    from starlette.routing import Route, WebSocketRoute
 
     from flexid.studio.guard import Guard
     from flexid.studio.window import Offer
@@ -46,60 +50,62 @@ def studio(log: Path | None, host: str, token: str) -> ASGIApp:
 
     log = log and log.absolute()  # each process changes its folder from job to job
     processes = [Workers(most) for most in (_LONG, _SHORT, _PLAY)]
-    offer = Offer(log, *processes)
     windows: dict[str, Rooms] = {}
-    page = Path(__file__).parent / "page" / "studio.html"
-    app = shiny.App(page, _server(offer, windows))
-    html = app.ui["html"]  # type: ignore[index] - of a file it is text
-    for mark, words in (("[[suffixes]]", ",".join(suffixes())), ("[[kinds]]", kinds())):
-        html = html.replace(mark, words)
-    app.ui["html"] = html  # type: ignore[index]
-    app.sanitize_errors = True
-    for workers in processes:
-        app.on_shutdown(workers.end)
-    app.starlette_app.routes[:0] = [
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        yield
+        for workers in processes:
+            workers.end()
+
+    routes = [
+        Route("/", _page),
         Route("/assets/{name}", _asset),
         Route("/upload/{key}", _upload(windows), methods=["POST"]),
         Route("/files/{key}/{name}", _file(windows)),
+        WebSocketRoute("/socket", _window(Offer(log, *processes), windows)),
     ]
-    return Guard(app, host, token, html)
+    return Guard(Starlette(routes=routes, lifespan=lifespan), host, token)
 
 
-def _server(offer: Offer, windows: dict[str, Rooms]) -> Callable[..., None]:
-    """What Shiny calls for each window."""
-    from shiny import reactive
+def _window(
+    offer: Offer, windows: dict[str, Rooms]
+) -> Callable[[WebSocket], Coroutine[Any, Any, None]]:
+    """The end of a window's socket: it asks in JSON, and is sent what its page shows."""
+    from starlette.websockets import WebSocketDisconnect
 
     from flexid.studio.rooms import Rooms
     from flexid.studio.window import Window
 
-    def server(input: Inputs, _: Outputs, session: Session) -> None:  # noqa: A002
+    async def window(socket: WebSocket) -> None:
         async def send(message: dict[str, Any]) -> None:
-            await session.send_custom_message("studio", message)
+            with suppress(WebSocketDisconnect, RuntimeError):  # the page may be gone
+                await socket.send_json(message)
 
+        await socket.accept()
         if len(windows) >= MOST_WINDOWS:
             text = f"{MOST_WINDOWS} windows are open, the most there may be: close one and reload"
-
-            async def refuse() -> None:
-                await send({"kind": "say", "place": "log-state", "text": text})
-
-            session.on_flushed(refuse)
+            await send({"kind": "say", "place": "log-state", "text": text})
+            async for _ in socket.iter_text():
+                pass  # the page says why it stays empty until it is closed
             return
-        window = Window(offer, send)
-        rooms = windows[window.key] = Rooms(window)
+        rooms = Rooms(Window(offer, send))
+        windows[rooms.window.key] = rooms
+        try:
+            async for text in socket.iter_text():
+                with suppress(ValueError):  # what is no JSON is not from our page
+                    if isinstance(request := json.loads(text), dict):
+                        await rooms.handle(request)
+        finally:
+            await windows.pop(rooms.window.key).close()
 
-        async def close() -> None:
-            await windows.pop(window.key).close()
+    return window
 
-        session.on_ended(close)
 
-        @reactive.effect
-        @reactive.event(input.request)
-        async def answer() -> None:
-            request = input.request()
-            if isinstance(request, dict):
-                await rooms.handle(request)
+async def _page(_: Request) -> Response:
+    from starlette.responses import HTMLResponse
 
-    return server
+    return HTMLResponse(fragment("studio.html", suffixes=",".join(suffixes()), kinds=kinds()))
 
 
 async def _asset(request: Request) -> Response:

@@ -37,6 +37,7 @@ class Window:
         self.key = secrets.token_urlsafe(16)
         self.folder = Path(tempfile.mkdtemp(prefix="flexid-studio-"))
         self.files: dict[str, Path] = {}
+        self.kind = "wide"  # or "narrow"
         self._send = send
         self._room = "identify"
         self._tasks: dict[str, asyncio.Task[None]] = {}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -48,12 +49,17 @@ def chart_svg(chart: Chart, width: float = WIDTH) -> str:
     return _MARKERS.sub(_together, text)
 
 
-def chart_html(chart: Chart) -> str:
-    """The drawings for a wide and for a narrow window, one of which a page shows."""
-    title = escape(chart.title)
+_WIDTHS = {"wide": WIDTH, "narrow": NARROW}
+
+
+def chart_html(chart: Chart, windows: Iterable[str] = ("wide", "narrow")) -> str:
+    """The drawing for each kind of window; a page with several shows the one that fits."""
+    kinds, title = [*windows], escape(chart.title)
+    only = "only " if len(kinds) == 1 else ""
     return "".join(
-        f'<div class="chart {name}" role="img" aria-label="{title}">{chart_svg(chart, width)}</div>'
-        for name, width in (("wide", WIDTH), ("narrow", NARROW))
+        f'<div class="chart {only}{kind}" role="img" aria-label="{title}">'
+        f"{chart_svg(chart, _WIDTHS[kind])}</div>"
+        for kind in kinds
     )
 
 
@@ -66,9 +72,9 @@ class Drawn:
     html: str
 
 
-def drawn(chart: Chart) -> Drawn:
+def drawn(chart: Chart, windows: Iterable[str] = ("wide", "narrow")) -> Drawn:
     """A chart, drawn for the studio."""
-    return Drawn(chart.title, chart.says, chart_html(chart))
+    return Drawn(chart.title, chart.says, chart_html(chart, windows))
 
 
 def _compact(tag: re.Match[str]) -> str:

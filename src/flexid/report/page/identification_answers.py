@@ -29,9 +29,16 @@ def _judged(result: Identification) -> tuple[str, Tone]:
     if result.verdict == "undetermined":
         usable = any(p.verdict != "undetermined" for p in result.parameters.values())
         return ("Not all of them" if usable else "No"), "bad"
+    if _lost(result):
+        return "With care, and not for long predictions", "bad"
     if result.verdict == "weak" or result.warnings:
         return "With care", "fair"
     return "Yes", "good"
+
+
+def _lost(result: Identification) -> bool:
+    """Whether a free run is further off than the mean of the data is."""
+    return any(fit < 0.0 for fit in result.validation.fit_percent.values())
 
 
 def _lacking(result: Identification) -> list[ValueEstimate]:

@@ -75,13 +75,13 @@ def _environment() -> Any:
         {name: lambda item, kind=kind: isinstance(item, kind) for name, kind in _TESTS.items()}
     )
     environment.filters["typeset"] = lambda text: text.replace("^2", "²").replace("^3", "³")
-    environment.filters["breakable"] = _breakable
+    environment.filters["breakable"] = breakable
     environment.filters["tone"] = lambda style: _TONES.get(str(style), "")
     environment.filters["drawn"] = lambda chart: Markup(chart_html(chart))
     return environment
 
 
-def _breakable(name: str) -> Any:
+def breakable(name: str) -> Any:
     """A name that may go on in the next line after each underscore."""
     from markupsafe import Markup, escape
 

@@ -4,8 +4,13 @@
   const place = (id) => document.getElementById(id);
   let key = "";
 
-  const ask = (kind, more) =>
-    Shiny.setInputValue("request", { kind, ...more }, { priority: "event" });
+  const address = new URL("socket", location.href);
+  address.protocol = address.protocol.replace("http", "ws");
+  const socket = new WebSocket(address);
+
+  const ask = (kind, more) => {
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, narrow: matchMedia("(max-width: 40rem)").matches, ...more }));
+  };
 
   // All forms together: what the address holds, too.
   const values = () => {
@@ -14,7 +19,8 @@
       for (const [name, value] of new FormData(form)) if (value && name !== "terms") found[name] = value;
     if (place("choose-terms")?.value) {
       const chosen = document.querySelectorAll("input[name=terms]:checked");
-      found.terms = Array.from(chosen, (box) => box.value).join(",");
+      const offered = Array.from(chosen).filter((box) => box.offsetParent); // of this model
+      found.terms = offered.map((box) => box.value).join(",");
     }
     delete found["choose-terms"];
     return found;
@@ -134,8 +140,10 @@
   };
 
   listen();
-  Shiny.addCustomMessageHandler("studio", (message) => answers[message.kind](message));
-  $(document).on("shiny:sessioninitialized", () =>
-    ask("open", { values: Object.fromEntries(new URLSearchParams(location.search)) }));
-  $(document).on("shiny:disconnected", () => { place("ended").hidden = false; });
+  socket.onmessage = ({ data }) => {
+    const message = JSON.parse(data);
+    answers[message.kind](message);
+  };
+  socket.onopen = () => ask("open", { values: Object.fromEntries(new URLSearchParams(location.search)) });
+  socket.onclose = () => { place("ended").hidden = false; };
 })();
