@@ -250,7 +250,7 @@ def _steady_gains(
     covariance = sees @ predicted @ sees.T + sensors
     gain = np.asarray(np.linalg.solve(covariance, sees @ predicted).T, dtype=np.float64)
     triangle = np.linalg.cholesky(covariance)
-    whitening = np.tril(np.linalg.inv(triangle))
+    whitening = np.asarray(np.tril(np.linalg.inv(triangle)), dtype=np.float64)
     entropy = 2.0 * float(np.log(np.diag(triangle)).sum())
     return gain[:n], gain[n:], decay, whitening, entropy
 
