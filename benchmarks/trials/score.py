@@ -19,6 +19,9 @@ ANGLES = {
 }
 """Parameters that are angles, and what they are the angle of."""
 
+CONSTANTS = frozenset({"stribeck_velocity", "ripple_number", "bend_deflection"})
+"""Constants of shapes, which are not scored."""
+
 WRONG = 0.01
 """How far off, relative to the truth (or in rad for an angle), is wrong."""
 
@@ -81,7 +84,7 @@ def claims(record: Record) -> Iterator[Claim]:
     kinds = (("kept", "estimates"), ("removed", "removed"), ("delay", "delays"))
     for kind, key in kinds:
         for name, (value, low, high, *status) in record.get(key, {}).items():
-            if name in ANGLES and ANGLES[name] not in truth:
+            if name in CONSTANTS or (name in ANGLES and ANGLES[name] not in truth):
                 continue
             verdict = status[0] if status else ""
             if kind == "delay" and verdict in ("given", "unknown"):

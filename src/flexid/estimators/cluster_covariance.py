@@ -151,9 +151,8 @@ def _own_unknowns(
 ) -> tuple[FloatArray, FloatArray]:
     """Covariance of segments' own unknowns, the common ones known, and how these enter.
 
-    Returns shape (n_segments, n, n): Zero for the common ones. borders : array, shape
-    (n_segments, n, k) Minus `own` times the border of the normal matrix; the identity for the
-    common ones.
+    Returns the covariance, shape (n_segments, n, n), zero for the common ones; and minus this times
+    the border of the normal matrix, shape (n_segments, n, k), the identity for the common ones.
     """
     count, n, _ = total.shape
     first = n - k

@@ -105,10 +105,7 @@ def fit_rows(
     regressors: FloatArray,  # (n_names, n_equations)
     left_hand_sides: FloatArray,  # (n_rows, n_equations)
 ) -> tuple[FloatArray, tuple[RowFit, ...]]:
-    """Least squares of every row.
-
-    Returns shape (n_names,): rows : tuple of RowFit
-    """
+    """Least squares of every row: values, shape (n_names,), and the fit of each row."""
     values = np.zeros(len(unknowns.names))
     rows = []
     first = 0

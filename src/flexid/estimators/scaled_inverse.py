@@ -20,8 +20,8 @@ def scaled_inverse(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Invert a symmetric matrix on the directions that are not lost in rounding.
 
-    Returns shape (k, k): Zero along open directions. free : array of bool, shape (k,)
-    Coefficients that have a part in an open direction.
+    Returns the inverse, shape (k, k), zero along open directions; and which coefficients have a
+    part in an open direction, shape (k,).
     """
     scale = np.where(scale > 0.0, scale, 1.0)
     eigenvalues, vectors = eigen(matrix / np.outer(scale, scale))

@@ -26,6 +26,7 @@ from flexid.identification.judgement.compliance import (
 )
 from flexid.identification.judgement.estimates import (
     coefficient_estimates,
+    constant_estimates,
     parameter_estimates,
     widest,
 )
@@ -46,6 +47,7 @@ from flexid.identification.result.warnings import (
 from flexid.identification.structure.elimination import Choice
 from flexid.identification.structure.job import Job, job_of
 from flexid.identification.structure.link_delay import confused_covariance, in_doubt
+from flexid.identification.structure.shapes import sought_constants
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import (
     CoefficientEstimate,
@@ -182,6 +184,9 @@ def _numbers(job: Job, fits: FinalFits, estimate: Estimate, thresholds: Threshol
         thresholds,
         joined.exact,
     )
+    if not reported.problem.observer:
+        constants = sought_constants(joined.estimate, reported)
+        parameters |= constant_estimates(constants, thresholds)
     if contradicted:  # nothing that rests on it is known
         doubt: dict[str, Any] = {"verdict": "undetermined", "reason": contradicted[0]}
         coefficients = {name: replace(c, **doubt) for name, c in coefficients.items()}

@@ -89,8 +89,8 @@ def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, froze
     Each coefficient counts by its own size, or by what moves the row as much as it does move, if
     that is more: the torques on a light motor all but cancel, and what they leave is its motion.
 
-    Returns root mean square, over that of the acceleration. confounded : frozenset of str What
-    has a part in that combination; empty for a row of one coefficient.
+    Returns its root mean square over that of the acceleration, and what has a part in that
+    combination: nothing in a row of one coefficient.
     """
     names = row.coefficients
     centred = _from_its_mean(names, row.gram)

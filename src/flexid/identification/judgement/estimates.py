@@ -18,6 +18,7 @@ from flexid.identification.vocabulary.evidence import (
 )
 from flexid.identification.vocabulary.intervals import POSITIVE, interval, propagated
 from flexid.identification.vocabulary.thresholds import THRESHOLDS, Thresholds
+from flexid.models.flexible_joint import CONSTANT_UNITS
 from flexid.models.parameter_kinds import Product
 
 
@@ -185,6 +186,20 @@ def parameter_estimates(
                 doubt = doubts.get(balance_of(labels[coefficient]))
                 if doubt is not None:
                     estimates[name] = replace(estimates[name], **doubt)
+    return estimates
+
+
+def constant_estimates(
+    constants: Mapping[str, tuple[float, float, float]], thresholds: Thresholds = THRESHOLDS
+) -> dict[str, ParameterEstimate]:
+    """Constants of shapes, from value, standard deviation and degrees of freedom of each."""
+    estimates = {}
+    for name, (value, std, freedom) in constants.items():
+        ends = interval(value, std, freedom)
+        judged = verdict(value, ends, thresholds=thresholds)
+        estimates[name] = ParameterEstimate(
+            name, CONSTANT_UNITS[name], value, std, ends, *judged, freedom
+        )
     return estimates
 
 

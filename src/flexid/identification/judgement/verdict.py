@@ -18,10 +18,7 @@ def verdict(
     effect: float = float("inf"),
     thresholds: Thresholds = THRESHOLDS,
 ) -> Judged:
-    """Judge a number by its interval.
-
-    Returns reason : str Empty for a determined number.
-    """
+    """Judge a number by its interval; the reason of a determined one is empty."""
     half = 0.5 * (interval[1] - interval[0])
     if not isfinite(half):
         return "undetermined", "the log holds no information on it"

@@ -3,18 +3,8 @@
 from flexid.identification.preparation.alignment import Alignment, Delay
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.result.identification import Choices
-from flexid.models.flexible_joint import (
-    BEND_DEFLECTION,
-    RIPPLE_NUMBER,
-    RIPPLE_ORIGIN,
-    STRIBECK_VELOCITY,
-)
+from flexid.models.flexible_joint import RIPPLE_ORIGIN
 
-_SOUGHT = {
-    "motor_stribeck": (STRIBECK_VELOCITY, "over {:.3g} rad/s"),
-    "torque_ripple": (RIPPLE_NUMBER, "{:.5g} periods in a turn"),
-    "bent_spring": (BEND_DEFLECTION, "beyond {:.3g} rad"),
-}
 _HOLDS = {"zero": "held between samples", "linear": "on straight lines", "cubic": "smoothly"}
 
 
@@ -44,14 +34,11 @@ def _model_sentence(choices: Choices, model: Kind, *, asked: bool) -> str:
 
 
 def _term(name: str, choices: Choices) -> str:
-    """A term, with the constant of its shape where that was sought."""
-    if name not in _SOUGHT:
+    """A term; of a ripple, from where its angle counts."""
+    origin = choices.shapes.get(RIPPLE_ORIGIN, 0.0)
+    if name != "torque_ripple" or not origin:
         return name
-    constant, words = _SOUGHT[name]
-    told = words.format(choices.shapes[constant])
-    if name == "torque_ripple" and (origin := choices.shapes[RIPPLE_ORIGIN]):
-        told += f", its angle counted from {origin:.5g} rad"
-    return f"{name} ({told})"
+    return f"{name} (its angle counted from {origin:.5g} rad)"
 
 
 def _deviations(value: float, std: float) -> str:

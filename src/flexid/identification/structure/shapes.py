@@ -9,6 +9,7 @@ from flexid.identification.structure.gap import as_wide_as_its_gap, with_free_wi
 from flexid.identification.structure.ripple import RIPPLE
 from flexid.identification.structure.sought_shape import (
     at_its_constant,
+    constant_of,
     moved_by_constant,
     with_free_constant,
 )
@@ -50,3 +51,12 @@ def with_free_shapes(estimate: Estimate, fitted: Fitted) -> Estimate:
     for shape in SOUGHT:
         estimate = with_free_constant(shape, estimate, fitted)
     return estimate
+
+
+def sought_constants(estimate: Estimate, fitted: Fitted) -> dict[str, tuple[float, float, float]]:
+    """Value, standard deviation and degrees of freedom of each constant that was sought."""
+    return {
+        shape.constant: constant_of(shape, estimate, fitted)
+        for shape in SOUGHT
+        if shape.is_in(fitted)
+    }

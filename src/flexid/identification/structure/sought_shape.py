@@ -236,7 +236,26 @@ def with_free_constant(shape: SoughtShape, estimate: Estimate, fitted: Fitted) -
     moved = moved_by_constant(shape, fitted)
     if not moved.any():
         return estimate
+    return estimate.widened(_wider(shape, estimate, fitted) ** 2 * np.outer(moved, moved))
+
+
+def constant_of(
+    shape: SoughtShape, estimate: Estimate, fitted: Fitted
+) -> tuple[float, float, float]:
+    """The constant that was sought, its standard deviation and its degrees of freedom."""
+    _, deviation = _profile(fitted, shape)
+    std = deviation * _wider(shape, estimate, fitted) if deviation > 0.0 else np.inf
+    freedom = min(estimate.degrees_of_freedom[place] for place in _own(shape, fitted))
+    return shape.of(fitted.structure), std, freedom
+
+
+def _wider(shape: SoughtShape, estimate: Estimate, fitted: Fitted) -> float:
+    """How much wider the term's intervals are than the sensors' noise makes them."""
+    own = _own(shape, fitted)
+    return float(np.max(estimate.deviations[own] / fitted.unit_deviations[own], initial=1.0))
+
+
+def _own(shape: SoughtShape, fitted: Fitted) -> list[int]:
+    """Places of the term's values; of all where they are given."""
     own = [place for place, name in enumerate(fitted.names) if name in shape.coefficients]
-    own = own or [*range(len(fitted.names))]  # where they are given
-    wider = float(np.max(estimate.deviations[own] / fitted.unit_deviations[own], initial=1.0))
-    return estimate.widened(wider**2 * np.outer(moved, moved))
+    return own or [*range(len(fitted.names))]
