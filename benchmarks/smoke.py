@@ -61,6 +61,7 @@ JOBS = (
     Job("coverage", "--seeds 2"),
     Job("derivatives"),
     Job("drifting", "--seeds 1"),
+    Job("emps"),
     Job("ensemble"),
     Job("estimator_accuracy"),
     Job("filter_limits"),
