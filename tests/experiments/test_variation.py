@@ -43,76 +43,43 @@ def test_grid_has_every_combination(tmp_path: Path):
     assert grid.inputs["observer.link"] == (1.0, 2.0)
 
 
+K = "vary.controller.k"
+
+OF_THE_CAMPAIGN = [
+    ('kind = "sobol"\nruns = 8', "vary"),
+    ('kind = "random"\nruns = 8\nvary = {a = [1]}', "kind"),
+    (f'kind = "sobol"\n{K} = [1]', "runs"),
+    (f'kind = "sobol"\nruns = 0\n{K} = [1]', "runs"),
+    (f'kind = "sobol"\nruns = 8\nkeep = ["all"]\n{K} = [1]', "keep.1"),
+    (f'kind = "grid"\nruns = 3\n{K} = [1]', "runs"),
+    (f'kind = "grid"\n{K} = {{uniform = [1, 2]}}', K),
+    (f'kind = "grid"\n{K} = [1, 9007199254740993]', f"{K}.2"),
+    (f'kind = "grid"\n{K} = [1{400 * "0"}]', f"{K}.1"),
+    (f'kind = "sobol"\nruns = 8\n{K} = [1]\nvary."controller.k" = [2]', K),
+]
+OF_AN_INPUT = [
+    ("vary.controller.kk = [1]", "vary.controller.kk"),
+    ("vary.run.maximum_steps = {uniform = [10, 20]}", "vary.run.maximum_steps"),
+    (f"{K} = 3", K),
+    (f"{K} = []", K),
+    (f'{K} = ["1"]', K),
+    (f"{K} = {{uniform = [2, 1]}}", f"{K}.uniform"),
+    (f"{K} = {{uniform = [-2, 1]}}", K),
+    (f"{K} = {{normal = [2, 0]}}", f"{K}.normal"),
+    (f"{K} = {{log_uniform = [0, 1]}}", f"{K}.log_uniform"),
+    (f"{K} = {{uniform = [1, 2], normal = [1, 2]}}", K),
+]
+
+
 @pytest.mark.parametrize(
     ("campaign", "key"),
-    [
-        ('kind = "sobol"\nruns = 8', "campaign.vary"),
-        ('kind = "random"\nruns = 8\nvary = {a = [1]}', "campaign.kind"),
-        ('kind = "sobol"\nvary = {controller = {k = [1]}}', "campaign.runs"),
-        ('kind = "sobol"\nruns = 0\nvary = {controller = {k = [1]}}', "campaign.runs"),
-        ('kind = "grid"\nruns = 3\nvary = {controller = {k = [1]}}', "campaign.runs"),
-        (
-            'kind = "grid"\nvary = {controller = {k = {uniform = [1, 2]}}}',
-            "campaign.vary.controller.k",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\nvary = {controller = {kk = [1]}}',
-            "campaign.vary.controller.kk",
-        ),
-        ('kind = "sobol"\nruns = 8\nvary = {controller = {k = 3}}', "campaign.vary.controller.k"),
-        ('kind = "sobol"\nruns = 8\nvary = {controller = {k = []}}', "campaign.vary.controller.k"),
-        (
-            'kind = "sobol"\nruns = 8\nvary = {run = {maximum_steps = {uniform = [10, 20]}}}',
-            "campaign.vary.run.maximum_steps",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\n[campaign.vary]\ncontroller.k = [1]\n"controller.k" = [2]',
-            "campaign.vary.controller.k",
-        ),
-        (
-            'kind = "grid"\nvary = {controller = {k = [1, 9007199254740993]}}',
-            "campaign.vary.controller.k.2",
-        ),
-        (
-            f'kind = "grid"\nvary = {{controller = {{k = [1{400 * "0"}]}}}}',
-            "campaign.vary.controller.k.1",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\nvary = {controller = {k = ["1"]}}',
-            "campaign.vary.controller.k",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\nvary = {controller = {k = {uniform = [2, 1]}}}',
-            "campaign.vary.controller.k.uniform",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\nvary = {controller = {k = {uniform = [-2, 1]}}}',
-            "campaign.vary.controller.k",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\nvary = {controller = {k = {normal = [2, 0]}}}',
-            "campaign.vary.controller.k.normal",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\nvary = {controller = {k = {log_uniform = [0, 1]}}}',
-            "campaign.vary.controller.k.log_uniform",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\n'
-            "vary = {controller = {k = {uniform = [1, 2], normal = [1, 2]}}}",
-            "campaign.vary.controller.k",
-        ),
-        (
-            'kind = "sobol"\nruns = 8\nkeep = ["all"]\nvary = {controller = {k = [1]}}',
-            "campaign.keep.1",
-        ),
-    ],
+    OF_THE_CAMPAIGN + [(f'kind = "sobol"\nruns = 8\n{text}', key) for text, key in OF_AN_INPUT],
 )
 def test_campaign_that_cannot_be_run_is_refused(campaign: str, key: str, tmp_path: Path):
     """Assert that a campaign is tried when it is read, and refused by its key."""
     with pytest.raises(ExperimentError) as caught:
         variation(tmp_path, campaign)
-    assert caught.value.key.startswith(key)
+    assert caught.value.key.startswith(f"campaign.{key}")
     assert "\n" not in str(caught.value)
 
 

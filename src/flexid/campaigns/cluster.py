@@ -28,7 +28,7 @@ def run_on_cluster(
         _check_workers(client, scheduler)
         yield from _results(client, experiment, parts, scheduler)
     finally:
-        client.close(timeout=_TIMEOUT)  # whatever was not done is not run any more
+        client.close(timeout=_TIMEOUT)  # what is not done is not run any more
 
 
 def _connect(scheduler: str) -> "Client":

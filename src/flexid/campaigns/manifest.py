@@ -45,7 +45,7 @@ def write_manifest(manifest: Manifest, directory: Path) -> None:
 
 
 def read_manifest(directory: Path) -> Manifest | None:
-    """Read ``campaign.json``; None where there is none."""
+    """Read ``campaign.json``; None if it is missing."""
     try:
         return Manifest.model_validate_json((directory / FILE).read_bytes())
     except FileNotFoundError:

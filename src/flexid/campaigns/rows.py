@@ -91,7 +91,7 @@ def _ensembles(
     """The runs of a batch together; if that fails, each by itself, to find the one at fault."""
     try:
         yield places, _ensemble([varied[place] for place in places])
-    except Exception as error:  # whatever it is, it must not lose the other runs
+    except Exception as error:  # of any kind: the other runs must not be lost
         if len(places) == 1:
             errors[places[0]] = _text(error)
             return

@@ -25,7 +25,7 @@ _MOST_RUNS = 500
 _MOST_SERIES = 10
 
 Progress = Callable[[int, int], None]
-"""Told the number of runs whose rows are kept, and the number of all."""
+"""Called with the number of runs whose rows are kept, and the number of all."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ def run_campaign(
 ) -> Campaign:
     """Run a campaign, or what is missing of it.
 
-    Rows are kept part by part, and whatever interrupts the campaign, the same call goes on with
-    it: every row is the same as if nothing had happened, wherever it is run.
+    Rows are kept part by part. After an interrupt the same call goes on with the campaign; every
+    row is the same as without the interrupt, on any machine.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class Store:
 
 @contextmanager
 def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
-    """Open the directory of a campaign for writing, alone; make it if there is none."""
+    """Open the directory of a campaign for writing, alone; make it if it is missing."""
     _check_name(directory)
     try:
         directory.mkdir(parents=True, exist_ok=True)

@@ -47,7 +47,7 @@ class Summary:
     directory: Path
     manifest: Manifest
     done: int  # runs whose rows are there
-    # files that cannot be read; running the campaign again makes them anew
+    # files that cannot be read; running the campaign again replaces them
     damaged: tuple[str, ...]
     statuses: Mapping[str, int]  # how many runs ended how, the most frequent first
     first_error: str  # text of the first run with the status "error"; empty if there is none
@@ -120,7 +120,7 @@ def _all_rows(store: Store) -> tuple[pl.DataFrame, tuple[str, ...]]:
     except pl.exceptions.PolarsError:
         raise CampaignError(
             str(store.directory),
-            "holds parts that do not belong together: run the campaign anew in another directory",
+            "holds parts that do not belong together: run the campaign in another directory",
         ) from None
 
 

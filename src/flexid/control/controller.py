@@ -33,7 +33,7 @@ class Controller:
     inputs : mapping of str to expression
         Each input of the system, as a function of states, reference, parameters and definitions.
     parameters : mapping of str to float, optional
-        Names and values; values can be replaced without deriving anything anew.
+        Names and values; values can be replaced without a new derivation.
     definitions : mapping of str to expression, optional
         Auxiliary quantities in the order in which they are computed; each may use those before it.
         Quantities that contain no state stay together in the derivation, and where the time

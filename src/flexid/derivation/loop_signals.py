@@ -41,7 +41,7 @@ class Signals:
         self._values[name] = insert(self._values, value)
 
     def derivative(self, expression: sp.Expr) -> sp.Expr:
-        """Time derivative; whatever is no signal is constant."""
+        """Time derivative; what is no signal is constant."""
         return sp.Add(*(sp.diff(expression, s) * self._rate(s) for s in self._in(expression)))
 
     def assignments(self, used: Collection[sp.Basic]) -> tuple[str, set[sp.Basic]]:

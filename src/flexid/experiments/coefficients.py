@@ -83,7 +83,7 @@ def _lumped(
         if name in names:
             raise refuse(
                 f"{table}.{name}",
-                "stands beside physical parameters: give either those or coefficients",
+                "is mixed with physical parameters: give either those or coefficients",
             )
     for name in _INERTIAS:
         if not values.get(name, 0.0) > 0.0:

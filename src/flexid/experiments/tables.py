@@ -1,6 +1,6 @@
 """The tables of an experiment file: what may stand in each, in which unit, and what it makes.
 
-A text beside a type, as in ``Annotated[Positive, "rad/s"]``, is the number's SI unit where the
+A text after a type, as in ``Annotated[Positive, "rad/s"]``, is the number's SI unit where the
 model is the flexible joint.
 """
 

@@ -32,7 +32,7 @@ _RESULTS = {
 
 
 def _declared(path: str, *kinds: type[Table]) -> dict[str, str]:
-    """Units that stand beside the fields of tables, by dotted path."""
+    """Units of the fields of tables, by dotted path."""
     units: dict[str, str] = {}
     for kind in kinds:
         for name, field in kind.model_fields.items():

@@ -17,7 +17,7 @@ Kept = Literal[
     "peak_input",
     "time_series",
 ]
-"""What can be kept of each run beside its status, the time it reached and its steps."""
+"""What can be kept of each run in addition to its status, the time it reached and its steps."""
 
 MEASURES: tuple[Kept, ...] = tuple(name for name in get_args(Kept) if name != "time_series")
 """All of it but the time series."""

@@ -72,7 +72,7 @@ class SimulatedRun(ReportedAnswer):
         Raises
         ------
         RecordingError
-            If the model is none of a joint.
+            If the model is not that of a joint.
         """
         from flexid.experiments.run_columns import log_columns
         from flexid.library.logs import all_logs

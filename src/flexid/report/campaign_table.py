@@ -55,7 +55,7 @@ def status_lines(summary: Summary) -> Iterator[str]:
     if summary.damaged:
         yield (
             f"Damaged and left out: {', '.join(summary.damaged)}; the command that began the "
-            f"campaign makes them anew"
+            f"campaign replaces them"
         )
 
 

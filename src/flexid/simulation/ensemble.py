@@ -223,7 +223,7 @@ def simulate_sampled_ensemble(
 
 def _check(loops: Sequence[ClosedLoop], workers: int) -> None:
     if not loops:
-        raise SettingError("loops", "there is none: give at least one")
+        raise SettingError("loops", "the list is empty: give at least one")
     if workers < 1:
         raise SettingError("workers", f"{workers!r} must be at least 1")
     declarations = {id(loop.declaration): loop.declaration for loop in loops}  # most are one

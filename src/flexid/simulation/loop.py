@@ -81,7 +81,7 @@ class ClosedLoop:
     ) -> "ClosedLoop":
         """Return the same loop with other values; the two share one declaration.
 
-        What only the names decide is not checked anew, so that a loop costs some microseconds
+        What only the names decide is not checked again, so that a loop costs some microseconds
         where thousands differ in their values alone.
         """
         same = (
@@ -94,7 +94,7 @@ class ClosedLoop:
             and list(reference.parameters) == list(self.reference.parameters)
         )
         if not same:
-            raise SettingError("with_values", "other names than this loop's: build a loop anew")
+            raise SettingError("with_values", "other names than this loop's: build a new loop")
         changed = copy(self)  # with its declaration
         values = {
             "system": self.system.with_constants(constants),

@@ -71,7 +71,7 @@ class Sampling:
         return *noise, float(self.position_resolution)
 
     def noise(self, count: int, states: int) -> FloatArray:
-        """Standard normal numbers behind the noise, (count, states), or no rows if there is none.
+        """Standard normal numbers behind the noise, (count, states), or no rows without noise.
 
         Drawing them takes about a third of the time of a run.
         """
@@ -99,7 +99,7 @@ def simulate_sampled(
     Returns
     -------
     Run
-        With the true states, and beside them what was measured. The statistics count the samples
+        With the true and the measured states. The statistics count the samples
         at which the input was limited.
 
     Raises

@@ -60,7 +60,7 @@ def accelerations_needed() -> int:
 
 
 def different_rates() -> int:
-    """Number of coefficients whose error rate, derived anew, differs from eq. (7)."""
+    """Number of coefficients whose error rate, derived again, differs from eq. (7)."""
     from flexid.derivation.observer import derive_observer, error_dynamics
 
     observer = derive_observer(table1_loop((1, 2, 3)).system)
