@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.arms.score import Score, trial
+from benchmarks.size import sized
 
 
 def main() -> None:
@@ -21,7 +22,8 @@ def main() -> None:
 
         seven_joints(options.first_seed)
         return
-    trial(options.first_seed, options.joints, options.harsh)  # compiles
+    if sized(True, False):
+        trial(options.first_seed, options.joints, options.harsh)  # compiles
     scores = []
     for seed in range(options.first_seed, options.first_seed + options.arms):
         scores.append(trial(seed, options.joints, options.harsh))

@@ -29,26 +29,10 @@ _DEFINITIONS = {
 
 
 def computed_torque(
-    nominal: Mapping[str, float], poles: Sequence[float] = (-10.0, -10.0, -10.0, -10.0)
+    nominal: Mapping[str, float],  # values of `COEFFICIENTS` in SI units
+    poles: Sequence[float] = (-10.0, -10.0, -10.0, -10.0),  # of the tracking error, real, in 1/s
 ) -> Controller:
-    """Declare the law for the flexible joint of Huang (2003), eq. (4).
-
-    Parameters
-    ----------
-    nominal : mapping of str to float
-        Values of the five coefficients theta1, theta2, alpha1, alpha2, beta1 in SI units.
-    poles : sequence of four float, optional
-        Poles of the tracking error, real, in 1/s.
-
-    Returns
-    -------
-    Controller
-
-    Raises
-    ------
-    SettingError
-        If a coefficient is missing, or the poles are not four negative numbers.
-    """
+    """Declare the law for the flexible joint of Huang (2003), eq. (4)."""
     missing = [name for name in COEFFICIENTS if name not in nominal]
     if missing:
         raise SettingError("nominal", f"{', '.join(missing)} missing: give a value for each")

@@ -24,28 +24,6 @@ REFERENCE_NAMES = ("qd", *(f"qd_{order}" for order in range(1, MAXIMUM_REFERENCE
 class Controller:
     """A static feedback law.
 
-    Parameters
-    ----------
-    name : str
-        Name of the law.
-    tracked : str
-        The state that shall follow the reference.
-    inputs : mapping of str to expression
-        Each input of the system, as a function of states, reference, parameters and definitions.
-    parameters : mapping of str to float, optional
-        Names and values; values can be replaced without a new derivation.
-    definitions : mapping of str to expression, optional
-        Auxiliary quantities in the order in which they are computed; each may use those before it.
-        Quantities that contain no state stay together in the derivation, and where the time
-        derivative of one is another, the derivation finds that out and cancels them.
-    coordinates : mapping of str to expression, optional
-        Coordinates in which the closed loop is well conditioned, one per state of the system and in
-        that order; each is its state plus something that depends on the states before it only, so
-        that the map can be inverted one by one. The plain states if left out.
-    derived : mapping of str to expression, optional
-        Parameters that follow from the others, in the order in which they are computed; each may
-        use those before it. They are computed once for the values of a loop, not at every step.
-
     Examples
     --------
     >>> proportional = Controller("P", "q", {"u": "stiffness*(qd - q)"}, {"stiffness": 10.0})
@@ -53,12 +31,22 @@ class Controller:
     {'stiffness': 20.0}
     """
 
-    name: str
-    tracked: str
+    name: str  # name of the law
+    tracked: str  # the state that shall follow the reference
+    # each input of the system, as a function of states, reference, parameters and definitions
     inputs: Mapping[str, str]
+    # names and values; values can be replaced without a new derivation
     parameters: Mapping[str, float] = field(default_factory=dict)
+    # auxiliary quantities in the order in which they are computed; each may use those before it.
+    # Quantities that contain no state stay together in the derivation, and where the time
+    # derivative of one is another, the derivation finds that out and cancels them.
     definitions: Mapping[str, str] = field(default_factory=dict)
+    # coordinates in which the closed loop is well conditioned, one per state of the system and in
+    # that order; each is its state plus something that depends on the states before it only, so
+    # that the map can be inverted one by one. The plain states if left out.
     coordinates: Mapping[str, str] = field(default_factory=dict)
+    # parameters that follow from the others, in the order in which they are computed; each may
+    # use those before it. They are computed once for the values of a loop, not at every step.
     derived: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

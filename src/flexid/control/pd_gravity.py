@@ -19,23 +19,11 @@ _DEFINITIONS = {
 
 
 def pd_gravity(
-    proportional: float = 50.0, derivative: float = 10.0, nominal: Mapping[str, float] = NOMINAL
+    proportional: float = 50.0,  # stiffness of the motor's position loop in N m/rad
+    derivative: float = 10.0,  # its damping in N m s/rad
+    nominal: Mapping[str, float] = NOMINAL,  # gravity_torque in N m, joint_stiffness in N m/rad
 ) -> Controller:
-    """Declare the law for the flexible joint.
-
-    Parameters
-    ----------
-    proportional : float, optional
-        Stiffness of the motor's position loop in N m/rad.
-    derivative : float, optional
-        Its damping in N m s/rad.
-    nominal : mapping of str to float, optional
-        Values of ``gravity_torque`` in N m and ``joint_stiffness`` in N m/rad.
-
-    Returns
-    -------
-    Controller
-    """
+    """Declare the law for the flexible joint."""
     return Controller(
         "PD with gravity compensation",
         "x1",

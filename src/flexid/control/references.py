@@ -39,22 +39,6 @@ def reference_digest(reference: Reference) -> str:
 class Multisine:
     """q_d(t) = offset + Σ amplitude_i sin(angular_frequency_i t + phase_i).
 
-    Parameters
-    ----------
-    amplitudes : sequence of float
-        In rad (or the unit of the coordinate that follows).
-    angular_frequencies : sequence of float
-        In rad/s, one per amplitude.
-    phases : sequence of float, optional
-        In rad, one per amplitude; all zero if left out.
-    offset : float, optional
-        In the unit of the amplitudes.
-
-    Raises
-    ------
-    ModelError
-        If the sequences differ in length.
-
     Examples
     --------
     >>> paper = Multisine([3.0], [5.0])
@@ -62,10 +46,10 @@ class Multisine:
     15.0
     """
 
-    amplitudes: Sequence[float]
-    angular_frequencies: Sequence[float]
-    phases: Sequence[float] = ()
-    offset: float = 0.0
+    amplitudes: Sequence[float]  # in rad (or the unit of the coordinate that follows)
+    angular_frequencies: Sequence[float]  # in rad/s, one per amplitude
+    phases: Sequence[float] = ()  # in rad, one per amplitude; all zero if left out
+    offset: float = 0.0  # in the unit of the amplitudes
 
     def __post_init__(self) -> None:
         for name in ("amplitudes", "angular_frequencies"):

@@ -49,33 +49,14 @@ _COORDINATES = {
 
 
 def robust_law(
-    k: float = 50.0,
-    exponents: tuple[float, float, float] = (1.0, 2.0, 3.0),
+    k: float = 50.0,  # gain in 1/s
+    exponents: tuple[float, float, float] = (1.0, 2.0, 3.0),  # of k in the three feedback gains
     nominal: Mapping[str, float] = NOMINAL,
-    largest_link_inertia: float = LARGEST_LINK_INERTIA,
-    largest_motor_inertia: float = LARGEST_MOTOR_INERTIA,
-    smallest_joint_stiffness: float = SMALLEST_JOINT_STIFFNESS,
+    largest_link_inertia: float = LARGEST_LINK_INERTIA,  # kg m²
+    largest_motor_inertia: float = LARGEST_MOTOR_INERTIA,  # kg m²
+    smallest_joint_stiffness: float = SMALLEST_JOINT_STIFFNESS,  # N m/rad
 ) -> Controller:
-    """Declare the law (11) for the flexible joint, by default with the values of Table I.
-
-    Parameters
-    ----------
-    k : float, optional
-        Gain, in 1/s.
-    exponents : (float, float, float), optional
-        Powers of k in the three feedback gains: the reading of the paper.
-    nominal : mapping of str to float, optional
-        Nominal physical parameters, the names of `NOMINAL`.
-    largest_link_inertia, largest_motor_inertia : float, optional
-        JlM and JrM, in kg m².
-    smallest_joint_stiffness : float, optional
-        kem, in N m/rad.
-
-    Returns
-    -------
-    Controller
-        In the loop's own error coordinates e1 to e4.
-    """
+    """Declare the law (11) for the flexible joint, by default with the values of Table I."""
     a, b, c = map(float, exponents)
     return Controller(
         "robust law",

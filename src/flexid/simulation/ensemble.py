@@ -43,42 +43,24 @@ class Ensemble:
     """The ends and measures of n runs; all quantities in SI units.
 
     A run that did not finish has the values it had when it was given up.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        Gives the order of states, inputs, coefficients and rows; one of the runs'.
-    status : (n,) ndarray of int
-        Places in `STATUS`.
-    reached : (n,) ndarray
-        Time at which each run ended, in s.
-    final_states : (n, n_states) ndarray
-    final_errors : (n, n_coefficients) ndarray
-        p̂ - p at the end.
-    settling_time : (n, n_coefficients) ndarray
-        Last time at which p̂ was more than 5 % of p away from it; NaN if it was at the end.
-    tracking_rms, tracking_peak : (n,) ndarray
-        Root mean square over time and largest magnitude of the tracking error, in rad.
-    peak_input : (n, n_inputs) ndarray
-        Largest magnitude of each input.
-    excitation : (n, n_rows) ndarray
-        Condition number of each row's normalised Gram matrix, (A4) of Huang (2003) measured: the
-        mean over time of r rᵀ along the run, scaled to a unit diagonal.
-    steps : (n,) ndarray of int
-        Accepted steps of the integrator, or samples.
     """
 
+    # gives the order of states, inputs, coefficients and rows; one of the runs'
     system: ParametricSystem
-    status: NDArray[np.int64]
-    reached: FloatArray
-    final_states: FloatArray
-    final_errors: FloatArray
+    status: NDArray[np.int64]  # (n,), places in STATUS
+    reached: FloatArray  # (n,), time at which each run ended, in s
+    final_states: FloatArray  # (n, n_states)
+    final_errors: FloatArray  # (n, n_coefficients), p̂ - p at the end
+    # (n, n_coefficients), last time at which p̂ was more than 5 % of p away from it; NaN if it
+    # was at the end
     settling_time: FloatArray
-    tracking_rms: FloatArray
-    tracking_peak: FloatArray
-    peak_input: FloatArray
+    tracking_rms: FloatArray  # (n,), root mean square over time of the tracking error, in rad
+    tracking_peak: FloatArray  # (n,), its largest magnitude, in rad
+    peak_input: FloatArray  # (n, n_inputs), largest magnitude of each input
+    # (n, n_rows), condition number of each row's normalised Gram matrix, (A4) of Huang (2003)
+    # measured: the mean over time of r rᵀ along the run, scaled to a unit diagonal
     excitation: FloatArray
-    steps: NDArray[np.int64]
+    steps: NDArray[np.int64]  # (n,), accepted steps of the integrator, or samples
 
 
 @dataclass(frozen=True)

@@ -17,37 +17,17 @@ from flexid.models.parametric_system import ParametricSystem
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """System, controller, reference and parametric observer, with values.
+    """System, controller, reference and parametric observer, with values."""
 
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model of plant and observer; its constants have the values declared in it.
-    coefficients : mapping of str to float
-        The true coefficients.
-    controller : Controller
-    reference : Reference
-    observer_gains : mapping of str to float
-        The observer's gain c for each row, by the row's name.
-    initial_estimates : mapping of str to float, optional
-        p̂ at the start; 0 for those left out.
-    initial_state : sequence of float, optional
-        x at the start, in the order of ``system.states``; all 0 if left out.
-
-    Raises
-    ------
-    SettingError
-        If a coefficient or a gain has no value, or a value has no meaning in this system.
-    ModelError
-        If controller and system do not fit together.
-    """
-
+    # the model of plant and observer; its constants have the values declared in it
     system: ParametricSystem
-    coefficients: Mapping[str, float]
+    coefficients: Mapping[str, float]  # the true coefficients
     controller: Controller
     reference: Reference
-    observer_gains: Mapping[str, float]
+    observer_gains: Mapping[str, float]  # the observer's gain c for each row, by the row's name
+    # p̂ at the start; 0 for those left out
     initial_estimates: Mapping[str, float] = field(default_factory=dict)
+    # x at the start, in the order of system.states; all 0 if left out
     initial_state: Sequence[float] = ()
 
     def __post_init__(self) -> None:

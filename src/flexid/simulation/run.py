@@ -12,42 +12,22 @@ from flexid.simulation.loop import ClosedLoop
 
 @dataclass(frozen=True)
 class Run:
-    """A closed loop over time; n samples, all quantities in SI units.
+    """A closed loop over time; n samples, all quantities in SI units."""
 
-    Parameters
-    ----------
-    loop : ClosedLoop
-        What was simulated: the model, its true coefficients, controller, reference, observer.
-    time : (n,) ndarray
-        In s.
-    states : (n, n_states) ndarray
-        x, in plain coordinates, in the order of ``loop.system.states``.
-    inputs : (n, n_inputs) ndarray
-        u, in the order of ``loop.system.inputs``.
-    estimates : (n, n_coefficients) ndarray
-        p̂, in the order of ``loop.system.coefficients``.
-    parameter_errors : (n, n_coefficients) ndarray
-        p̃ = p̂ - p. From a continuous run it is not the difference of the two but the integrated
-        error itself, so it keeps its digits as it vanishes.
-    tracking_error : (n,) ndarray
-        Tracked state minus q_d, accurate also where it is far smaller than either.
-    settings : dict
-        Task, tolerances, seed and version that made the run.
-    statistics : dict of str to int
-        Accepted and rejected steps.
-    measured : (n, n_states) ndarray or None
-        What controller and observer saw, in a sampled run.
-    """
-
+    # what was simulated: the model, its true coefficients, controller, reference, observer
     loop: ClosedLoop
-    time: FloatArray
-    states: FloatArray
-    inputs: FloatArray
-    estimates: FloatArray
+    time: FloatArray  # (n,), in s
+    states: FloatArray  # (n, n_states), x, in plain coordinates, in the order of loop.system.states
+    inputs: FloatArray  # (n, n_inputs), u, in the order of loop.system.inputs
+    estimates: FloatArray  # (n, n_coefficients), p̂, in the order of loop.system.coefficients
+    # (n, n_coefficients), p̃ = p̂ - p. From a continuous run it is not the difference of the two
+    # but the integrated error itself, so it keeps its digits as it vanishes.
     parameter_errors: FloatArray
+    # (n,), tracked state minus q_d, accurate also where it is far smaller than either
     tracking_error: FloatArray
-    settings: dict[str, str | int | float]
-    statistics: dict[str, int]
+    settings: dict[str, str | int | float]  # task, tolerances, seed and version that made the run
+    statistics: dict[str, int]  # accepted and rejected steps
+    # (n, n_states), what controller and observer saw, in a sampled run
     measured: FloatArray | None = None
 
     @cached_property

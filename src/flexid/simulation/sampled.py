@@ -27,34 +27,14 @@ Law = Callable[[float, FloatArray, FloatArray], ArrayLike]
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a loop is sampled and measured.
+    """How a loop is sampled and measured."""
 
-    Parameters
-    ----------
-    sample_time : float, optional
-        In s.
-    input_limit : float, optional
-        Largest magnitude of an input, in its unit.
-    position_resolution : float, optional
-        Encoder step in rad; 0 for an ideal one.
-    position_noise, velocity_noise : float, optional
-        Standard deviation of white noise on the measured positions and velocities, in rad and
-        rad/s; positions get theirs before they are quantised.
-    seed : int, optional
-        Seed of the noise.
-
-    Raises
-    ------
-    SettingError
-        If a value is out of its range.
-    """
-
-    sample_time: float = 1e-3
-    input_limit: float = np.inf
-    position_resolution: float = 0.0
-    position_noise: float = 0.0
-    velocity_noise: float = 0.0
-    seed: int = 0
+    sample_time: float = 1e-3  # in s
+    input_limit: float = np.inf  # largest magnitude of an input, in its unit
+    position_resolution: float = 0.0  # encoder step in rad; 0 for an ideal one
+    position_noise: float = 0.0  # standard deviation of white noise in rad, before quantisation
+    velocity_noise: float = 0.0  # the same of the velocities in rad/s
+    seed: int = 0  # seed of the noise
 
     def __post_init__(self) -> None:
         for name in ("sample_time", "input_limit"):
