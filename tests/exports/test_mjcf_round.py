@@ -75,6 +75,26 @@ def test_warnings_are_printed(document, tmp_path, flexid):
     assert lost.startswith("warning: motor_stribeck")
 
 
+def test_hysteresis_of_the_spring_is_exported(document, tmp_path):
+    """Assert that a friction that remembers its path becomes one of the tendon, and is refused
+    where there is no place for it.
+    """
+    from flexid.library.identify import load
+
+    found = document["coefficients"]
+    for name in ("theta_hysteresis", "alpha_hysteresis", "hysteresis_grip"):
+        found[name] = found["alpha2"] | {"name": name}
+    found["theta_hysteresis"]["value"] *= found["theta2"]["value"] / found["alpha1"]["value"]
+    estimate = load(_stored(document, tmp_path))
+    (scene,), warnings = export(estimate, to="mjcf", out=tmp_path / "scene")
+    torque = found["alpha2"]["value"] / found["beta1"]["value"]
+    model = mujoco.MjModel.from_xml_path(str(scene))
+    assert model.tendon_frictionloss[0] == pytest.approx(torque)
+    assert "sticks here" in warnings[0]
+    with pytest.raises(SettingError, match="remembers the path of the spring, which this export"):
+        export(estimate, to="fmu", out=tmp_path / "units")
+
+
 def test_offsets_that_differ_from_log_to_log(document, tmp_path):
     """Assert that the first log's offset stands in the scene, and that this is said."""
     from flexid.library.identify import load

@@ -32,43 +32,11 @@ _DRY_STEP = 1.25e-4  # s, the longest
 _DRY_STEPS_PER_RADIAN = 200.0
 _SAME = 1e-6  # relative difference of a spring's two sides that is rounding
 
-_LINK = {
-    "sine": "theta1",
-    "cosine": "theta_cosine",
-    "viscous": "theta_viscous",
-    "drag": "theta_drag",
-    "coulomb": "theta_coulomb",
-    "offset": "theta_offset",
-}
-_MOTOR = {
-    "viscous": "alpha2",
-    "drag": "alpha_drag",
-    "coulomb": "alpha_coulomb",
-    "offset": "alpha_offset",
-}
-_RIGID = {
-    "sine": "gamma1",
-    "cosine": "gamma_cosine",
-    "viscous": "gamma_viscous",
-    "coulomb": "gamma_coulomb",
-    "offset": "gamma_offset",
-}
-_SPRING = ("lopsided", "cubic", "damping", "hysteresis", "backlash")
-"""Coefficients that have a place in a scene, by what they are there."""
+_UNUSUAL = {"theta1": "theta_sine", "gamma1": "gamma_sine", "alpha2": "alpha_viscous"}
+"""Coefficients of `Side` that do not say by their name what they multiply."""
 
-_REPRESENTED = (
-    {
-        "beta1",
-        "theta2",
-        "alpha1",
-        "hysteresis_grip",
-        *_LINK.values(),
-        *_MOTOR.values(),
-        *_RIGID.values(),
-    }
-    | {f"theta_{name}" for name in _SPRING}
-    | {f"alpha_{name}" for name in _SPRING}
-)
+_PLACES = {*Side._fields, *Spring._fields, "backlash"}
+_REPRESENTED = {"beta1", "theta2", "alpha1", "hysteresis_grip"}
 
 
 @dataclass(frozen=True)
@@ -113,11 +81,11 @@ def mjcf_scene(joint: Described, input_unit: str = TORQUE) -> Scene:
     notes = [] if torque else [_scaled(input_unit)]
     inertia = 1.0 / values["beta1"] if torque else 1.0
     if joint.model == "rigid":
-        link, motor, spring = None, _side(values, _RIGID, inertia), None
+        link, motor, spring = None, _side(values, "gamma", inertia), None
     else:
         stiffness = values["alpha1"] * inertia
-        link = _side(values, _LINK, stiffness / values["theta2"])
-        motor = _side(values, _MOTOR, inertia)
+        link = _side(values, "theta", stiffness / values["theta2"])
+        motor = _side(values, "alpha", inertia)
         spring = _spring(values, stiffness, inertia, link.inertia, notes)
     notes += _shapes(joint, values)
     notes += _left_out(values)
@@ -146,9 +114,16 @@ def _scaled(unit: str) -> str:
     )
 
 
-def _side(values: Mapping[str, float], names: Mapping[str, str], inertia: float) -> Side:
-    torques = {what: inertia * values[c] for what, c in names.items() if c in values}
-    return Side(inertia, **torques)
+def _side(values: Mapping[str, float], row: str, inertia: float) -> Side:
+    """What acts on one side alone."""
+    named = {_UNUSUAL.get(name, name): value for name, value in values.items()}
+    own = [what for what in Side._fields if f"{row}_{what}" in named]
+    return Side(inertia, **{what: inertia * named[f"{row}_{what}"] for what in own})
+
+
+def _is_represented(coefficient: str) -> bool:
+    what = _UNUSUAL.get(coefficient, coefficient).partition("_")[2]
+    return coefficient in _REPRESENTED or what in _PLACES
 
 
 def _spring(
@@ -228,7 +203,7 @@ def _delays(joint: Described) -> list[str]:
 
 def _left_out(values: Mapping[str, float]) -> list[str]:
     """Terms that have no place in a scene."""
-    lost = [c for c, value in values.items() if c not in _REPRESENTED and value]
+    lost = [c for c, value in values.items() if value and not _is_represented(c)]
     notes = []
     for name, term in (TERMS | SHAPE_TERMS).items():
         own = {c: values[c] for c in (*term.link, *term.motor) if c in lost}

@@ -64,10 +64,35 @@ def plant(
     )
 
 
-def law(
-    controller: Controller, system: ParametricSystem, name: str = "controller"
+def controller_io_system(
+    controller: Controller, system: ParametricSystem, *, name: str = "controller"
 ) -> "NonlinearIOSystem":
-    """A controller as a static system from states and reference to the plant's inputs."""
+    """A controller as a static system of python-control.
+
+    Parameters
+    ----------
+    controller : Controller
+        As those of ``flexid.control``; its parameters are the system's ``params``.
+    system : ParametricSystem
+        The model that it controls.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        From the model's states, then ``qd``, ``qd_1``, ... as far as the law uses them, to the
+        model's inputs.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed.
+    ModelError
+        If controller and system do not go together.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
     control = python_control()
 
     def build() -> str:
@@ -107,22 +132,46 @@ def signal(
 ) -> "NonlinearIOSystem":
     """A reference with its derivatives as a source: a system without inputs."""
     control = python_control()
-    wanted = tuple(names)
-    for one in wanted:
-        if one not in REFERENCE_NAMES:
-            raise SettingError("names", f"{one!r} is none of {', '.join(REFERENCE_NAMES)}")
+    wanted = list(names)
     orders = [REFERENCE_NAMES.index(one) for one in wanted]
 
     def output(t: float, _x: Any, _u: Any, _params: object) -> FloatArray:
         return np.array([float(reference.evaluate(t, order)) for order in orders])
 
-    return control.nlsys(None, output, inputs=[], outputs=list(wanted), name=name)
+    return control.nlsys(None, output, inputs=[], outputs=wanted, name=name)
 
 
-def observer(
-    system: ParametricSystem, gains: Mapping[str, float], name: str = "observer"
+def observer_io_system(
+    system: ParametricSystem, gains: Mapping[str, float], *, name: str = "observer"
 ) -> "NonlinearIOSystem":
-    """The parametric observer of Huang (2003), eqs. (2) and (3), in continuous time."""
+    """The parametric observer of Huang (2003), eqs. (2) and (3), as a system of python-control.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        The model whose coefficients it estimates.
+    gains : mapping of str to float
+        The gain of each row, by the row's name.
+    name : str, optional
+        Of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        In continuous time, from the model's states and inputs to an estimate of each coefficient,
+        ``theta1_hat`` and so on.
+
+    Raises
+    ------
+    SettingError
+        If python-control is not installed, or a row has no gain.
+    AccelerationError
+        If the observer needs an acceleration.
+    ModelError
+        If it needs the rate of an input.
+    ArgumentError
+        If an option is unknown or of a wrong type.
+    """
     control = python_control()
     module = _observer_module(system)
     rows = tuple(row.name for row in system.rows)
@@ -199,13 +248,13 @@ def closed_loop(loop: ClosedLoop) -> LoopSystem:
     """A closed loop of plant, controller, reference and observer."""
     control = python_control()
     model = loop.system
-    plays = law(loop.controller, model)
+    plays = controller_io_system(loop.controller, model)
     follows = [label for label in plays.input_labels if label in REFERENCE_NAMES]
     parts = [
         signal(loop.reference, follows or ("qd",)),
         plays,
         plant(model, loop.coefficients),
-        observer(model, loop.observer_gains),
+        observer_io_system(model, loop.observer_gains),
     ]
     estimates = [f"{c}_hat" for c in model.coefficients]
     system = control.interconnect(

@@ -35,11 +35,14 @@ class ExportSource:
         return (f"the estimate leaves {', '.join(guessed)} undetermined",) if guessed else ()
 
 
-def source_of_identification(result: "Identification") -> ExportSource:
+def source_of_identification(
+    result: "Identification", *, with_memory: bool = False
+) -> ExportSource:
     """The model of an identification with the terms that were kept, and its values.
 
     Offsets that differ from log to log have the value of the first one. A coefficient that the log
-    does not show has no value.
+    does not show has no value. A friction that remembers its path is refused, or left out of the
+    system where it is represented otherwise (`with_memory`).
     """
     from flexid.identification.preparation.joint import joint_of
     from flexid.stored_estimates.rebuilt import described, given_coefficients, input_unit_of
@@ -50,13 +53,12 @@ def source_of_identification(result: "Identification") -> ExportSource:
     joint = joint_of(result.model)
     _check_possible(result)
     _check_consistent(result, joint.parameters(values, input_unit_of(result) == "N m"), values)
-    for name in joint.grips.keys() & values.keys():
+    for name in () if with_memory else joint.grips.keys() & values.keys():
         term = joint.of_coefficient(name) or name
         raise SettingError(
             term,
-            "remembers the path of the spring, and what is exported remembers nothing: identify "
-            f"with --terms {','.join(t for t in result.choices.terms if t != term)}, and export "
-            "that estimate",
+            "remembers the path of the spring, which this export cannot: identify with --terms "
+            f"{','.join(t for t in result.choices.terms if t != term)}, and export that estimate",
         )
     without = sorted(name for name in given if not isfinite(values[name]))
     if without:

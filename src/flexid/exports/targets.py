@@ -33,6 +33,7 @@ class Target(NamedTuple):
     load: Callable[[], Write]  # imports the function that writes the files
     # whether the settings of an online estimator belong to it
     estimator: Literal["needed", "possible", "none"]
+    with_memory: bool = False  # it holds friction that remembers its path
 
 
 def _c99() -> Write:
@@ -55,7 +56,7 @@ def _fmu() -> Write:
 
 TARGETS = {
     "c99": Target("the online estimator in C99, for a drive", _c99, "needed"),
-    "mjcf": Target("the joint as a MuJoCo scene", _mjcf, "none"),
+    "mjcf": Target("the joint as a MuJoCo scene", _mjcf, "none", with_memory=True),
     "fmu": Target("plant and online estimator for simulators, FMI 2.0 and 3.0", _fmu, "possible"),
 }
 """By name."""

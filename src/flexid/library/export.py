@@ -110,7 +110,7 @@ def export(
 
     if to not in TARGETS:
         raise SettingError("to", f"{to!r} is unknown{did_you_mean(str(to), TARGETS)}")
-    source = export_source(what, terms)
+    source = export_source(what, terms, with_memory=TARGETS[to].with_memory)
     samples = None if log is None else _longest(log, columns, source)
     given: dict[str, Any] = {
         "hold": hold,
@@ -128,18 +128,21 @@ def export(
     return ExportedFiles(tuple(Path(out) / name for name in names), warnings)
 
 
-def export_source(what: Any, terms: Iterable[str] | None = None) -> "ExportSource":
+def export_source(
+    what: Any, terms: Iterable[str] | None = None, *, with_memory: bool = False
+) -> "ExportSource":
     """The model that is meant, with what is known of it."""
     from flexid.exports.source import ExportSource, source_of_identification
     from flexid.library.joint_estimate import JointEstimate
 
     if isinstance(what, JointEstimate):
-        return source_of_identification(what.result)
+        return source_of_identification(what.result, with_memory=with_memory)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
     if is_path and Path(as_path("export", "what", what)).suffix.lower() == ".json":
         from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
-        return source_of_identification(stored_identification(read_estimate(Path(what))))
+        stored = stored_identification(read_estimate(Path(what)))
+        return source_of_identification(stored, with_memory=with_memory)
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
         raise ArgumentError(
             "export",

@@ -5,6 +5,7 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from flexid.errors import ArgumentError
+from flexid.exports import python_control as worker
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.library.options import as_mapping
@@ -12,12 +13,14 @@ from flexid.library.options import as_mapping
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
-    from flexid.control.controller import Controller
     from flexid.estimators.online import CompiledEstimator
     from flexid.exports.python_control import LoopSystem
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.simulate import SimulatedRun
     from flexid.models.parametric_system import ParametricSystem
+
+controller_io_system = entrance(worker.controller_io_system)
+observer_io_system = entrance(worker.observer_io_system)
 
 
 @entrance
@@ -54,84 +57,11 @@ def plant_io_system(
     ArgumentError
         If an option is unknown or of a wrong type.
     """
-    from flexid.exports.python_control import plant
     from flexid.library.export import export_source
 
     source = export_source(model)
     given = as_mapping("plant_io_system", "coefficients", coefficients, "{'theta2': 100.0}")
-    return plant(source.system, {**source.values, **given}, name)
-
-
-@entrance
-def controller_io_system(
-    controller: "Controller", system: "ParametricSystem", *, name: str = "controller"
-) -> "NonlinearIOSystem":
-    """A controller as a static system of python-control.
-
-    Parameters
-    ----------
-    controller : Controller
-        As those of ``flexid.control``; its parameters are the system's ``params``.
-    system : ParametricSystem
-        The model that it controls.
-    name : str, optional
-        Of the system.
-
-    Returns
-    -------
-    control.NonlinearIOSystem
-        From the model's states, then ``qd``, ``qd_1``, ... as far as the law uses them, to the
-        model's inputs.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed.
-    ModelError
-        If controller and system do not go together.
-    ArgumentError
-        If an option is unknown or of a wrong type.
-    """
-    from flexid.exports.python_control import law
-
-    return law(controller, system, name)
-
-
-@entrance
-def observer_io_system(
-    system: "ParametricSystem", gains: Mapping[str, float], *, name: str = "observer"
-) -> "NonlinearIOSystem":
-    """The parametric observer of Huang (2003), eqs. (2) and (3), as a system of python-control.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model whose coefficients it estimates.
-    gains : mapping of str to float
-        The gain of each row, by the row's name.
-    name : str, optional
-        Of the system.
-
-    Returns
-    -------
-    control.NonlinearIOSystem
-        In continuous time, from the model's states and inputs to an estimate of each coefficient,
-        ``theta1_hat`` and so on.
-
-    Raises
-    ------
-    SettingError
-        If python-control is not installed, or a row has no gain.
-    AccelerationError
-        If the observer needs an acceleration.
-    ModelError
-        If it needs the rate of an input.
-    ArgumentError
-        If an option is unknown or of a wrong type.
-    """
-    from flexid.exports.python_control import observer
-
-    return observer(system, gains, name)
+    return worker.plant(source.system, {**source.values, **given}, name)
 
 
 @entrance
@@ -161,7 +91,6 @@ def estimator_io_system(
         If an option is unknown or of a wrong type.
     """
     from flexid.estimators.online import CompiledEstimator
-    from flexid.exports import python_control
 
     if not isinstance(estimator, CompiledEstimator):
         raise ArgumentError(
@@ -169,7 +98,7 @@ def estimator_io_system(
             "estimator",
             f"is {kind_of(estimator)}: give what flexid.recursive_least_squares or another returns",
         )
-    return python_control.estimator(estimator, name)
+    return worker.estimator(estimator, name)
 
 
 @entrance
@@ -200,10 +129,9 @@ def loop_io_system(experiment: "SimulatedRun | str | PathLike[str]") -> "LoopSys
         If an option is unknown or of a wrong type.
     """
     from flexid.experiments import read_experiment
-    from flexid.exports.python_control import closed_loop
     from flexid.library.simulate import SimulatedRun
 
     if isinstance(experiment, SimulatedRun):
-        return closed_loop(experiment.experiment.loop)
+        return worker.closed_loop(experiment.experiment.loop)
     path = as_path("loop_io_system", "experiment", experiment)
-    return closed_loop(read_experiment(path).loop)
+    return worker.closed_loop(read_experiment(path).loop)
