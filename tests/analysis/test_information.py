@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.analysis.information import Information, segmented_information
+from flexid.analysis.information import segmented_information
 from flexid.errors import SimulationError
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide
@@ -33,8 +33,6 @@ def test_closed_form_of_a_cart():
     expected = NOISE**2 * np.linalg.inv(columns.T @ columns)[2:, 2:]
     found = cart_information(force, N * H)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-6)
-    correlation = expected[0, 1] / np.sqrt(expected[0, 0] * expected[1, 1])
-    assert found.correlations[0, 1] == pytest.approx(correlation, rel=1e-6)
     np.testing.assert_allclose(found.relative_deviations, np.sqrt(np.diag(expected)) / [2.0, 0.3])
 
 
@@ -46,17 +44,9 @@ def test_shorter_segments_tell_less():
 
 
 def test_two_names_for_one_push():
-    """Assert that a constant force confounds gain and push: no bound, correlation minus one."""
+    """Assert that a constant force confounds gain and push: no bound."""
     found = cart_information(np.ones(N), 4.0)
     assert np.isinf(found.standard_deviations).all()
-    assert found.correlations[0, 1] == pytest.approx(-1.0, abs=1e-6)
-
-
-def test_inflation_of_two_correlated():
-    """Assert that a correlation ρ inflates each deviation by 1/√(1 - ρ²)."""
-    matrix = np.array([[1.0, 0.8], [0.8, 1.0]])
-    found = Information(("a", "b"), np.ones(2), matrix, np.linalg.inv(matrix))
-    np.testing.assert_allclose(found.inflation, 1 / np.sqrt(1 - 0.8**2))
 
 
 def test_a_motion_that_runs_away():

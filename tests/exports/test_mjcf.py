@@ -136,22 +136,30 @@ def test_friction_within_the_spring():
 
 
 @pytest.mark.parametrize(
-    ("more", "term"),
+    ("more", "about", "said"),
     [
-        ({"alpha_stribeck": 0.5}, "motor_stribeck"),
-        ({"alpha_saturation": 0.001}, "torque_saturation"),
-        (_both(ecc_sine=0.1, ecc_cosine=0.2), "eccentricity"),
-        ({"theta_unheard_of": 1.0}, "theta_unheard_of"),
+        ({"alpha_stribeck": 0.5}, {}, "motor_stribeck"),
+        ({"alpha_saturation": 0.001}, {}, "torque_saturation"),
+        (_both(ecc_sine=0.1, ecc_cosine=0.2), {}, "eccentricity"),
+        ({"theta_unheard_of": 1.0}, {}, "theta_unheard_of"),
+        ({}, {"delays": {"input_delay": -0.002}}, "2 ms before"),
+        ({}, {"delays": {"link_delay": 0.0015}}, "1.5 ms late"),
     ],
 )
-def test_what_has_no_place_is_named(more, term):
-    """Assert that a term which MuJoCo lacks is named once, in the scene as well, and left out."""
-    scene = _scene(more)
-    assert [term in note for note in scene.notes] == [True]
+def test_what_has_no_place_is_named(more, about, said):
+    """Assert that what MuJoCo lacks is named once, in the scene as well, and left out."""
+    scene = _scene(more, **about)
+    assert [said in note for note in scene.notes] == [True]
     assert f"Note: {scene.notes[0]}." in scene.xml
     x = np.array([0.3, 1.0, 0.2, 2.0])
     plain = _accelerations(_scene({}), x, 1.0)
     np.testing.assert_array_equal(_accelerations(scene, x, 1.0), plain)
+
+
+def test_smoothed_friction_is_named():
+    """Assert that friction which the estimate has smooth is said to be dry in the scene."""
+    scene = _scene({"alpha_coulomb": 1.0}, coulomb_velocity=0.05)
+    assert "0.05 rad/s" in scene.notes[0]
 
 
 def test_a_spring_with_two_dampings_is_named():
@@ -178,12 +186,6 @@ def test_friction_that_drives_is_left_out(more, word):
     assert 'springlength="0"' in scene.xml
 
 
-def test_smoothed_friction_is_named():
-    """Assert that friction which the estimate has smooth is said to be dry in the scene."""
-    scene = _scene({"alpha_coulomb": 1.0}, coulomb_velocity=0.05)
-    assert "0.05 rad/s" in scene.notes[0]
-
-
 def test_steps_suit_what_is_fast():
     """Assert that stiff joints and dry friction get shorter steps, which divide a millisecond."""
 
@@ -194,14 +196,6 @@ def test_steps_suit_what_is_fast():
     assert step({"theta2": 1e4, "alpha1": 3e4}) == 1.25e-4
     assert step({"alpha_coulomb": 1.0}) == 1.25e-4
     assert step({"alpha_coulomb": 1.0, "theta2": 1e4, "alpha1": 3e4}) == 1e-3 / 64
-
-
-def test_delays_that_have_no_place_are_named():
-    """Assert that a torque ahead of its record and a late encoder are not passed over."""
-    early = _scene({}, delays={"input_delay": -0.002})
-    assert "2 ms before" in early.notes[0]
-    late = _scene({}, delays={"link_delay": 0.0015})
-    assert "1.5 ms late" in late.notes[0]
 
 
 def test_a_link_without_a_motor_is_refused():

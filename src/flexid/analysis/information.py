@@ -18,7 +18,6 @@ from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented
 from flexid.estimators.segments import Segments
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-from flexid.symmetric import eigen
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,30 +39,6 @@ class Information:
         """The same over the coefficients' values; infinite for one that is zero."""
         with np.errstate(divide="ignore"):
             return self.standard_deviations / np.abs(self.values)
-
-    @property
-    def deviations_alone(self) -> FloatArray:
-        """Standard deviation of each coefficient if all others were known, shape (k,)."""
-        with np.errstate(divide="ignore"):
-            return 1.0 / np.sqrt(np.diag(self.matrix))
-
-    @property
-    def inflation(self) -> FloatArray:
-        """How often larger the others make each standard deviation, at least 1, shape (k,)."""
-        alone = self.deviations_alone
-        known = np.isfinite(alone)
-        return np.where(known, self.standard_deviations / np.where(known, alone, 1.0), 1.0)
-
-    @property
-    def correlations(self) -> FloatArray:
-        """Correlation of each two estimates, shape (k, k); ±1 where two are one."""
-        scale = np.sqrt(np.diag(self.matrix))
-        scale = np.where(scale > 0.0, scale, 1.0)
-        eigenvalues, vectors = eigen(self.matrix / np.outer(scale, scale))
-        floor = np.finfo(float).eps * eigenvalues[-1]
-        covariance = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
-        deviations = np.sqrt(np.diag(covariance))
-        return covariance / np.outer(deviations, deviations)
 
     @property
     def relative(self) -> FloatArray:

@@ -23,7 +23,7 @@ from flexid.simulation.substeps import STEPS_PER_TIME_CONSTANT, fastest_pole
 FIRST_INTEGER = 1001
 """Value reference of the first integer output."""
 
-Causality = Literal["output", "input", "parameter"]
+Causality = Literal["independent", "output", "input", "parameter"]
 
 HEALTH = ("converging", "converged", "not excited", "inconsistent", "sensor fault")
 """What the numbers of the estimator's health mean, from 0 on."""
@@ -39,6 +39,20 @@ class Variable:
     unit: str = ""
     description: str = ""
     integer: bool = False
+
+    @property
+    def variability(self) -> str:
+        """When it may change."""
+        if self.causality == "parameter":
+            return "tunable"
+        return "discrete" if self.integer else "continuous"
+
+    @property
+    def initial(self) -> str:
+        """How it is initialised; empty where the standard says it."""
+        if self.causality in ("independent", "input"):
+            return ""
+        return "calculated" if self.start is None else "exact"
 
 
 @dataclass(frozen=True, eq=False)
