@@ -75,7 +75,7 @@ def test_the_allowed_difference_is_small(drives):
         {"sample_time": 1e-3, "terms": ("gravity", "link_coulomb", "motor_coulomb")},
         {"sample_time": 1e-3, "terms": ("gravity", "gravity_cosine", "link_offset")},
         # Gravity, which acts, is not among the terms; what is not forgotten matters the more.
-        {"log": LOG, "terms": ("motor_viscous",), "memory_time": 2.0},
+        {"log": LOG, "terms": ("motor_viscous",), "memory": 2.0},
     ],
     ids=["friction", "offset", "a term that is missing"],
 )

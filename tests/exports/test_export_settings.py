@@ -10,9 +10,9 @@ from flexid.errors import SettingError
 
 REFUSED = {
     "no sample time": ({}, "sample-time: is missing"),
-    "not a number": ({"sample_time": float("nan")}, "nan s is no drive"),
-    "too short": ({"sample_time": 1e-9}, "give 1e-06 to 0.5 s"),
-    "too long": ({"sample_time": 2.0}, "give 1e-06 to 0.5 s"),
+    "not a number": ({"sample_time": float("nan")}, "nan s is outside 1e-06 to 0.5 s"),
+    "too short": ({"sample_time": 1e-9}, "is outside 1e-06 to 0.5 s"),
+    "too long": ({"sample_time": 2.0}, "is outside 1e-06 to 0.5 s"),
     "filter too slow": ({"sample_time": 1e-3, "filter_rate": 0.009}, "give 0.01 to 500 1/s"),
     "filter too fast": ({"sample_time": 1e-3, "filter_rate": 501.0}, "give 0.01 to 500 1/s"),
     "filter backwards": ({"sample_time": 1e-3, "filter_rate": -20.0}, "give 0.01 to 500 1/s"),
@@ -22,9 +22,9 @@ REFUSED = {
     ),
     "gain of one row": (
         {"sample_time": 1e-3, "velocities": True, "gain": {"link": 1.0}},
-        "none for 'alpha1'",
+        "give one for 'alpha1'",
     ),
-    "memory too short": ({"sample_time": 1e-3, "memory_time": 0.0}, "more than ten samples"),
+    "memory too short": ({"sample_time": 1e-3, "memory": 0.0}, "more than ten samples"),
     "another sample time": (
         {"sample_time": 2e-3, "log": "examples/flexible_joint.csv"},
         "the log's is 0.001 s",
