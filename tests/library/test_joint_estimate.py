@@ -147,6 +147,20 @@ def test_figures_leave_matplotlib_as_it_is(estimate, name):
     assert dict(mpl.rcParams) == before
 
 
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_are_drawn_in_the_place_of_axes(estimate, name):
+    """Assert that the panels stand in one half of a figure that has something in the other."""
+    own = Figure()
+    left, right = own.subplots(1, 2)
+    middle = 0.5 * (left.get_position().x1 + right.get_position().x0)
+    assert getattr(estimate.plot, name)(ax=right) is own
+    assert own.axes[0] is left
+    assert all(axes.get_position().x0 > middle for axes in own.axes[1:])
+    assert right not in own.axes
+    with pytest.raises(SettingError, match=r"ax.*plt\.subplots"):
+        getattr(estimate.plot, name)(ax=Figure().add_axes((0, 0, 1, 1)))
+
+
 def test_no_figure_needs_a_display(estimate):
     """Assert that pyplot, which would choose a display, holds no figure."""
     import matplotlib.pyplot as plt

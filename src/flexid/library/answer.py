@@ -6,6 +6,7 @@ import io
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +48,11 @@ class Answer(ABC):
     def _charts(self) -> "Sequence[Chart]":
         """Figures, the most important one first."""
         return ()
+
+    @cached_property
+    def _drawn(self) -> "Sequence[Chart]":
+        """The figures, made once for files, page and notebook."""
+        return self._charts()
 
     def _write_data(self, directory: Path, *, csv: bool) -> None:  # noqa: B027 - most have none
         """Write the time series of the answer."""
@@ -101,7 +107,7 @@ class Answer(ABC):
         from flexid.report.documents import output_directory
 
         with output_directory(as_path("save_figures", "directory", directory)) as files:
-            save_charts(self._charts(), files, self._formats)
+            save_charts(self._drawn, files, self._formats)
 
     def _page(self, command: str = "", out: str = "") -> "Page | None":  # noqa: ARG002
         """A page to send; `command` repeats the answer, whose files are in `out`."""
@@ -115,7 +121,7 @@ class Answer(ABC):
 
         (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")
         self._write_data(directory, csv=csv)
-        save_charts(self._charts(), directory, self._formats)
+        save_charts(self._drawn, directory, self._formats)
         page = self._page(command, out)
         if page is not None:
             save_page(page, directory)
@@ -125,7 +131,7 @@ class Answer(ABC):
 
         text = f"<pre>{html.escape(self.summary())}</pre>"
         warnings = (html_paragraph(f"Warning: {warning}") for warning in self.warnings)
-        figures = (html_figure(draw(chart)) for chart in self._charts()[:1])
+        figures = (html_figure(draw(chart)) for chart in self._drawn[:1])
         return "".join((text, *warnings, *figures))
 
 

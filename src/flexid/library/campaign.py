@@ -78,7 +78,7 @@ class CampaignResult(ReportedAnswer):
     def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
         from flexid.report.page.campaign_page import campaign_page
 
-        return campaign_page(self.result, self._charts())
+        return campaign_page(self.result, self._drawn)
 
     def __repr__(self) -> str:
         statuses = ", ".join(f"{name} {count}" for name, count in self.statuses.items())

@@ -12,6 +12,7 @@ from flexid.library.entrance import entrance
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexid.comparisons.comparison import Comparison
@@ -110,11 +111,17 @@ class EstimateComparison(ReportedAnswer):
         }
         return data_frame(columns, backend)
 
-    def plot(self) -> "Figure":
-        """Both values of each number with their intervals, relative to A's, a panel each."""
+    def plot(self, ax: "Axes | None" = None) -> "Figure":
+        """Both values of each number with their intervals, relative to A's, a panel each.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
         from flexid.report.charts.figure import draw
 
-        return draw(self._charts()[0])
+        return draw(self._drawn[0], ax=ax)
 
     def _charts(self) -> "Sequence[Chart]":
         from flexid.report.comparison_chart import comparison_chart

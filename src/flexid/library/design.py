@@ -17,6 +17,7 @@ from flexid.library.validation import stored_estimate
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexid.experiment_design.result import Design
@@ -74,11 +75,17 @@ class ExperimentDesign(Answer):
 
         return data_frame(command_columns(self.result), backend)
 
-    def plot(self) -> "Figure":
-        """The torque, the motion that it makes, its tones, and what they would determine."""
+    def plot(self, ax: "Axes | None" = None) -> "Figure":
+        """The torque, the motion that it makes, its tones, and what they would determine.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
         from flexid.report.charts.figure import draw
 
-        return draw(self._charts()[0])
+        return draw(self._drawn[0], ax=ax)
 
     def _charts(self) -> "Sequence[Chart]":
         from flexid.report.design_chart import design_chart

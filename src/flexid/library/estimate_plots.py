@@ -1,4 +1,4 @@
-"""Figures of an identification."""
+"""Figures of an identification and of a validation."""
 
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -7,10 +7,20 @@ from flexid.errors import SettingError
 from flexid.identification.vocabulary.intervals import CONFIDENCE
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexid.identification.result.identification import Identification
     from flexid.library.logs import Columns, Logs
+    from flexid.report.charts.description import Chart
+    from flexid.stored_estimates.validate_estimate import EstimateValidation
+
+
+def drawn(chart: "Chart", ax: "Axes | None" = None) -> "Figure":
+    """A chart as a figure, or in the place of an axes of one."""
+    from flexid.report.charts.figure import draw
+
+    return draw(chart, ax=ax)
 
 
 class EstimatePlots:
@@ -25,41 +35,51 @@ class EstimatePlots:
     def __init__(self, result: "Identification") -> None:
         self._result = result
 
-    def fit(self) -> "Figure":
+    def fit(self, ax: "Axes | None" = None) -> "Figure":
         """Free run of the model over the data that were kept out of the fit.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
 
         Raises
         ------
         SettingError
             If the estimate was loaded: a file holds no time series.
         """
-        from flexid.report.charts.figure import draw
         from flexid.report.identification_charts import fit_chart
 
         self._need_series(bool(self._result.validation.runs))
-        return draw(fit_chart(self._result))
+        return drawn(fit_chart(self._result), ax)
 
-    def residuals(self) -> "Figure":
+    def residuals(self, ax: "Axes | None" = None) -> "Figure":
         """What is between measured and predicted held-out data, and how it correlates in time.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
 
         Raises
         ------
         SettingError
             If the estimate was loaded: a file holds no time series.
         """
-        from flexid.report.charts.figure import draw
         from flexid.report.residual_chart import residual_chart
 
         self._need_series(bool(self._result.validation.runs))
-        return draw(residual_chart(self._result.validation))
+        return drawn(residual_chart(self._result.validation), ax)
 
-    def regions(self, *, level: float = CONFIDENCE) -> "Figure":
+    def regions(self, *, level: float = CONFIDENCE, ax: "Axes | None" = None) -> "Figure":
         """Joint confidence regions of the coefficients of each row that correlate most.
 
         Parameters
         ----------
         level : float, optional
             Nominal coverage.
+        ax : Axes, optional
+            In whose place the panels are drawn.
 
         Raises
         ------
@@ -67,34 +87,42 @@ class EstimatePlots:
             If no two coefficients were estimated.
         """
         from flexid.identification.vocabulary.intervals import checked_level
-        from flexid.report.charts.figure import draw
         from flexid.report.regions_chart import regions_chart
 
         chart = regions_chart(self._result, checked_level(level))
         if chart is None:
             raise SettingError("regions", "there are no two coefficients that were estimated")
-        return draw(chart)
+        return drawn(chart, ax)
 
-    def estimates(self) -> "Figure":
-        """The paper's observer over time, beside the estimates and their intervals.
+    def estimates(self, ax: "Axes | None" = None) -> "Figure":
+        """The paper's observer over time, with the estimates and their intervals.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
 
         Raises
         ------
         SettingError
             If the estimate was loaded: a file holds no time series.
         """
-        from flexid.report.charts.figure import draw
         from flexid.report.estimates_chart import estimates_chart
 
         self._need_series(len(self._result.observer.time) > 0)
-        return draw(estimates_chart(self._result))
+        return drawn(estimates_chart(self._result), ax)
 
-    def excitation(self) -> "Figure":
-        """How well the motion tells the coefficients of each row apart."""
-        from flexid.report.charts.figure import draw
+    def excitation(self, ax: "Axes | None" = None) -> "Figure":
+        """How well the motion tells the coefficients of each row apart.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
         from flexid.report.identification_charts import excitation_chart
 
-        return draw(excitation_chart(self._result))
+        return drawn(excitation_chart(self._result), ax)
 
     def bode(
         self,
@@ -103,8 +131,9 @@ class EstimatePlots:
         columns: "Columns | None" = None,
         position: float | None = None,
         level: float = CONFIDENCE,
+        ax: "Axes | None" = None,
     ) -> "Figure":
-        """Frequency response of the joint with its confidence band, beside what a log shows.
+        """Frequency response of the joint with its confidence band, and what a log shows.
 
         Antiresonance and resonance are marked. The spectral estimate is that of the log that the
         estimate was made from, or of another; `JointEstimate.frequency_response` has the numbers.
@@ -119,22 +148,23 @@ class EstimatePlots:
             Angle in rad about which link and motor move; where gravity has no torque, if not given.
         level : float, optional
             Nominal coverage of the band, at each frequency for itself.
+        ax : Axes, optional
+            In whose place the panels are drawn.
 
         Raises
         ------
         SettingError
-            If the level or the position is none.
+            If the level or the position cannot be used.
         RecordingError
             If a log cannot be used.
         """
         from flexid.frequency.frequency_response import frequency_response
         from flexid.library.logs import all_recordings
         from flexid.report.bode_chart import bode_chart
-        from flexid.report.charts.figure import draw
 
         given = self._result.recordings if logs is None else all_recordings("bode", logs, columns)
         response = frequency_response(self._result, given, position=position, level=level)
-        return draw(bode_chart(response))
+        return drawn(bode_chart(response), ax)
 
     def save(self, directory: "str | PathLike[str]") -> None:
         """Write the figures that ``flexid identify --out`` writes.
@@ -149,14 +179,10 @@ class EstimatePlots:
         SettingError
             If it cannot be written, or the estimate was loaded.
         """
-        from flexid.library.checks import as_path
-        from flexid.report.charts.figure import save_charts
-        from flexid.report.documents import output_directory
-        from flexid.report.identification_charts import identification_charts
+        from flexid.library.joint_estimate import JointEstimate
 
         self._need_series(bool(self._result.validation.runs))
-        with output_directory(as_path("save", "directory", directory)) as files:
-            save_charts(identification_charts(self._result), files)
+        JointEstimate(self._result).save_figures(directory)
 
     def _need_series(self, there: bool) -> None:
         if not there:
@@ -165,3 +191,40 @@ class EstimatePlots:
                 "an estimate that was loaded holds no time series: draw those of a log by "
                 "estimate.validate(log).plot",
             )
+
+
+class ValidationPlots:
+    """Figures of predictions, each a Matplotlib figure that pyplot knows nothing of.
+
+    Parameters
+    ----------
+    result : EstimateValidation
+        What is drawn.
+    """
+
+    def __init__(self, result: "EstimateValidation") -> None:
+        self._result = result
+
+    def fit(self, ax: "Axes | None" = None) -> "Figure":
+        """Free run over each log, channel by channel, with the residual below.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
+        from flexid.report.validation_chart import validation_chart
+
+        return drawn(validation_chart(self._result), ax)
+
+    def residuals(self, ax: "Axes | None" = None) -> "Figure":
+        """What is between measured and predicted motion, and how it correlates in time.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
+        from flexid.report.residual_chart import residual_chart
+
+        return drawn(residual_chart(self._result), ax)

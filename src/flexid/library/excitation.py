@@ -14,6 +14,7 @@ from flexid.library.threads import in_one_thread
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexid.experiment_design.advice import Advice
@@ -77,11 +78,17 @@ class LogExcitation(Answer):
 
         return excitation_document(self.result)
 
-    def plot(self) -> "Figure":
-        """Widths of the intervals, and the tones of the input."""
+    def plot(self, ax: "Axes | None" = None) -> "Figure":
+        """Widths of the intervals, and the tones of the input.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
         from flexid.report.charts.figure import draw
 
-        return draw(self._charts()[0])
+        return draw(self._drawn[0], ax=ax)
 
     def _charts(self) -> "Sequence[Chart]":
         from flexid.report.excitation_report_chart import excitation_report_chart

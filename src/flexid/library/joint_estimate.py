@@ -434,7 +434,7 @@ class JointEstimate(ReportedAnswer):
         from flexid.report.page.identification_page import identification_page
 
         stored = shlex.quote(str(Path(out) / self._file))
-        return identification_page(self.result, self._charts(), command, stored, self._advice())
+        return identification_page(self.result, self._drawn, command, stored, self._advice())
 
     def _advice(self) -> list[str]:
         """What motion would determine more, where something is lacking: it takes some seconds."""

@@ -55,7 +55,7 @@ class PaperReproduction(ReportedAnswer):
     def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
         from flexid.report.page.reproduction_page import reproduction_page
 
-        return reproduction_page(self.result, self._charts())
+        return reproduction_page(self.result, self._drawn)
 
     def __repr__(self) -> str:
         verdicts = [claim.verdict for claim in self.claims]

@@ -14,6 +14,7 @@ from flexid.library.options import as_mapping, as_number
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexid.experiments.experiment import Experiment
@@ -79,17 +80,29 @@ class SimulatedRun(ReportedAnswer):
 
         return all_logs("log", log_columns(self.result), None)[0]
 
-    def plot_motion(self) -> "Figure":
-        """Reference and tracked state, the error between them, and the inputs."""
+    def plot_motion(self, ax: "Axes | None" = None) -> "Figure":
+        """Reference and tracked state, the error between them, and the inputs.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
         from flexid.report.charts.figure import draw
 
-        return draw(self._charts()[0])
+        return draw(self._drawn[0], ax=ax)
 
-    def plot_estimates(self) -> "Figure":
-        """Every estimate over time, with the true value and the band in which it is settled."""
+    def plot_estimates(self, ax: "Axes | None" = None) -> "Figure":
+        """Every estimate over time, with the true value and the band in which it is settled.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
         from flexid.report.charts.figure import draw
 
-        return draw(self._charts()[1])
+        return draw(self._drawn[1], ax=ax)
 
     def _charts(self) -> "Sequence[Chart]":
         from flexid.report.run_charts import run_charts
@@ -110,7 +123,7 @@ class SimulatedRun(ReportedAnswer):
         from flexid.report.page.run_page import run_page
 
         log = str(Path(out) / "log.parquet") if out else ""
-        return run_page(self.experiment, self.result, self.measures, self._charts(), command, log)
+        return run_page(self.experiment, self.result, self.measures, self._drawn, command, log)
 
     def __repr__(self) -> str:
         return f"<SimulatedRun: {self.experiment.name}, {self.result.time[-1]:g} s>"

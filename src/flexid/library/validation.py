@@ -11,11 +11,11 @@ from flexid.library.answer import ReportedAnswer, data_frame
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.library.threads import in_one_thread
-from flexid.library.validation_plots import ValidationPlots
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from flexid.library.estimate_plots import ValidationPlots
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.report.charts.description import Chart
@@ -77,8 +77,10 @@ class EstimateValidation(ReportedAnswer):
         return min_fit is None or (bool(moving) and min(moving) >= min_fit)
 
     @property
-    def plot(self) -> ValidationPlots:
+    def plot(self) -> "ValidationPlots":
         """Figures: ``plot.fit()`` and ``plot.residuals()``."""
+        from flexid.library.estimate_plots import ValidationPlots
+
         return ValidationPlots(self.result)
 
     def _document(self) -> Mapping[str, Any]:
@@ -127,7 +129,7 @@ class EstimateValidation(ReportedAnswer):
     def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
         from flexid.report.page.validation_page import validation_page
 
-        return validation_page(self.result, self._charts(), command)
+        return validation_page(self.result, self._drawn, command)
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{channel} {fit:.1f} %" for channel, fit in self.fit_percent.items())

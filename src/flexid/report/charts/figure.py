@@ -14,6 +14,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis as Ruler
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.ticker import (
     FuncFormatter,
     LogLocator,
@@ -24,6 +25,7 @@ from matplotlib.ticker import (
     ScalarFormatter,
 )
 
+from flexid.errors import SettingError
 from flexid.report.charts.decimate import thinned
 from flexid.report.charts.description import (
     Axis,
@@ -53,7 +55,7 @@ _DASHES: dict[Dash, str] = {"solid": "-", "dashed": "--", "dotted": ":"}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def draw(chart: Chart, width: float = WIDTH) -> Figure:
+def draw(chart: Chart, width: float = WIDTH, ax: Axes | None = None) -> Figure:
     """Draw a chart with Matplotlib: its title above, a legend of all panels below.
 
     Panels of one column share their x axis if the chart is linked, and panels of one row share a y
@@ -66,6 +68,8 @@ def draw(chart: Chart, width: float = WIDTH) -> Figure:
         What is drawn.
     width : float, optional
         In inches; a narrow figure has one panel in a row.
+    ax : Axes, optional
+        Of a figure, in whose place the panels are drawn.
 
     Returns
     -------
@@ -75,6 +79,8 @@ def draw(chart: Chart, width: float = WIDTH) -> Figure:
     if width <= NARROW and chart.columns > 1:
         panels = tuple(replace(panel, span=1) for panel in chart.panels)
         chart = replace(chart, columns=1, panels=panels, linked=False)
+    if ax is not None:
+        return _draw_in_place(ax, chart)
     with mpl.rc_context(STYLE):
         figure = _new_figure(chart, width)
         _fill_grid(figure, chart, width)
@@ -128,10 +134,31 @@ def _new_figure(chart: Chart, width: float) -> Figure:
     return figure
 
 
-def _fill_grid(figure: Figure, chart: Chart, width: float) -> None:
+def _draw_in_place(ax: Axes, chart: Chart) -> Figure:
+    """Draw the panels where an axes was, with one legend, and the title where they have none."""
+    place, figure = ax.get_subplotspec(), ax.get_figure(root=True)
+    if place is None or figure is None:
+        raise SettingError("ax", "has no place in a grid: make it by plt.subplots")
+    ax.remove()
+    there = len(figure.axes)
+    with mpl.rc_context(STYLE):
+        _fill_grid(figure, chart, WIDTH, place)
+        panels = figure.axes[there:]
+        if not panels[0].get_title():
+            panels[0].set_title(chart.title, fontsize="small", loc="left", parse_math=False)
+        labelled = [axes for axes in panels if axes.get_legend_handles_labels()[1]]
+        for axes in labelled[:1]:
+            axes.legend(fontsize="x-small")
+    return figure
+
+
+def _fill_grid(
+    figure: Figure, chart: Chart, width: float, inside: SubplotSpec | None = None
+) -> None:
     """Draw the panels where they belong, with axes that they share."""
     rows = _rows(chart)
-    grid = figure.add_gridspec(len(rows), chart.columns, height_ratios=_heights(chart))
+    divide = figure.add_gridspec if inside is None else inside.subgridspec
+    grid = divide(len(rows), chart.columns, height_ratios=_heights(chart))
     above: dict[tuple[int, int], Axes] = {}
     for i, row in enumerate(rows):
         left: tuple[Axis, Axes] | None = None
