@@ -145,6 +145,8 @@ def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress)
 
     if isinstance(logs, list | tuple) and len(logs) == 1:
         (logs,) = logs
+    if isinstance(logs, list | tuple):
+        raise SettingError("stream", "only one log can be streamed: name one Parquet file")
     if not isinstance(logs, str | os.PathLike):
         raise ArgumentError("identify", "logs", "is to be the path of one Parquet file to stream")
     return identify_stream(
