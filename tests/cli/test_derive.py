@@ -1,5 +1,6 @@
 """``flexid derive`` from the command line: text, notes, exit status."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -45,12 +46,13 @@ def test_quadrature_is_reported_on_stderr(examples: Path):
     assert "stribeck; integrated numerically" in done.stderr
 
 
-@pytest.mark.parametrize("name", ["pendulum", "three_inertias", "stribeck"])
-@pytest.mark.parametrize("target", ["latex", "python", "c"])
+@pytest.mark.parametrize(
+    ("name", "target"), [("pendulum", "latex"), ("three_inertias", "python"), ("stribeck", "c")]
+)
 def test_example_models_are_printed(
     name: str, target: str, examples: Path, capsys: pytest.CaptureFixture[str]
 ):
-    """Assert that every example model prints in every language."""
+    """Assert that every example model is printed."""
     run_here("derive", str(examples / "models" / f"{name}.toml"), "--to", target, status=0)
     assert len(capsys.readouterr().out) > 200
 
@@ -69,6 +71,7 @@ def run_here(*arguments: str, status: int) -> None:
     [
         (("flexible-joint", "--terms", "joint_damping"), ("theta_damping", "x4", "least squares")),
         (("flexible-joint", "--terms", "magnets"), ("magnets", "gravity")),
+        (("flexible-joint", "--to", "fortran"), ("fortran", "latex, python, c")),
         (("missing.toml",), ("missing.toml", "no such file")),
         (("model.toml", "--terms", "gravity"), ("terms: belongs",)),
         (("model.toml", "--unknown-input-gain"), ("unknown-input-gain: belongs",)),
@@ -102,25 +105,13 @@ def test_hostile_model_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFix
     assert not trace.exists()
 
 
-def test_usage_error_has_status_2():
-    """Assert that an unknown language is refused by the parser with the known ones."""
-    done = flexid("derive", "flexible-joint", "--to", "fortran")
-    assert done.returncode == 2
-    assert "latex" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_interruption_is_one_sentence(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    """Assert that Ctrl-C ends the command with status 3 and without a traceback."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("flexid.derivation.observer.derive_observer", interrupt)
-    run_here("derive", "flexible-joint", status=3)
-    assert capsys.readouterr().err == "flexid: interrupted; nothing half written is left\n"
+def test_the_document_has_text_and_notes(examples: Path):
+    """Assert that --json holds the equations and what to know of them, and is nothing else."""
+    done = flexid("derive", str(examples / "models" / "stribeck.toml"), "--to", "c", "--json")
+    document = json.loads(done.stdout)
+    assert document["to"] == "c"
+    assert "rate[" in document["text"]
+    assert "integrated numerically" in document["notes"][0]
 
 
 def test_version_and_help():

@@ -42,15 +42,6 @@ def test_it_fits_every_width(comparison, width):
 NO_PERCENT = {"motor_offset_torque"}
 
 
-def test_what_is_said_beside_the_table(comparison):
-    """Assert that labels, bounds of what is absent, settings and the answer are printed."""
-    page = "\n".join(line.plain for line in laid_out(comparison_parts(comparison), 120))
-    assert page.startswith("A: before.json\nB: after.json\n")
-    assert "motor_offset_torque: A does without it; what it could be there is compared" in page
-    assert re.search(r"hold \(asked\) +auto +linear", page)
-    assert "Changed: joint_stiffness by" in page
-
-
 def test_a_bound_promises_no_less_than_the_interval(comparison):
     """Assert that rounding makes no bound smaller than it is."""
     for d in comparison.parameters.values():

@@ -1,0 +1,57 @@
+"""The printed answers, whole: what is printed is what stands in ``texts/``.
+
+``pytest --update-golden`` writes these files anew.
+"""
+
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import pytest
+from made_result import made_result
+
+from flexid.comparisons.comparison import compare_estimates
+from flexid.identification.vocabulary.evidence import ModelError
+from flexid.report.comparison_table import comparison_parts
+from flexid.report.explanation_table import explanation
+from flexid.report.identification_table import identification_parts
+from flexid.report.terminal import USUAL, laid_out
+from made_estimates import TRUE, exact
+
+TEXTS = Path(__file__).parent / "texts"
+
+
+def identification():
+    """An answer in which each number occurs once, with the evidence for its choices."""
+    result = made_result()
+    return [*identification_parts(result), *explanation(result)]
+
+
+def exact_fit():
+    """One without disturbances and with a model error, held against no rigid joint that follows."""
+    result = made_result(ModelError(16.0, 1.2, 0.72))
+    validation = replace(result.validation, fit_percent={"motor_position": 99.0})
+    rigid = replace(result.compliance, rigid_fit_percent={"motor_position": nan})
+    result = replace(result, disturbances=None, compliance=rigid, validation=validation)
+    return [*identification_parts(result), *explanation(result)]
+
+
+def comparison():
+    """A drive before, and after, stiffer and with an offset that A does without."""
+    stiffer = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
+    a, b = exact(TRUE, "one"), exact({**stiffer, "alpha_offset": 3.0}, "two")
+    offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
+    a = replace(a, removed={offset.name: offset})
+    return comparison_parts(compare_estimates(a, b, ("before.json", "after.json")))
+
+
+@pytest.mark.parametrize("answer", [identification, exact_fit, comparison])
+def test_the_text_is_as_it_was(answer, request):
+    """Assert that every line is printed as before, within 80 columns, with nothing cut off."""
+    lines = [line.plain for line in laid_out(answer(), USUAL)]
+    assert max(map(len, lines)) <= USUAL
+    assert "…" not in "".join(lines)
+    path = TEXTS / f"{answer.__name__}.txt"
+    if request.config.getoption("--update-golden"):
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert lines == path.read_text(encoding="utf-8").splitlines()
