@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from flexid.errors import ArgumentError
 from flexid.library.answer import ReportedAnswer, data_frame
-from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
+from flexid.library.estimates import identified
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
     from flexid.comparisons.comparison import Comparison
     from flexid.comparisons.number_difference import Difference
-    from flexid.identification.result.identification import Identification
     from flexid.library.joint_estimate import JointEstimate
     from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
@@ -180,26 +178,6 @@ def compare(
     """
     from flexid.comparisons.comparison import compare_estimates
 
-    (first, label_a), (second, label_b) = _taken("a", a), _taken("b", b)
-    return EstimateComparison(compare_estimates(first, second, (label_a, label_b)))
-
-
-def _taken(argument: str, estimate: Any) -> "tuple[Identification, str]":
-    """An estimate and what it is called."""
-    from flexid.library.joint_estimate import JointEstimate
-    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
-
-    name = argument.upper()
-    if isinstance(estimate, JointEstimate):
-        return estimate.result, name
-    if isinstance(estimate, Mapping):
-        return stored_identification(read_estimate(estimate)), name
-    if isinstance(estimate, str | PathLike):
-        file = read_estimate(as_path("compare", argument, estimate))
-        return stored_identification(file), file.name
-    raise ArgumentError(
-        "compare",
-        argument,
-        f"is {kind_of(estimate)}: give what flexid.identify returned, or the path of an "
-        f"estimate.json",
-    )
+    first, file_a = identified("compare", "a", a)
+    second, file_b = identified("compare", "b", b)
+    return EstimateComparison(compare_estimates(first, second, (file_a or "A", file_b or "B")))

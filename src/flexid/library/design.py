@@ -10,9 +10,9 @@ from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import Answer, data_frame
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
+from flexid.library.estimates import estimate_content
 from flexid.library.options import as_number
 from flexid.library.threads import in_one_thread
-from flexid.library.validation import stored_estimate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -171,6 +171,6 @@ def design(
     choices: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     if duration is not None:
         choices["duration"] = as_number("design", "duration", duration)
-    earlier = None if estimate is None else stored_estimate("design", estimate)
+    earlier = None if estimate is None else estimate_content("design", "estimate", estimate)
     file = read_drive(as_path("design", "drive", drive), earlier, choices)
     return ExperimentDesign(run(file, seed, progress), file.warnings)

@@ -10,6 +10,7 @@ from flexid.errors import ArgumentError, SettingError
 from flexid.library.checks import as_path, kind_of
 from flexid.library.derive import SHIPPED, declared
 from flexid.library.entrance import did_you_mean, entrance
+from flexid.library.estimates import identified
 from flexid.library.threads import in_one_thread
 from flexid.models.parametric_system import ParametricSystem
 
@@ -139,9 +140,7 @@ def export_source(
         return source_of_identification(what.result, with_memory=with_memory)
     is_path = isinstance(what, str | PathLike) and what != SHIPPED
     if is_path and Path(as_path("export", "what", what)).suffix.lower() == ".json":
-        from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
-
-        stored = stored_identification(read_estimate(Path(what)))
+        stored, _ = identified("export", "what", what)
         return source_of_identification(stored, with_memory=with_memory)
     if not is_path and what != SHIPPED and not isinstance(what, ParametricSystem):
         raise ArgumentError(

@@ -6,10 +6,9 @@ from math import isnan
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from flexid.errors import ArgumentError
 from flexid.library.answer import ReportedAnswer, data_frame
-from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
+from flexid.library.estimates import estimate_content
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
@@ -177,24 +176,6 @@ def validate(
     from flexid.library.logs import all_logs
     from flexid.stored_estimates.validate_estimate import validate_estimate
 
-    stored = stored_estimate("validate", estimate)
+    stored = estimate_content("validate", "estimate", estimate)
     read = all_logs("validate", logs, columns)
     return EstimateValidation(validate_estimate(stored, read))
-
-
-def stored_estimate(function: str, estimate: Any) -> Any:
-    """An estimate as a path or a document."""
-    from flexid.library.joint_estimate import JointEstimate
-
-    if isinstance(estimate, JointEstimate):
-        return estimate.document
-    if isinstance(estimate, Mapping):
-        return estimate
-    if isinstance(estimate, str | PathLike):
-        return as_path(function, "estimate", estimate)
-    raise ArgumentError(
-        function,
-        "estimate",
-        f"is {kind_of(estimate)}: give what flexid.identify returned, or the path of an "
-        f"estimate.json",
-    )

@@ -1,12 +1,11 @@
 """Arguments of `flexid.watch`, and of what is fed to it."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexid.errors import ArgumentError
-from flexid.library.checks import as_path, kind_of
+from flexid.library.checks import kind_of
 from flexid.library.options import as_known, as_number, as_terms
 from flexid.recording.channel import INPUTS, SI_UNITS
 
@@ -88,13 +87,7 @@ def _terms(terms: Any) -> tuple[str, ...] | None:
 
 def as_commissioned(estimate: Any) -> "Commissioned | None":
     """What a stream is held against, if there is something."""
-    from flexid.library.joint_estimate import JointEstimate
-    from flexid.streaming.commissioned import commissioned, read_commissioned
+    from flexid.library.estimates import identified
+    from flexid.streaming.commissioned import commissioned
 
-    if estimate is None:
-        return None
-    if isinstance(estimate, JointEstimate):
-        return commissioned(estimate.result)
-    if isinstance(estimate, Mapping):
-        return read_commissioned(estimate)
-    return read_commissioned(as_path("watch", "estimate", estimate))
+    return None if estimate is None else commissioned(identified("watch", "estimate", estimate)[0])

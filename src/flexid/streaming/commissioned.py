@@ -15,8 +15,6 @@ from flexid.errors import SettingError
 from flexid.models.flexible_joint import SHAPE_TERMS, SQUARES
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.evidence import ParameterEstimate
 
@@ -54,13 +52,6 @@ class Commissioned:
             for name, delay in self.late.items()
             if abs(delay) > LATE * sample_time
         )
-
-
-def read_commissioned(estimate: "Path | str | Mapping[str, object]") -> Commissioned:
-    """What a stream takes from a stored estimate."""
-    from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
-
-    return commissioned(stored_identification(read_estimate(estimate)))
 
 
 def commissioned(result: "Identification") -> Commissioned:
