@@ -16,25 +16,29 @@ from flexid.errors import SettingError
 
 def test_names_stand_between_commas():
     """Assert that blanks about names, empty names and repetitions do not count."""
-    assert parse_names(" gravity, motor_viscous,,gravity") == ("gravity", "motor_viscous")
+    assert parse_names("--terms", " gravity, motor_viscous,,gravity") == (
+        "gravity",
+        "motor_viscous",
+    )
 
 
 @pytest.mark.parametrize("text", ["theta2=100+-5", "theta2 = 100 ± 5", "theta2=1e2+-5e+0"])
 def test_uncertainty_follows_the_value(text):
     """Assert that a value and its standard deviation are told apart in either notation."""
-    assert parse_known([text]) == ({"theta2": 100.0}, {"theta2": 5.0})
+    assert parse_known("--known", [text]) == {"theta2": (100.0, 5.0)}
 
 
 def test_exponent_is_no_uncertainty():
     """Assert that the sign of an exponent does not begin a standard deviation."""
-    assert parse_known(["beta1=1e+3", "alpha1=1e-3"]) == ({"beta1": 1000.0, "alpha1": 0.001}, {})
+    found = parse_known("--known", ["beta1=1e+3", "alpha1=1e-3"])
+    assert found == {"beta1": 1000.0, "alpha1": 0.001}
 
 
 @pytest.mark.parametrize("text", ["theta2", "theta2=", "theta2=a", "theta2=1+-", "theta2=+-1"])
 def test_bad_knowledge_is_shown(text):
     """Assert that what is no name=number is refused in the words of the user."""
     with pytest.raises(SettingError, match="--known") as refused:
-        parse_known([text])
+        parse_known("--known", [text])
     assert repr(text) in str(refused.value)
 
 
@@ -43,14 +47,14 @@ def test_bad_knowledge_is_shown(text):
 )
 def test_end_left_out_is_infinite(text, ends):
     """Assert that bounds may be open at either end."""
-    assert parse_bounds([f"alpha2={text}"]) == {"alpha2": ends}
+    assert parse_bounds("--bounds", [f"alpha2={text}"]) == {"alpha2": ends}
 
 
 @pytest.mark.parametrize("text", ["alpha2", "alpha2=1", "alpha2=a:b", "alpha2=1:2:3"])
 def test_bad_bounds_are_shown(text):
     """Assert that what is no name=lower:upper is refused in the words of the user."""
     with pytest.raises(SettingError, match="--bounds") as refused:
-        parse_bounds([text])
+        parse_bounds("--bounds", [text])
     assert repr(text) in str(refused.value)
 
 
@@ -59,7 +63,7 @@ def test_second_value_does_not_replace_the_first(parse):
     """Assert that a name that stands twice is refused rather than one of them dropped."""
     texts = ["beta1=3", "beta1=4"] if parse is parse_known else ["beta1=3:", "beta1 = :4"]
     with pytest.raises(SettingError, match="beta1 is given twice"):
-        parse(texts)
+        parse("--option", texts)
 
 
 def test_number_or_auto():

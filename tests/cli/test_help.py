@@ -8,11 +8,11 @@ import sys
 import pytest
 import typer
 
-from flexid.cli.commands import app
+from flexid.cli.commands import command_line
 from flexid.cli.options import sentences
 from flexid.models.flexible_joint import SHAPE_TERMS, TERMS
 
-GROUP = typer.main.get_command(app)
+GROUP = typer.main.get_command(command_line())
 COMMANDS = sorted(GROUP.commands)  # type: ignore[attr-defined]
 
 
@@ -51,6 +51,16 @@ def test_examples_are_accepted(example, tmp_path, monkeypatch):
     command = GROUP.commands[name]  # type: ignore[attr-defined]
     context = command.make_context(name, arguments)
     assert context.params
+
+
+def test_a_command_loads_no_other():
+    """Assert that a command is read without the modules of the others."""
+    code = (
+        "import sys; from flexid.cli.main import main; sys.argv = ['flexid', 'derive', 'x.toml']\n"
+        "try: main()\nexcept SystemExit: print('flexid.library.identify' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "False\n"
 
 
 def test_terms_are_listed(flexid):

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -35,6 +36,7 @@ class Command:
     doing: str = ""  # shown while it works
     writes: str = ""  # with --out
     flags: tuple[str, ...] = ()  # of `FLAGS`
+    own: str = ""  # the module of a command that declares its options itself
     notes: str = ""  # a paragraph of the help
     more: str = ""  # what shows the warnings after the first three
     done: Callable[["Any", Options], bool] = lambda _answer, _flags: True  # or exit status 1
@@ -42,10 +44,8 @@ class Command:
 
     @property
     def function(self) -> Callable[..., Any]:
-        """The function of the library."""
-        import flexid
-
-        return getattr(flexid, self.name)
+        """The function of the library, or of its own."""
+        return getattr(import_module(self.own or "flexid"), self.name)
 
 
 def register(app: typer.Typer, command: Command) -> None:
@@ -54,7 +54,18 @@ def register(app: typer.Typer, command: Command) -> None:
     head, _, rest = documented.partition("\n\n")
     said = [sentences(part) for part in _prose(rest)]
     body = [head, *said, command.notes, f"Exit status: {command.status}"]
-    epilog = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
+    examples = ["\b", "Examples:", *(f"  flexid {example}" for example in command.examples)]
+    app.command(
+        command.name,
+        cls=PlainCommand,
+        help="\n\n".join(filter(None, body)),
+        short_help=head,
+        epilog="\n".join(examples),
+    )(command.function if command.own else _calling(command, documented))
+
+
+def _calling(command: Command, documented: str) -> Callable[..., None]:
+    """A function with the command's options, as Typer takes it."""
 
     def call(**given: Any) -> None:
         flags = {
@@ -67,8 +78,7 @@ def register(app: typer.Typer, command: Command) -> None:
     parameters = [*_from_library(command, documented), *_of_printing(command)]
     call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] - read by Typer
     call.__annotations__ = {p.name: p.annotation for p in parameters}
-    call.__doc__ = "\n\n".join(filter(None, body))
-    app.command(command.name, cls=PlainCommand, short_help=head, epilog="\n".join(epilog))(call)
+    return call
 
 
 class PlainCommand(TyperCommand):

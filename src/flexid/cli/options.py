@@ -31,12 +31,6 @@ class Option(NamedTuple):
     note: str = ""  # in the help, after the words of the library
 
 
-def known_pairs(_name: str, texts: list[str]) -> dict[str, Any]:
-    """Values by name, or pairs with a standard deviation."""
-    values, deviations = parse_known(texts)
-    return {n: (v, deviations[n]) if n in deviations else v for n, v in values.items()}
-
-
 def directory(text: str) -> Path:
     """A directory to write into; a `SettingError` if its name is empty."""
     if not text.strip():
@@ -69,7 +63,7 @@ OPTIONS = {
     "bounds": Option(
         list[str] | None,
         "NAME=LOW:HIGH",
-        lambda _name, texts: parse_bounds(texts),
+        parse_bounds,
         "Such as joint_stiffness=50:200 or motor_viscous_friction=0:. May be repeated.",
     ),
     "checkpoint": _FILE._replace(note="Saved into each minute, at the end, and on Ctrl-C."),
@@ -92,7 +86,7 @@ OPTIONS = {
     "known": Option(
         list[str] | None,
         "NAME=VALUE",
-        known_pairs,
+        parse_known,
         "Such as motor_inertia=0.3 or joint_stiffness=100+-5. May be repeated.",
     ),
     "link_delay": _DELAY,
@@ -116,7 +110,7 @@ OPTIONS = {
     "terms": Option(
         str | None,
         "NAMES",
-        lambda _name, text: text if text == "auto" else parse_names(text),
+        parse_names,
         f"Names between commas: {_NAMES}.",
     ),
     "to": Option(str),

@@ -9,12 +9,6 @@ import typer
 from flexid.errors import RecordingError
 from flexid.files import shown
 
-EXAMPLES = (
-    "studio",
-    "studio examples/flexible_joint.csv",
-    "studio --port 9000 --no-browser",
-)
-
 
 def studio(
     log: Annotated[
@@ -44,8 +38,6 @@ def studio(
 
     Drop a log, say which column is what, see what it can tell before anything is run, identify,
     and keep what was found. The page's address holds what was chosen. Ctrl-C ends the studio.
-
-    Exit status: 3 when Ctrl-C ends it, 2 where it cannot listen, or LOG is not there.
     """
     if log is not None and not os.path.exists(log):
         raise RecordingError(

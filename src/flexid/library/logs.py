@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from flexid.errors import ArgumentError, RecordingError
+from flexid.errors import ArgumentError
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.recording.recording import CHANNELS, Log, Recording
@@ -125,10 +125,6 @@ def one_log(function: str, log: Any, columns: Any) -> Log:
         return log if isinstance(log, Log) else _log_of(log)
     column_map = as_columns(function, columns)
     if isinstance(log, str | os.PathLike):
-        if os.fspath(log) == "-":
-            raise RecordingError(
-                "-", "", "standard input is read by flexid watch: give the path of a log here"
-            )
         return read(as_path(function, "log", log), column_map)
     if is_frame(log):
         return log_of_table(table_of_frame(log), column_map)
