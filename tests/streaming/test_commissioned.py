@@ -160,7 +160,7 @@ def test_what_was_given_is_given(result):
 
 
 def test_what_cannot_be_held_against(result):
-    """Assert that another joint, another input, a memory and a guess are refused."""
+    """Assert that another joint or input, a memory, a guess and a missing value are refused."""
     made = commissioned(result)
     with pytest.raises(SettingError, match="channels show the rigid one"):
         options_of(made, "rigid")
@@ -169,6 +169,13 @@ def test_what_cannot_be_held_against(result):
     with_memory = replace(result.choices, terms=("gravity", "spring_hysteresis"))
     with pytest.raises(SettingError, match=r"remembers the path .* --terms gravity, and"):
         commissioned(replace(result, choices=with_memory))
+    beta = replace(result.coefficients["beta1"], value=np.nan, std=0.0)
+    with pytest.raises(SettingError, match="has no value of beta1"):
+        commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
+    with pytest.raises(SettingError, match="is not positive"):
+        options_of(made, coulomb_velocity=0.0)
+    with pytest.raises(SettingError, match="holds no estimate"):
+        flexid.watch(sample_time=H, estimate={})
     open_ones = {n: replace(p, verdict="undetermined") for n, p in result.parameters.items()}
     with pytest.raises(SettingError, match="determines nothing"):
         commissioned(replace(result, parameters=open_ones))
@@ -184,19 +191,6 @@ def test_a_number_that_is_missing_is_compared_with_nothing(result, part: str, tm
     assert {*TRUTH} - {*made.reference} == {"joint_stiffness"}
     options = options_of(made)
     save_session(opened_session(options, None), tmp_path / "state.json")
-
-
-def test_what_was_given_needs_a_value(result):
-    """Assert that a given coefficient without a value is refused."""
-    beta = replace(result.coefficients["beta1"], value=np.nan, std=0.0)
-    with pytest.raises(SettingError, match="has no value of beta1"):
-        commissioned(replace(result, coefficients=result.coefficients | {"beta1": beta}))
-
-
-def test_no_velocity_is_refused(result):
-    """Assert that a velocity of zero is not taken for none at all."""
-    with pytest.raises(SettingError, match="is not positive"):
-        options_of(commissioned(result), coulomb_velocity=0.0)
 
 
 def test_a_late_channel_is_warned_of(result):
@@ -286,12 +280,6 @@ def test_everything_may_be_known():
     session = watched(stream(3.0), replace(OPTIONS, known=known))
     assert {*session.learner.system.coefficients} == {"theta1", "alpha2"}
     assert session.health.health is Health.CONVERGED
-
-
-def test_an_estimate_that_is_none():
-    """Assert that a file that is no estimate is refused in a sentence."""
-    with pytest.raises(SettingError, match="holds no estimate"):
-        flexid.watch(sample_time=H, estimate={})
 
 
 def test_kinds_are_those_of_identify():

@@ -138,16 +138,10 @@ def test_a_column_that_is_not_read_need_not_hold_numbers(log: Path, other: str, 
     assert same(session_of(follower), watched(SAMPLES))
 
 
-def test_a_header_below_a_comment(log: Path):
-    """Assert that a comment at its beginning does not hide the next file's header."""
-    content = "# another order\n" + text(others(SAMPLES[CUT:]), OTHER)
-    session = session_of(followed(log, [renamed(log, content)]))
-    assert session.counts == watched(SAMPLES).counts
-
-
-def test_its_columns_may_stand_otherwise(log: Path):
-    """Assert that the next file is read by its own header."""
-    follower = followed(log, [renamed(log, text(others(SAMPLES[CUT:]), OTHER))])
+@pytest.mark.parametrize("comment", ["", "# another order\n"])
+def test_its_columns_may_stand_otherwise(log: Path, comment: str):
+    """Assert that the next file is read by its own header, also below a comment."""
+    follower = followed(log, [renamed(log, comment + text(others(SAMPLES[CUT:]), OTHER))])
     session, straight = session_of(follower), watched(SAMPLES)
     assert session.counts == straight.counts
     found, right = (s.learner.values(s.now.states) for s in (session, straight))
@@ -228,15 +222,3 @@ def test_a_rotation_just_before_the_end(
     left_out = [w for w in follower.warnings if "what came is left out" in w]
     assert len(left_out) == (header is not None)
     save_session(session_of(follower), log.with_name("state.json"))
-
-
-def test_a_short_file_at_its_end(log: Path):
-    """Assert the same of a file that is cut while it is read to its end."""
-    follower = Follower(str(log), CHOSEN, stop_at_end=True)
-    done = False
-    for _ in follower.turns(1.0):
-        if follower.session is not None and follower.session.fed == CUT and not done:
-            log.write_text(text(SAMPLES[CUT : CUT + 2]))
-            done = True
-    assert same(session_of(follower), watched(SAMPLES[:CUT]))
-    assert "what came is left out" in follower.warnings[-1]

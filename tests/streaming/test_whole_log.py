@@ -99,8 +99,8 @@ def test_a_stream_is_least_squares_in_memory(write: Write, lost: tuple[int, ...]
 
 def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch):
     """Assert that the choices are the head's, the whole is judged, and blocks change no digit."""
-    path, steps = write(), []
-    result = identify_stream(path, advance=lambda *done: steps.append(done))
+    path, steps = write(), list[str]()
+    result = identify_stream(path, progress=steps.append)
     assert set(result.choices.terms) == {"gravity", "motor_viscous"}
     assert result.choices.estimator == "least-squares"
     assert result.verdict == "determined"
@@ -110,7 +110,7 @@ def test_the_evidence_of_a_stream(write: Write, monkeypatch: pytest.MonkeyPatch)
     assert not result.warnings
     assert "60000 samples (1 min) were fitted in one pass" in result.summary[-1]
     assert len(result.provenance["inputs"][0]["sha256"]) == 64
-    assert steps[-1] == (ROWS, ROWS)
+    assert steps[-1] == "100% of 0.06 million samples"
     monkeypatch.setattr(incoming, "BLOCK", 25_000)
     again = identify_stream(path)
     np.testing.assert_array_equal(again.fit.values, result.fit.values)

@@ -154,7 +154,6 @@ def _streamed(logs: Any, columns: Any, settings: "Settings", progress: Progress)
         as_columns("identify", columns),
         settings,
         progress,
-        lambda done, total: progress(f"{done / total:.0%} of {total / 1e6:.3g} million samples"),
     )
 
 

@@ -32,7 +32,7 @@ from flexid.identification.result.warnings import (
 from flexid.identification.vocabulary.estimate import Estimate
 from flexid.identification.vocabulary.evidence import CoefficientEstimate
 from flexid.identification.vocabulary.intervals import quantile
-from flexid.identification.vocabulary.progress import Advance, Progress, silent
+from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.models.flexible_joint import SHAPE_TERMS
 from flexid.models.terms import SMOOTHING
 from flexid.readers.formats import PARQUET
@@ -72,7 +72,6 @@ def identify_stream(
     columns: "MapSource | None" = None,
     settings: Settings | None = None,
     progress: Progress = silent,
-    advance: Advance = silent,
 ) -> Identification:
     """Identify a joint from a Parquet file in one pass, in bounded memory."""
     settings = settings or Settings()
@@ -88,7 +87,8 @@ def identify_stream(
         clock = _Clock(replay.name, session.options.sample_time)
         for samples in _samples(replay, clock, session.options, head.log):
             session.feed(samples)
-            advance(session.fed, head.all_rows)
+            share = f"{session.fed / head.all_rows:.0%}"
+            progress(f"{share} of {head.all_rows / 1e6:.3g} million samples")
     finally:
         replay.close()
     result = _result(session, head, found, settings, clock.warnings)

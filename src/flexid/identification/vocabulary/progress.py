@@ -5,9 +5,6 @@ from collections.abc import Callable
 Progress = Callable[[str], None]
 """Takes a line of text."""
 
-Advance = Callable[[int, int], None]
-"""Takes what is done, and what there is to do."""
-
 
 def silent(*_: object) -> None:
     """Say nothing."""
