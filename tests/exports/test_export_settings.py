@@ -24,7 +24,7 @@ REFUSED = {
         {"sample_time": 1e-3, "velocities": True, "gain": {"link": 1.0}},
         "give one for 'alpha1'",
     ),
-    "memory too short": ({"sample_time": 1e-3, "memory": 0.0}, "more than ten samples"),
+    "memory too short": ({"sample_time": 1e-3, "memory": 0.0}, "longer than ten samples"),
     "another sample time": (
         {"sample_time": 2e-3, "log": "examples/flexible_joint.csv"},
         "the log's is 0.001 s",
