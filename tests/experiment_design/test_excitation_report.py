@@ -139,7 +139,7 @@ def test_what_no_input_mends_is_said(faint):
     }
     advice = advise(replace(found, coefficients=contradicted), [], pytest.fail)
     lines = list(advice_lines(advice, "N m"))
-    assert lines == ["No other input mends what is amiss here:", "The log contradicts it."]
+    assert lines == ["Another input does not remedy this:", "The log contradicts it."]
 
 
 def test_a_rigid_joint_is_examined_too(tmp_path):

@@ -302,7 +302,7 @@ def test_what_it_lacks_is_said(units, joint, tmp_path, monkeypatch):
     (tmp_path / "bare").mkdir()
     values = {name: TRUE[name] for name in plain.coefficients}
     (said,) = write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path / "bare")
-    assert "sources alone" in said
+    assert "only sources" in said
     names = sorted(path.name for path in (tmp_path / "bare").iterdir())
     assert names == ["plant_fmi2.fmu", "plant_fmi3.fmu"]
     for name in names:
@@ -335,9 +335,9 @@ def test_a_jump_is_smoothed(tmp_path):
 FAILURES = {
     "an error behind a warning": (
         "echo 'model.h:1: warning: hm' >&2; echo 'plant.c:9: error: no such thing' >&2; exit 1",
-        r"cc ended with status 1 and said 'plant\.c:9: error: no such thing': mend what it names",
+        r"cc ended with status 1, 'plant\.c:9: error: no such thing': correct that",
     ),
-    "silence": ("exit 3", "cc ended with status 3 and said 'nothing'"),
+    "silence": ("exit 3", "cc ended with status 3, 'nothing'"),
     "a signal": ("kill -9 $$", "cc was ended by signal 9 before the library was made"),
     "no library": ("exit 0", r"cannot be made in a temporary folder \(No such file"),
 }
@@ -363,7 +363,7 @@ def test_a_compiler_that_cannot_be_run(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda _: str(tmp_path))
     plain = flexid.flexible_joint(known={"beta1": 4.0})
     values = {name: TRUE[name] for name in plain.coefficients}
-    with pytest.raises(SettingError, match=r"cannot be run \(Permission denied\): mend"):
+    with pytest.raises(SettingError, match=r"cannot be run \(Permission denied\): check"):
         write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path)
 
 

@@ -4,7 +4,7 @@ The identified model runs under the recorded input with one sine more, or under 
 input, and what that motion would determine is judged like the log itself. The smallest addition
 after which every coefficient counts as determined, and a margin, is the advice. Where the log does
 not even yield a model that could be run, a rule of thumb takes its place; where it is not the
-motion that is lacking, that is said instead.
+motion that is lacking, the advice says so.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ _LEAST, _MOST = 1 / 16, 32.0  # size of an addition, over the input's root mean 
 _STEP = 4.0  # between one amplitude and the next
 _REFINEMENTS = 4  # halvings of the last step, on a logarithmic scale
 _MARGIN = 1.25  # on amplitude or length: the next log has other noise
-_SHORT = 5.0  # s, below which a log is too short whatever it shows
+_SHORT = 5.0  # s, below which a log is too short in any case
 _MOST_TIMES = 100.0  # the length of the log
 # A second tone at 2.65 times the first with a fifth of its amplitude brings the condition number of
 # the flexible joint of Huang (2003), Table I, near 1 at any amplitude.
@@ -104,7 +104,7 @@ def advise(
         return None
     impossible = any(n in POSITIVE and c.value <= 0.0 for n, c in result.coefficients.items())
     if impossible or not all(np.isfinite(c.std) for c in lacking):
-        return rule_of_thumb(recordings)  # a model of guessed values says nothing of other inputs
+        return rule_of_thumb(recordings)  # guessed values do not predict other motions
     if all(verdict(c.value, c.interval)[0] == "determined" for c in lacking):
         return Advice(None, None, None, 0.0, caution=_capital(lacking[0].reason))
     try:
@@ -165,7 +165,7 @@ def _caution(result: Identification, rehearsal: Rehearsal) -> str:
     if result.model_error.share > 0.0:
         return (
             "The residuals show that the drive has something which no term here describes, and "
-            "that widens the intervals, too: another motion narrows them less than said"
+            "that widens the intervals, too: another motion narrows them less than predicted"
         )
     if rehearsal.in_white_noise.enough:
         return (
@@ -180,7 +180,7 @@ def _capital(sentence: str) -> str:
 
 
 def rule_of_thumb(recordings: Sequence[Samples]) -> Advice:
-    """A second tone beside the strongest one of the input, whatever the drive."""
+    """A second tone in addition to the strongest one of the input, for any drive."""
     spectrum = input_spectrum(max(recordings, key=len))
     place = int(np.argmax(spectrum[1]))
     rate, amplitude = map(float, spectrum[:, place])

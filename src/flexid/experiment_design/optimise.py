@@ -3,7 +3,7 @@
 The weights of the tones are sought by a quasi-Newton method (SciPy's L-BFGS-B) from several random
 starts. Small for it is log(σ U), with σ the criterion as a standard deviation and U the largest use
 of a limit: for small motions a larger amplitude changes neither, so that shapes compete and not
-sizes; (log U)² besides keeps U near 1. Once that has settled, drives whose parameters are wrong
+sizes; (log U)² keeps U near 1. Once that has settled, drives whose parameters are wrong
 play what was found, and those that come furthest beyond a limit have a say in U in a second search
 from there. Both sample more coarsely than the experiment, just finely enough for the joint.
 """

@@ -23,7 +23,7 @@ _RECENT = 10.0  # time constants of the filter that "lately" reaches back over
 _RECENT_TIME = 0.5  # s, where there is no filter
 _SLACK = 0.01  # unexplained part of the recent left-hand sides that contradicts nothing
 _UNUSUAL = 10.0  # and how many times the usual part
-_STANDSTILL = 0.01  # part of the mean square below which a motion says nothing against a model
+_STANDSTILL = 0.01  # part of the mean square below which a motion cannot contradict a model
 _PATIENCE = 8  # times as long before what is still open is open because of the motion
 _SLOWEST = 0.1  # 1/s; an observer that converges more slowly is not excited
 
@@ -253,7 +253,7 @@ _MEANINGS = {
     "RIDGE": "rho",
     "LEAST_TOLERANCE": "part of a regressor's square that the others must leave over",
     "LEAST_EXPLAINED": "part of a left-hand side that a row must explain",
-    "LEAST_DIAGONAL": "below it a sum of squares is none",
+    "LEAST_DIAGONAL": "below it a sum of squares counts as zero",
     "LEAST_SQUARE": "part of A[i][i] that a factor's diagonal has at least, squared",
     "SLACK": "unexplained part of the latest left-hand sides that contradicts nothing",
     "UNUSUAL": "and how many times the usual part",

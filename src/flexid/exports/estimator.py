@@ -21,7 +21,7 @@ MEMORY_TIME = 60.0
 
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """Settings of an estimator beside a drive."""
+    """Settings of an online estimator."""
 
     sample_time: float  # s
     hold: "Hold" = "zero"  # the input between samples

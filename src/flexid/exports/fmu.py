@@ -61,10 +61,7 @@ def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
         )
     missing = [name for name in source.system.coefficients if name not in source.values]
     if source.values and missing:
-        found.append(
-            f"the plant is left out: the estimate has no value of {', '.join(missing)}, of which "
-            f"the log says nothing"
-        )
+        found.append(f"the plant is left out: the log does not determine {', '.join(missing)}")
     if source.identification is not None and names:
         found += source.doubts
         alignment = source.identification.choices.alignment
@@ -77,7 +74,7 @@ def _warnings(source: "ExportSource", models: list[FmuModel]) -> list[str]:
         ]
     if _compiler() is None or _place("3.0") is None:
         found.append(
-            "there is no C compiler here: the FMUs hold sources alone, which importers compile"
+            "there is no C compiler here: the FMUs hold only sources, which importers compile"
         )
     return found
 
@@ -123,22 +120,22 @@ def _library(model: FmuModel, version: str, texts: dict[str, str]) -> dict[str, 
 
 
 def _compile(command: list[str], folder: str) -> None:
-    """Run a compiler, or raise with what it said."""
+    """Run a compiler, or raise with its message."""
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
         )
     except OSError as error:
         raise SettingError(
-            "fmu", f"{command[0]} cannot be run ({error.strerror}): mend its installation"
+            "fmu", f"{command[0]} cannot be run ({error.strerror}): check its installation"
         ) from None
     if done.returncode:
         raise _failed(command[0], done)
 
 
 def _failed(compiler: str, done: "subprocess.CompletedProcess[str]") -> SettingError:
-    """What a compiler said when it failed, or what ended it."""
-    hide = "export where there is no compiler to get sources alone"
+    """The error of a compiler that failed or was ended."""
+    hide = "export without a compiler on the path to get only sources"
     if done.returncode < 0:
         return SettingError(
             "fmu",
@@ -149,8 +146,8 @@ def _failed(compiler: str, done: "subprocess.CompletedProcess[str]") -> SettingE
     said = next((line for line in lines if "error" in line.lower()), (lines or ["nothing"])[-1])
     return SettingError(
         "fmu",
-        f"{compiler} ended with status {done.returncode} and said {cut(said, 200)!r}: mend what it "
-        f"names, or {hide}",
+        f"{compiler} ended with status {done.returncode}, {cut(said, 200)!r}: correct that, or "
+        f"{hide}",
     )
 
 

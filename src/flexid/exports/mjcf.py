@@ -56,7 +56,9 @@ def write_mjcf(request: ExportRequest, directory: Path) -> tuple[str, ...]:
     model = described(result, 0)
     for name, value in model.coefficients.items():
         if not isfinite(value):
-            raise SettingError(name, "has no value in this estimate: the log says nothing of it")
+            raise SettingError(
+                name, "has no value in this estimate: identify a log that determines it"
+            )
     unit = result.coefficients["beta1"].unit if "beta1" in model.coefficients else ""
     made = mjcf_scene(model, unit.removeprefix("rad/s^2/").strip("()"))
     (directory / "joint.xml").write_text(made.xml, encoding="utf-8")

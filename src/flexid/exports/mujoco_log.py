@@ -69,7 +69,7 @@ def mujoco_log(
     scene, name = _loaded(engine, model)
     inputs = np.asarray(torque, dtype=np.float64)
     if inputs.ndim != 1 or len(inputs) == 0 or not np.all(np.isfinite(inputs)):
-        raise SettingError("torque", "is no list of finite numbers: give one for each sample")
+        raise SettingError("torque", "must be a list of finite numbers: give one for each sample")
     steps = _steps(sample_time, scene.opt.timestep)
     hinges = [(_place(engine, scene, "joint", motor), positions[1], velocities[1])]
     if link is not None:
@@ -135,8 +135,8 @@ def _steps(sample_time: float, timestep: float) -> int:
     if not np.isfinite(steps) or round(steps) < 1 or abs(steps - round(steps)) > _SAME_STEP:
         raise SettingError(
             "sample_time",
-            f"{sample_time:g} s is no whole number of the scene's steps of {timestep:g} s: change "
-            f"its timestep",
+            f"{sample_time:g} s is not a multiple of the scene's step of {timestep:g} s: change "
+            f"one of the two",
         )
     return round(steps)
 
@@ -155,7 +155,7 @@ def _place(engine: Any, scene: Any, kind: str, name: str) -> int:
 
 
 def _diverged(engine: Any, state: Any) -> bool:
-    """Whether the engine has begun anew, or taken no torque for one that it finds too large."""
+    """Whether the engine has reset the motion, or ignored a torque that it finds too large."""
     bad = ("BADQPOS", "BADQVEL", "BADQACC", "BADCTRL")
     kinds = [getattr(engine.mjtWarning, f"mjWARN_{kind}") for kind in bad]
     return any(state.warning[int(kind)].number for kind in kinds)

@@ -62,7 +62,9 @@ def source_of_identification(
         )
     without = sorted(name for name in given if not isfinite(values[name]))
     if without:
-        raise SettingError(without[0], "has no value in the estimate: identify once more")
+        raise SettingError(
+            without[0], "has no value in the estimate: identify a log that determines it"
+        )
     constants = {name: values[name] for name in sorted(given)} | {**result.choices.shapes}
     if result.choices.coulomb_velocity is not None:
         constants[SMOOTHING] = result.choices.coulomb_velocity

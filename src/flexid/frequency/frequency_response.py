@@ -21,7 +21,7 @@ from flexid.identification.vocabulary.intervals import (
 from flexid.recording.recording import Recording
 
 _POINTS = 400  # of the curves, evenly on the logarithm
-_BESIDE = np.geomspace(1e-5, 0.2, 40)  # and beside a peak, however narrow it is
+_NEAR_PEAK = np.geomspace(1e-5, 0.2, 40)  # and near a peak, however narrow it is
 _AROUND = 20.0  # how far the curves go, times what is characteristic, where no log says
 
 
@@ -96,7 +96,7 @@ class FrequencyResponse:
     level : float
         Nominal coverage of the intervals.
     unknown : tuple of str
-        Coefficients that the log leaves free, because of which there is no band.
+        Coefficients that the log does not determine: because of them there is no band.
     """
 
     model: str
@@ -201,6 +201,6 @@ def _chosen(characteristic: Sequence[Frequency], recordings: Sequence[Recording]
         low = min(low, max(1.0 / (len(r) * r.sample_time) for r in recordings) * 4.0)
         high = min(high, max(0.5 / r.sample_time for r in recordings))
     evenly = np.geomspace(low, max(high, 2.0 * low), _POINTS)
-    beside = [f * (1.0 + side * _BESIDE) for f in own for side in (-1.0, 1.0)]
-    every = np.unique(np.concatenate((evenly, *beside)))
+    near = [f * (1.0 + side * _NEAR_PEAK) for f in own for side in (-1.0, 1.0)]
+    every = np.unique(np.concatenate((evenly, *near)))
     return every[(every >= evenly[0]) & (every <= evenly[-1])]

@@ -116,7 +116,7 @@ def linear_joint(result: Identification, position: float | None = None) -> Linea
     found = {name: value if np.isfinite(value) else 0.0 for name, value in given.items()}
     rest = _hanging(found) if position is None else position
     if not np.isfinite(rest):
-        raise SettingError("position", f"{rest} is no angle: give it in rad")
+        raise SettingError("position", f"must be a finite angle in rad, got {rest}")
     slopes = _slopes(result, tuple(found))
     finite = np.isfinite(np.diag(result.fit.covariance))
     free = (slopes[:, ~finite] != 0.0).any(axis=1) | lost
@@ -165,7 +165,7 @@ def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatA
     rows, count = len(system.rows), len(system.coefficients)
     x, u = np.zeros(2 * rows), np.zeros(len(system.inputs))
     x[::2] = rest
-    if len(u) > 1:  # the motor's position, beside its velocity
+    if len(u) > 1:  # the motor's position, before its velocity
         u[0] = rest
     constants = list(system.constants.values())
     slopes = np.empty((1 + count, 2 * rows, 2 * rows))

@@ -34,7 +34,7 @@ class ExperimentDesign(Answer):
     result : Design
         What was found.
     warnings : tuple of str, optional
-        What of an estimate the design does not heed, or rests on at its peril.
+        Parts of an estimate that the design does not use, or that are uncertain.
     """
 
     _file = "design.json"
@@ -45,7 +45,7 @@ class ExperimentDesign(Answer):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What of an estimate the design does not heed, or rests on at its peril."""
+        """Parts of an estimate that the design does not use, or that are uncertain."""
         return self._warnings
 
     @property

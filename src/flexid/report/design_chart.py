@@ -1,4 +1,4 @@
-"""Chart of a design: what is played, its tones, and what it determines beside other inputs."""
+"""Chart of a design: its input, tones, and predictions compared with other inputs."""
 
 import numpy as np
 
@@ -20,11 +20,11 @@ def design_chart(result: Design) -> Chart:
         _deviations(result),
     )
     peak = float(np.abs(result.run.torque).max())
-    beside = ", ".join(f"{one.name} {_worst(one)}" for one in result.references)
+    others = ", ".join(f"{one.name} {_worst(one)}" for one in result.references)
     says = (
         "The coefficient that it determines the least would have a standard deviation of "
         f"{_worst(result.prediction)} at a peak torque of {peak:.3g} N m; "
-        f"at the same peak, {beside}."
+        f"at the same peak, {others}."
     )
     return Chart("design", "The design", says, panels, columns=2)
 

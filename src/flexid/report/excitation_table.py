@@ -65,7 +65,7 @@ def _table(assessment: Assessment) -> Table:
 
 
 def _cost(c: CoefficientAssessment) -> str:
-    """How much wider the others make an interval; nothing where that is no question."""
+    """How much wider the others make an interval; empty where that does not apply."""
     if c.std == 0.0 or (isnan(c.width_alone) and isfinite(c.width)):
         return ""
     if not isfinite(c.inflation):
@@ -116,11 +116,11 @@ def _additions(advice: Advice, unit: str) -> Iterator[str]:
         )
     elif advice.largest > 0.0:
         yield (
-            f"No single sine of up to {advice.largest:.3g} {unit} beside this input suffices: see "
-            f"flexid design."
+            f"No single sine of up to {advice.largest:.3g} {unit} added to this input is enough: "
+            f"see flexid design."
         )
     elif advice.caution:
-        yield "No other input mends what is amiss here:"
+        yield "Another input does not remedy this:"
     else:
         yield "The input never moves: play one that does (see flexid design)."
     if advice.multiple is not None:

@@ -17,7 +17,7 @@ static flexid_state state; /* not on the stack: it outlives every function */
 typedef struct {
     double worst;       /* the one that comes closest to what is allowed, or exceeds it most, */
     double allowed;     /* and what is allowed for it, both relative to SCALE */
-    unsigned too_large; /* how many are larger than allowed, or no numbers */
+    unsigned too_large; /* how many are larger than allowed, or not finite */
 } differences;
 
 static void compare(const flexid_values *values, const double expected[], differences *sum)
@@ -54,7 +54,7 @@ int main(void)
         }
     }
 
-    /* The state is saved as any other bytes, with its checksum beside it. */
+    /* The state is saved like any other bytes, with its checksum. */
     const flexid_state saved = state;
     const uint32_t checksum = flexid_checksum(&saved);
     flexid_init(&state);

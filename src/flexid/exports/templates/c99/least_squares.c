@@ -207,7 +207,7 @@ $start
 }
 
 /* A sum has overflown, and nothing that rests on it can be believed. */
-static flexid_health begun_anew(flexid_state *state)
+static flexid_health restarted(flexid_state *state)
 {
     flexid_init(state);
     return FLEXID_SENSOR_FAULT;
@@ -253,7 +253,7 @@ static flexid_health update(flexid_state *state)
         sound = sound && is_sound(row);
     }
     after_equations(state);
-    return sound ? judged(state, determined && settled, contradicted) : begun_anew(state);
+    return sound ? judged(state, determined && settled, contradicted) : restarted(state);
 }
 
 static flexid_health take_in(flexid_state *state, const flexid_real latest[])

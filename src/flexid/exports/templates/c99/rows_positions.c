@@ -1,7 +1,7 @@
 
 /* ---- Equations from positions ------------------------------------------------------------- */
 
-/* Begin to filter anew, as before the first sample. */
+/* Restart the filter, as before the first sample. */
 static void forget_samples(flexid_state *state)
 {
     state->samples = 0U;

@@ -1,7 +1,7 @@
 
 /* ---- Equations from measured velocities ---------------------------------------------------- */
 
-/* Begin anew, as before the first sample. */
+/* Restart, as before the first sample. */
 static void forget_samples(flexid_state *state)
 {
     state->samples = 0U;
