@@ -72,3 +72,9 @@ def page(browser: Browser) -> Iterator[Page]:
     opened.set_default_timeout(_LONG)
     yield opened
     context.close()
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    """Return the event loop of tests that are coroutines."""
+    return "asyncio"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from math import sin
 from pathlib import Path
@@ -102,55 +101,46 @@ class Opened:
         return [m["html"] for m in self.sent if m["kind"] == "show" and m["place"] == place][-1]
 
 
-@asynccontextmanager
-async def opened() -> AsyncIterator[Opened]:
-    """Open a window, and close it."""
+pytestmark = pytest.mark.anyio
+
+
+@pytest.fixture
+async def studio() -> AsyncIterator[Opened]:
+    """Return a window, which is closed after the test."""
     found = Opened()
-    try:
-        yield found
-    finally:
-        await found.window.close()
+    yield found
+    await found.window.close()
 
 
-def test_a_result_replaces_another_with_its_exports():
+async def test_a_result_replaces_another_with_its_exports(studio: Opened):
     """Assert that after an export the next result is shown, and offers its own files alone."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            await studio.identify("a.csv")
-            studio.room.export("mjcf")
-            await studio.idle()
-            assert "mjcf.zip" in studio.window.files
-            await studio.room.run({})
-            await studio.idle()
-            assert "Done in" in studio.shown("run-state")
-            assert sorted(studio.window.files) == ["estimate.json", "report.html"]
-            assert studio.window.files["estimate.json"].read_text() == "run 2"
-            assert "mjcf.zip" not in studio.shown("result")
-            assert len([*studio.window.folder.glob("run-*")]) == 1
-
-    asyncio.run(main())
+    await studio.identify("a.csv")
+    studio.room.export("mjcf")
+    await studio.idle()
+    assert "mjcf.zip" in studio.window.files
+    await studio.room.run({})
+    await studio.idle()
+    assert "Done in" in studio.shown("run-state")
+    assert sorted(studio.window.files) == ["estimate.json", "report.html"]
+    assert studio.window.files["estimate.json"].read_text() == "run 2"
+    assert "mjcf.zip" not in studio.shown("result")
+    assert len([*studio.window.folder.glob("run-*")]) == 1
 
 
-def test_a_cancelled_run_leaves_what_is_shown():
+async def test_a_cancelled_run_leaves_what_is_shown(studio: Opened):
     """Assert that files and exports stay those of the result on the page."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            await studio.identify("a.csv")
-            studio.workers.hold = asyncio.Event()
-            await studio.room.run({})
-            while studio.workers.runs < 2:
-                await asyncio.sleep(0)
-            await studio.room.cancel()
-            await asyncio.gather(*studio.window._alive, return_exceptions=True)
-            studio.room.export("mjcf")
-            await studio.idle()
-            files = studio.window.files
-            assert {path.read_text() for path in files.values()} == {"run 1"}
-            assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
-
-    asyncio.run(main())
+    await studio.identify("a.csv")
+    studio.workers.hold = asyncio.Event()
+    await studio.room.run({})
+    while studio.workers.runs < 2:
+        await asyncio.sleep(0)
+    await studio.room.cancel()
+    await asyncio.gather(*studio.window._alive, return_exceptions=True)
+    studio.room.export("mjcf")
+    await studio.idle()
+    files = studio.window.files
+    assert {path.read_text() for path in files.values()} == {"run 1"}
+    assert sorted(files) == ["estimate.json", "mjcf.zip", "report.html"]
 
 
 @pytest.mark.parametrize(
@@ -165,24 +155,21 @@ def test_a_cancelled_run_leaves_what_is_shown():
         ({f"column.{name}": name for name in ("time", "motor_position", "link_position")}, False),
     ],
 )
-def test_a_result_says_that_something_else_was_chosen(values: dict[str, str], other: bool):
+async def test_a_result_says_that_something_else_was_chosen(
+    studio: Opened, values: dict[str, str], other: bool
+):
     """Assert that this is said of whatever would be asked for otherwise, and of nothing else.
 
     The log is not checked anew: the form would be, under the hands that fill it in.
     """
-
-    async def main() -> None:
-        async with opened() as studio:
-            await studio.identify("a.csv")
-            await studio.rooms.handle({"kind": "settings", "values": values})
-            await studio.idle()
-            assert ("has been chosen since" in studio.shown("result-state")) is other
-            assert studio.workers.checks == 1
-            await studio.room.run(values)
-            await studio.idle()
-            assert studio.shown("result-state") == ""
-
-    asyncio.run(main())
+    await studio.identify("a.csv")
+    await studio.rooms.handle({"kind": "settings", "values": values})
+    await studio.idle()
+    assert ("has been chosen since" in studio.shown("result-state")) is other
+    assert studio.workers.checks == 1
+    await studio.room.run(values)
+    await studio.idle()
+    assert studio.shown("result-state") == ""
 
 
 def test_the_answers_are_those_of_the_report():
@@ -197,165 +184,121 @@ def test_the_answers_are_those_of_the_report():
     assert 'class="word tone fair">With care<' in page
 
 
-def test_a_question_of_the_columns_is_asked_once():
+async def test_a_question_of_the_columns_is_asked_once(studio: Opened):
     """Assert that a log whose names do not say it all is checked when somebody has answered."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            studio.upload("a.csv", "stamp,motor_position,other")
-            await studio.idle()
-            assert "do not say it all" in studio.shown("columns")
-            assert studio.workers.checks == 0
-            values = {"column.motor_position": "motor_position", "column.link_position": "other"}
-            await studio.room.choose(values)
-            await studio.idle()
-            assert "This cannot be used" in studio.shown("check")
-            await studio.room.choose({**values, "column.time": "stamp"})
-            await studio.idle()
-            assert "Check before you run" in studio.shown("check")
-            assert "chosen below" in studio.shown("columns-state")
-            assert "problem" not in studio.shown("columns-state")
-
-    asyncio.run(main())
+    studio.upload("a.csv", "stamp,motor_position,other")
+    await studio.idle()
+    assert "do not say it all" in studio.shown("columns")
+    assert studio.workers.checks == 0
+    values = {"column.motor_position": "motor_position", "column.link_position": "other"}
+    await studio.room.choose(values)
+    await studio.idle()
+    assert "This cannot be used" in studio.shown("check")
+    await studio.room.choose({**values, "column.time": "stamp"})
+    await studio.idle()
+    assert "Check before you run" in studio.shown("check")
+    assert "chosen below" in studio.shown("columns-state")
+    assert "problem" not in studio.shown("columns-state")
 
 
-def test_what_is_chosen_during_a_run_is_marked_after_it():
+async def test_what_is_chosen_during_a_run_is_marked_after_it(studio: Opened):
     """Assert that a result is held against the choices of the page when it comes."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            studio.upload("a.csv")
-            await studio.idle()
-            studio.workers.hold = asyncio.Event()
-            await studio.room.run({})
-            while not studio.workers.runs:
-                await asyncio.sleep(0)
-            await studio.rooms.handle({"kind": "settings", "values": {"hold": "zero"}})
-            studio.workers.hold.set()
-            await studio.idle()
-            assert "has been chosen since" in studio.shown("result-state")
-
-    asyncio.run(main())
+    studio.upload("a.csv")
+    await studio.idle()
+    studio.workers.hold = asyncio.Event()
+    await studio.room.run({})
+    while not studio.workers.runs:
+        await asyncio.sleep(0)
+    await studio.rooms.handle({"kind": "settings", "values": {"hold": "zero"}})
+    studio.workers.hold.set()
+    await studio.idle()
+    assert "has been chosen since" in studio.shown("result-state")
 
 
-def test_a_bad_address_is_said_beside_the_log(short_log: Path):
+async def test_a_bad_address_is_said_beside_the_log(studio: Opened, short_log: Path):
     """Assert that reading the log of the command line does not take back what was said."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            studio.window.offer = Offer(short_log, *[studio.workers] * 3)
-            await studio.room.open({"model": "nonsense"})
-            await studio.idle()
-            assert "is none of auto" in studio.shown("log-problem")
-
-    asyncio.run(main())
+    studio.window.offer = Offer(short_log, *[studio.workers] * 3)
+    await studio.room.open({"model": "nonsense"})
+    await studio.idle()
+    assert "is none of auto" in studio.shown("log-problem")
 
 
-def test_other_columns_do_not_change_what_was_found():
+async def test_other_columns_do_not_change_what_was_found(studio: Opened):
     """Assert that a result says that its columns were changed, and is exported as it was found."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            await studio.identify("a.csv")
-            names = "time", "motor_position", "link_position"
-            columns = {f"column.{name}": name for name in names}
-            await studio.room.choose({**columns, "scale.time": "10"})
-            await studio.idle()
-            assert "100 Hz" in studio.shown("check")
-            assert "has been chosen since" in studio.shown("result-state")
-            studio.room.export("c99")
-            await studio.idle()
-            assert studio.workers.exported == [1e-3]
-            await studio.room.choose({})
-            assert studio.shown("result-state") == ""
-
-    asyncio.run(main())
+    await studio.identify("a.csv")
+    names = "time", "motor_position", "link_position"
+    columns = {f"column.{name}": name for name in names}
+    await studio.room.choose({**columns, "scale.time": "10"})
+    await studio.idle()
+    assert "100 Hz" in studio.shown("check")
+    assert "has been chosen since" in studio.shown("result-state")
+    studio.room.export("c99")
+    await studio.idle()
+    assert studio.workers.exported == [1e-3]
+    await studio.room.choose({})
+    assert studio.shown("result-state") == ""
 
 
-def test_a_log_that_is_sent_replaces_another():
+async def test_a_log_that_is_sent_replaces_another(studio: Opened):
     """Assert that a window keeps one log that was sent, and none of what was found in others."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            first = await studio.identify("a.csv")
-            second = studio.upload("b.csv")
-            await studio.idle()
-            assert not first.exists()
-            assert [*studio.window.folder.iterdir()] == [second]
-            assert studio.window.files == {}
-
-    asyncio.run(main())
+    first = await studio.identify("a.csv")
+    second = studio.upload("b.csv")
+    await studio.idle()
+    assert not first.exists()
+    assert [*studio.window.folder.iterdir()] == [second]
+    assert studio.window.files == {}
 
 
-def test_the_log_of_the_command_line_is_kept(short_log: Path):
+async def test_the_log_of_the_command_line_is_kept(studio: Opened, short_log: Path):
     """Assert that a log that is sent deletes nothing that is not the studio's."""
-
-    async def main() -> None:
-        async with opened() as studio:
-            own = Offer(short_log, *[studio.workers] * 3)
-            studio.window.offer = own
-            await studio.room.open({})
-            studio.upload("a.csv")
-            await studio.idle()
-            assert short_log.exists()
-
-    asyncio.run(main())
+    own = Offer(short_log, *[studio.workers] * 3)
+    studio.window.offer = own
+    await studio.room.open({})
+    studio.upload("a.csv")
+    await studio.idle()
+    assert short_log.exists()
 
 
-def test_a_defect_is_shown_where_the_work_was():
+async def test_a_defect_is_shown_where_the_work_was(studio: Opened):
     """Assert that an error that nobody foresaw is said in a sentence."""
 
     async def broken() -> None:
         raise KeyError("oh")
 
-    async def main() -> None:
-        async with opened() as studio:
-            studio.window.start("run", broken(), "run-state")
-            await studio.idle()
-            assert "a defect of flexid (KeyError" in studio.shown("run-state")
-
-    asyncio.run(main())
+    studio.window.start("run", broken(), "run-state")
+    await studio.idle()
+    assert "a defect of flexid (KeyError" in studio.shown("run-state")
 
 
-def test_a_window_is_closed_after_its_work():
+async def test_a_window_is_closed_after_its_work():
     """Assert that what ends late finds its folder, and that nothing is left of it."""
-    found: list[bool] = []
+    window, found = Opened().window, []
 
-    async def main() -> None:
-        async with opened() as studio:
-            folder = studio.window.folder
-
-            async def work() -> None:
-                try:
-                    await asyncio.sleep(60)
-                finally:
-                    await asyncio.sleep(0)
-                    found.append(folder.exists())
-                    (folder / "late").mkdir(parents=True)
-
-            studio.window.start("run", work(), "run-state")
+    async def work() -> None:
+        try:
+            await asyncio.sleep(60)
+        finally:
             await asyncio.sleep(0)
-        assert found == [True]
-        assert not folder.exists()
+            found.append(window.folder.exists())
+            (window.folder / "late").mkdir(parents=True)
 
-    asyncio.run(main())
+    window.start("run", work(), "run-state")
+    await asyncio.sleep(0)
+    await window.close()
+    assert found == [True]
+    assert not window.folder.exists()
 
 
 @pytest.mark.parametrize("values", [{"k": "bad"}, {}])
-def test_play_goes_on_after_an_error(values: dict[str, str]):
+async def test_play_goes_on_after_an_error(studio: Opened, values: dict[str, str]):
     """Assert that the page, which waits for the end of each run, is answered where it fails."""
 
     class Broken(Workers):
         async def run(self, *_: Any, **__: Any) -> Any:
             raise JobError("the work ended early")
 
-    async def main() -> None:
-        async with opened() as studio:
-            broken = Broken(0)
-            studio.window.offer = Offer(None, *[broken] * 3)
-            await PlayRoom(studio.window).change(values)
-            await studio.idle()
-            assert "problem" in studio.shown("play-problem")
-            assert {"kind": "played"} in studio.sent
-
-    asyncio.run(main())
+    studio.window.offer = Offer(None, *[Broken(0)] * 3)
+    await PlayRoom(studio.window).change(values)
+    await studio.idle()
+    assert "problem" in studio.shown("play-problem")
+    assert {"kind": "played"} in studio.sent

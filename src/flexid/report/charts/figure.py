@@ -76,6 +76,13 @@ def draw(chart: Chart, width: float = WIDTH, ax: Axes | None = None) -> Figure:
     Figure
         A Matplotlib figure that pyplot does not know, and that a notebook shows.
     """
+    figure = _filled(chart, width)
+    figure.align_ylabels()
+    return figure
+
+
+def _filled(chart: Chart, width: float) -> Figure:
+    """A figure whose labels are not yet aligned."""
     if width <= NARROW and chart.columns > 1:
         panels = tuple(replace(panel, span=1) for panel in chart.panels)
         chart = replace(chart, columns=1, panels=panels, linked=False)
@@ -84,20 +91,33 @@ def draw(chart: Chart, width: float = WIDTH, ax: Axes | None = None) -> Figure:
     with mpl.rc_context(STYLE):
         figure = _new_figure(chart, width)
         _fill_grid(figure, chart, width)
-        figure.align_ylabels()
         _draw_legend(figure, chart, width)
     return figure
 
 
 @lru_cache(maxsize=16)
-def laid_out(chart: Chart, width: float = WIDTH) -> Figure:
+def laid_out(chart: Chart, width: float) -> Figure:
     """The drawing of a chart for its file and its page, with the layout computed once."""
     with mpl.rc_context(STYLE):
-        figure = draw(chart, width)
+        figure = _filled(chart, width)
         if (engine := figure.get_layout_engine()) is not None:
             engine.execute(figure)
         figure.set_layout_engine("none")
+        _align(figure)
     return figure
+
+
+def _align(figure: Figure) -> None:
+    """Put the labels of the y axes of a column below each other, at places that stay."""
+    places: dict[int, float] = {}
+    for ax in figure.axes:
+        ax.yaxis.get_tightbbox()  # puts the label where its numbers leave room
+        left, _ = ax.yaxis.label.get_position()
+        column = round(ax.bbox.x0)
+        places[column] = min(places.get(column, left), left)
+    for ax in figure.axes:
+        place = ax.transAxes.inverted().transform((places[round(ax.bbox.x0)], 0.0))
+        ax.yaxis.set_label_coords(place[0], 0.5)
 
 
 def save_charts(
@@ -105,7 +125,7 @@ def save_charts(
 ) -> None:
     """Write each chart as ``directory/name.format`` for each format."""
     for chart in charts:
-        save(laid_out(chart), directory, chart.name, formats)
+        save(laid_out(chart, WIDTH), directory, chart.name, formats)
 
 
 def _rows(chart: Chart) -> list[list[tuple[int, Panel]]]:

@@ -14,6 +14,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 
 from flexid.report.charts.description import Chart
 from flexid.report.charts.figure import NARROW, WIDTH, laid_out
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 _SHADES = {shade: f"var(--chart-{name})" for name, shade in COLOURS.items()}
-_SHADES[GRID] = "var(--chart-grid)"
+_SHADES |= {GRID: "var(--chart-grid)", "#ffffff": "none"}
 _LEFT_OUT = re.compile(r"<metadata>.*?</metadata>|<style.*?</style>|(?<=>)\s+(?=<)", re.DOTALL)
 _TAG = re.compile(r"<[^>]*>")
 _OWN_NAME = re.compile(r'(?<=<g) id="[^"]*"|(?<=<svg).*?(?= viewBox)|(?<=<use )xlink:(?=href)')
@@ -38,13 +39,14 @@ _COMMAND = re.compile(r"\s*([MLCQz]|$)\s*")
 def chart_svg(chart: Chart, width: float = WIDTH) -> str:
     """An ``<svg>`` element without the chart's title, in which text is text."""
     figure = laid_out(chart, width)
-    title, *_ = figure.texts
+    canvas, (title, *_) = figure.canvas, figure.texts
     title.set_visible(False)
     own: dict[RcKeyType, Any] = {"svg.fonttype": "none", "svg.hashsalt": f"{chart.name} {width}"}
     with mpl.rc_context({**STYLE, **own}), io.StringIO() as file:
-        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
+        FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})  # savefig draws twice
         text = file.getvalue()
     title.set_visible(True)
+    figure.set_canvas(canvas)
     text = _TAG.sub(_compact, _LEFT_OUT.sub("", text[text.index("<svg") :]))
     return _MARKERS.sub(_together, text)
 
