@@ -76,6 +76,8 @@ def draw(chart: Chart, width: float = WIDTH, ax: Axes | None = None) -> Figure:
     Figure
         A Matplotlib figure that pyplot does not know, and that a notebook shows.
     """
+    if ax is not None:
+        return _draw_in_place(ax, chart)
     figure = _filled(chart, width)
     figure.align_ylabels()
     return figure
@@ -86,8 +88,6 @@ def _filled(chart: Chart, width: float) -> Figure:
     if width <= NARROW and chart.columns > 1:
         panels = tuple(replace(panel, span=1) for panel in chart.panels)
         chart = replace(chart, columns=1, panels=panels, linked=False)
-    if ax is not None:
-        return _draw_in_place(ax, chart)
     with mpl.rc_context(STYLE):
         figure = _new_figure(chart, width)
         _fill_grid(figure, chart, width)
