@@ -5,7 +5,7 @@ import pytest
 from noisy_joint import VALUES, joint_samples
 from scipy.stats import t
 
-from flexid.estimators.block_sandwich import block_influences, block_lengths, summed_influences
+from flexid.estimators.block_sandwich import block_influences, block_lengths
 from flexid.estimators.cluster_covariance import Clusters, cluster_influences
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
@@ -99,11 +99,16 @@ def test_blocks_keep_to_their_recording():
 def test_all_blocks_at_once_are_the_clusters_one_by_one():
     """Assert that blocks without unknowns of their own get what the general formula gives."""
     generator = np.random.default_rng(4)
-    regressors = generator.standard_normal((30, 3, 8))
+    regressors, residuals = (
+        generator.standard_normal((30, 3, 8)),
+        generator.standard_normal((30, 8)),
+    )
     normal = regressors @ regressors.transpose(0, 2, 1)
-    scores = np.einsum("bki,bi->bk", regressors, generator.standard_normal((30, 8)))
+    scores = np.einsum("bki,bi->bk", regressors, residuals)
     inverse = np.linalg.inv(normal.sum(axis=0))
-    together = summed_influences(normal, scores, inverse)
+    together = block_influences(
+        np.concatenate([*regressors], axis=1), residuals.ravel(), inverse, [8] * 30
+    )
     clusters = Clusters(normal, scores, np.arange(30), inverse)
     for found, expected in zip(together, cluster_influences(clusters), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-14)

@@ -19,7 +19,6 @@ BLOCK_DURATION = 1.0
 WANTED_BLOCKS = 20
 
 _INDEPENDENCE = 10.0  # time constants of the filter that a block spans at least
-_AT_ONCE = 4096  # blocks whose matrices are kept in memory together
 
 
 def block_duration(total: float) -> float:
@@ -41,11 +40,11 @@ def block_lengths(
     total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
     blocks = []
     for n, sample_time in zip(lengths, sample_times, strict=True):
-        blocks += divided(n, block_size(total, sample_time, filter_rate, n_coefficients))
+        blocks += _divided(n, _block_size(total, sample_time, filter_rate, n_coefficients))
     return blocks
 
 
-def block_size(total: float, sample_time: float, filter_rate: float, n_coefficients: int) -> int:
+def _block_size(total: float, sample_time: float, filter_rate: float, n_coefficients: int) -> int:
     """Equations in a block of a record of a total length in s; the rest as for `block_lengths`."""
     duration = max(block_duration(total), _INDEPENDENCE / filter_rate)
     # A short record gets shorter blocks than wanted rather than no interval at all.
@@ -53,7 +52,7 @@ def block_size(total: float, sample_time: float, filter_rate: float, n_coefficie
     return max(1, round(duration / sample_time))
 
 
-def divided(n: int, size: int) -> list[int]:
+def _divided(n: int, size: int) -> list[int]:
     """Blocks of a size that n equations make.
 
     What is left over is a block of its own, or belongs to the last one if it is less than half.
@@ -79,41 +78,20 @@ def block_influences(
     edges = np.concatenate(([0], np.cumsum(blocks, dtype=np.int64)))
     parts = [slice(first, stop) for first, stop in pairwise(edges)]
     k, count = len(inverse), len(parts)
-    normal = [regressor[:, part] @ regressor[:, part].T for part in parts]
-    scores = [regressor[:, part] @ residual[part] for part in parts]
-    return summed_influences(
-        np.array(normal).reshape(count, k, k), np.array(scores).reshape(count, k), inverse
-    )
-
-
-def summed_influences(
-    normal: FloatArray,  # (n_blocks, k, k)
-    scores: FloatArray,  # (n_blocks, k)
-    inverse: FloatArray,  # (k, k)
-) -> tuple[FloatArray, FloatArray]:
-    """As `block_influences`, from what each block sums up.
-
-    This is `cluster_influences` for blocks that have no unknowns of their own, all of them at once:
-    a day has a hundred thousand.
-    """
-    count, k = scores.shape
-    influences = np.zeros((k, count))
-    if k == 0:
-        return influences, np.zeros(0)
+    if k == 0 or count == 0:
+        return np.zeros((k, count)), np.zeros(k)
+    normal = np.array([regressor[:, part] @ regressor[:, part].T for part in parts])
+    scores = np.array([regressor[:, part] @ residual[part] for part in parts])
+    # As `cluster_influences` for blocks that have no unknowns of their own, all of them at once.
     half = covariance_root(inverse)[0]
-    shown, squares, across = np.zeros(k), np.zeros(k), np.zeros(k)
-    gram = np.zeros((k, k, k))
-    for first in range(0, count, _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        leverages, directions = eigen(half.T @ normal[part] @ half)
-        moved = half @ directions
-        adjusted = (moved * unbiasing(leverages)[:, None, :]) @ moved.transpose(0, 2, 1)
-        influences[:, part] = np.einsum("bci,bi->cb", adjusted, scores[part])
-        rows = adjusted @ normal[part]  # how white noise enters each coefficient's influence
-        own = np.einsum("bci,bci->bc", rows, adjusted)
-        common = np.einsum("bci,ij,bcj->bc", rows, inverse, rows, optimize=True)
-        shown += np.sum(own - common, axis=0)
-        squares += np.sum(own**2, axis=0)
-        across += np.sum(own * common, axis=0)
-        gram += np.einsum("bci,bcj->cij", rows, rows, optimize=True)
+    leverages, directions = eigen(half.T @ normal @ half)
+    moved = half @ directions
+    adjusted = (moved * unbiasing(leverages)[:, None, :]) @ moved.transpose(0, 2, 1)
+    influences = np.einsum("bci,bi->cb", adjusted, scores)
+    rows = adjusted @ normal  # how white noise enters each coefficient's influence
+    own = np.einsum("bci,bci->bc", rows, adjusted)
+    common = np.einsum("bci,ij,bcj->bc", rows, inverse, rows, optimize=True)
+    shown = np.sum(own - common, axis=0)
+    squares, across = np.sum(own**2, axis=0), np.sum(own * common, axis=0)
+    gram = np.einsum("bci,bcj->cij", rows, rows, optimize=True)
     return unbiased(influences, inverse, shown, squares, across, gram)
