@@ -57,7 +57,7 @@ def check_file(path: Path, wanted: str, refuse: Refuse) -> int:
     if stat.S_ISDIR(status.st_mode):
         raise refuse(f"this is a folder: {remedy} in it")
     if not stat.S_ISREG(status.st_mode):  # opening a pipe would wait for its other end
-        raise refuse("this is no ordinary file: copy what it holds into one")
+        raise refuse("this is not a regular file: copy its content into one")
     return status.st_size
 
 

@@ -42,11 +42,11 @@ def parse_toml(raw: bytes, refuse: Refuse) -> dict[str, Any]:
     try:
         return tomllib.loads(raw.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise refuse("", f"is no text at byte {error.start}: save it as UTF-8 TOML") from None
+        raise refuse("", f"is not text at byte {error.start}: save it as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
-        raise refuse("", f"is no TOML: {one_line(str(error))}; correct it") from None
+        raise refuse("", f"is not TOML: {one_line(str(error))}; correct it") from None
     except (RecursionError, ValueError):
-        raise refuse("", "is no TOML that can be read: simplify it") from None
+        raise refuse("", "is not TOML that can be read: simplify it") from None
 
 
 def validated(content: object, schema: type[Content], refuse: Refuse) -> Content:
@@ -76,7 +76,7 @@ def first_complaint(error: "ValidationError", content: object) -> tuple[str, str
         key = f"{key}.{context['discriminator']}"
         if "expected_tags" in context:
             return key, f"must be one of {context['expected_tags']}: correct it"
-        return key, "is missing or no text: correct it"
+        return key, "is missing or not text: correct it"
     message = one_line(first["msg"]).removeprefix("Value error, ")
     return key, f"is wrong, {message[:1].lower()}{message[1:]}: correct it"
 

@@ -219,10 +219,10 @@ FAULTS = {
         "model.file",
         "none.toml",
     ),
-    "no TOML": ("[plant", "", "no TOML"),
-    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "", "no text"),
+    "not TOML": ("[plant", "", "not TOML"),
+    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "", "not text"),
     "huge": (b"#" * 10_000_000, "", "larger than"),
-    "deep": ("name = " + "[" * 5000, "", "no TOML"),
+    "deep": ("name = " + "[" * 5000, "", "not TOML"),
 }
 
 

@@ -67,16 +67,16 @@ FAULTS = {
     "type of a constant": (GOOD.replace("= 2", '= "2"'), "'constants.inertia'"),
     "constant not a number": (GOOD.replace("= 2", "= nan"), "'constants.inertia'"),
     "table for a list": (GOOD.replace('["u"]', "{u = 1}"), "'inputs'"),
-    "coefficient twice": (GOOD + 'gravity = "q"\n', "no TOML"),
+    "coefficient twice": (GOOD + 'gravity = "q"\n', "not TOML"),
     "name twice": (GOOD.replace('"v"\n', '"q"\n'), "declared twice"),
     "reserved name": (GOOD.replace("friction =", "sin ="), "reserved"),
-    "no TOML": ("name = ", "no TOML"),
-    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "no text"),
-    "null": ("\0\0\0", "no TOML"),
-    "deep array": ("name = " + "[" * 5000, "no TOML"),
+    "not TOML": ("name = ", "not TOML"),
+    "binary": (b"\x89PNG\r\n\x1a\n\x00\xff", "not text"),
+    "null": ("\0\0\0", "not TOML"),
+    "deep array": ("name = " + "[" * 5000, "not TOML"),
     "endless key": (b"a." * 20_000 + b"b = 1", "more than 20 parts"),
     "too large": (b"#" * 10_000_000, "larger than 200 kB"),
-    "too large number": ("name = " + "9" * 6000, "no TOML"),
+    "too large number": ("name = " + "9" * 6000, "not TOML"),
 }
 
 

@@ -75,16 +75,16 @@ def test_one_function_and_one_line(reader: Readers):
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ("import os; os.kill(os.getpid(), 11)", "no odd file that can be read"),
-        ("import os; os._exit(0)", "no odd file that can be read"),
-        ("raise KeyError('x')", "no odd file that can be read"),
-        ("return 3", "no odd file that can be read"),
+        ("import os; os.kill(os.getpid(), 11)", "not an odd file that can be read"),
+        ("import os; os._exit(0)", "not an odd file that can be read"),
+        ("raise KeyError('x')", "not an odd file that can be read"),
+        ("return 3", "not an odd file that can be read"),
         ("return bytearray(10**12)", "more memory than it may have"),
         (
             "kept = []\n    while True: kept.append(bytearray(10**7))",
             "more memory than it may have",
         ),
-        ("deep = lambda: deep()\n    deep()", "no odd file that can be read"),
+        ("deep = lambda: deep()\n    deep()", "not an odd file that can be read"),
         ("import time; time.sleep(900)", "takes too long"),
         ("while True: pass", "takes too long"),
         ("raise RefusedError('page 3', 'it is torn: export it again')", "page 3: it is torn"),

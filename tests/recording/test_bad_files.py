@@ -155,9 +155,9 @@ def test_bad_text(edit: Edit, words: str, tmp_path: Path) -> None:
         (gzip.compress(GOOD), "log.csv.gz", "packed by gzip: unpack it"),
         (b"PK\x03\x04" + b"\0" * 99, "log.xlsx", "workbooks are: .*save the sheet as CSV"),
         (b"PAR1....PAR1", "log.csv", "this is a Parquet file: rename it .*.parquet"),
-        (GOOD, "log.parquet", "no Parquet file that can be read: .*name it .csv"),
-        (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", "no Parquet file that can be read"),
-        (b"nonsense", "log.parquet", "no Parquet file that can be read"),
+        (GOOD, "log.parquet", "not a Parquet file that can be read: .*name it .csv"),
+        (b"PAR1" + b"\1" * 50 + b"PAR1", "log.parquet", "not a Parquet file that can be read"),
+        (b"nonsense", "log.parquet", "not a Parquet file that can be read"),
         (b"\xff\xfe" + b"\x00\xdc" * 9, "log.csv", "damaged UTF-16: save the file as UTF-8"),
         (GOOD.replace(b"\n0.005,", b"\n\xb5,"), "log.csv", "line 3.*'µ' is not a number"),
         (b'time = "t"', "columns.toml", "this is a TOML file.*--columns"),
@@ -187,7 +187,7 @@ def test_paths_that_lead_to_no_file(tmp_path: Path) -> None:
     (tmp_path / "b.csv").symlink_to("a.csv")
     assert "a link that leads back to itself" in refused(read_log, tmp_path / "a.csv")
     os.mkfifo(tmp_path / "pipe.csv")
-    assert "no ordinary file" in refused(read_log, tmp_path / "pipe.csv")
+    assert "not a regular file" in refused(read_log, tmp_path / "pipe.csv")
     assert r"two\nlines.csv: there is no such file" in refused(read_log, Path("two\nlines.csv"))
     words = "^http://example.com/a.csv: this is an address: download it"
     assert_words(words, refused(read_log, Path("http://example.com/a.csv")))

@@ -73,7 +73,7 @@ REFUSED: list[tuple[Columns, str]] = [
     (changed(link_velocity=times(-1.0)), "-1 times.*scale it by -1"),
     (
         changed("velocity", motor_position=lambda q: q + 4.0 * (np.arange(len(q)) > 300)),
-        "column 'motor_position': .*jumps by.* at 1.505 s.*no whole turn.*outlier",
+        "column 'motor_position': .*jumps by.* at 1.505 s.*not a whole turn.*outlier",
     ),
 ]
 

@@ -231,7 +231,7 @@ def test_damaged_files(tmp_path: Path):
     """Assert that a file cut short is refused, and a file by another name said to be one."""
     savemat(tmp_path / "log.mat", COLUMNS)
     written(tmp_path / "log.h5")
-    for name, words in (("mat", "no MATLAB file"), ("h5", "no HDF5 file")):
+    for name, words in (("mat", "not a MATLAB file"), ("h5", "not an HDF5 file")):
         raw = (tmp_path / f"log.{name}").read_bytes()
         (tmp_path / f"cut.{name}").write_bytes(raw[: len(raw) // 2])
         assert f"{words} that can be read" in refused(read_log, tmp_path / f"cut.{name}")
@@ -250,4 +250,4 @@ def test_types_that_are_none(tmp_path: Path, kind: int):
     double = (9).to_bytes(4, "little") + (800).to_bytes(4, "little")
     assert double in raw
     (tmp_path / "log.mat").write_bytes(raw.replace(double, kind.to_bytes(4, "little") + double[4:]))
-    assert "no MATLAB file that can be read" in refused(read_log, tmp_path / "log.mat")
+    assert "not a MATLAB file that can be read" in refused(read_log, tmp_path / "log.mat")

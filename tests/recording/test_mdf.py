@@ -128,9 +128,9 @@ def test_damaged_files(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
     """Assert that files cut short or overwritten are refused, and that asammdf says nothing."""
     raw = written(tmp_path / "log.mf4", encoders()).read_bytes()
     (tmp_path / "cut.mf4").write_bytes(raw[:200])
-    assert "no MDF file that can be read" in refused(read_log, tmp_path / "cut.mf4")
+    assert "not an MDF file that can be read" in refused(read_log, tmp_path / "cut.mf4")
     (tmp_path / "text.mf4").write_text("time,motor_position\n")
-    assert "no MDF file that can be read" in refused(read_log, tmp_path / "text.mf4")
+    assert "not an MDF file that can be read" in refused(read_log, tmp_path / "text.mf4")
     (tmp_path / "log.mf4").write_bytes(raw.replace(b"##DG", b"##XX"))
-    assert "no MDF file that can be read" in refused(read_log, tmp_path / "log.mf4")
+    assert "not an MDF file that can be read" in refused(read_log, tmp_path / "log.mf4")
     assert capfd.readouterr() == ("", "")

@@ -223,7 +223,7 @@ def test_what_cannot_be_streamed(write: Write, columns: Columns, tmp_path: Path)
     (tmp_path / "log.csv").write_text("time\n")
     for name, words in (
         ("log.parquet", "cannot be read on from there"),
-        ("cut.parquet", "no Parquet file that can be read"),
+        ("cut.parquet", "not a Parquet file that can be read"),
         ("log.csv", "only a Parquet file can be streamed"),
         ("none.parquet", "there is no such file"),
     ):

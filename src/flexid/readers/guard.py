@@ -158,7 +158,7 @@ class Reading:
             reason = "the file cannot be read on from there: export or copy it again"
             return RecordingError(self.file, f"row {rows + 1} or after", reason)
         return self._refusal(
-            f"this is no {self.format.what.split(' ', 1)[1]} that can be read: export or copy it "
+            f"this is not {self.format.what} that can be read: export or copy it "
             f"again, or name it .csv if it is text"
         )
 

@@ -200,9 +200,9 @@ class Clock:
             shown = text if len(text) <= 40 else text[:37] + "..."
             first = str(column.drop_nulls()[0]).strip()
             reason = (
-                f"{shown!r} is no date or time that there is: correct it, or remove the row"
+                f"{shown!r} is not an existing date or time: correct it, or remove the row"
                 if text == first
-                else f"{shown!r} is no time stamp, or written otherwise than the first one, "
+                else f"{shown!r} is not a time stamp of the same form as the first one, "
                 f"{first!r}: correct it, or remove the row"
             )
         raise RecordingError(table.file, table.place(index, header), reason)

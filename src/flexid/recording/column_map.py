@@ -142,7 +142,7 @@ def _map_of(file: str, content: dict[str, object]) -> ColumnMap:
             raise RecordingError(
                 file,
                 f"key {key!r}",
-                f"this is no channel{did_you_mean(str(key), SI_UNITS)}: use one of "
+                f"this is not a channel{did_you_mean(str(key), SI_UNITS)}: use one of "
                 f"{', '.join(SI_UNITS)}, or gear_ratio",
             )
     unread = frozenset(key for key, value in content.items() if value is False)
@@ -160,7 +160,7 @@ def _no_map(raw: bytes, reason: str) -> str:
     first = raw.lstrip().partition(b"\n")[0]
     if b"=" not in first and not first.startswith((b"#", b"[")):
         return (
-            "this is no column map but perhaps the log: give --columns a TOML file such as "
+            "this is not a column map, but perhaps the log: give --columns a TOML file such as "
             "examples/columns_voltage_arm.toml, and the log without an option"
         )
     return f"the column map {reason}"
@@ -176,7 +176,7 @@ def _gear_ratio(file: str, value: object) -> float | None:
     if isinstance(ratio, int | float) and not isinstance(ratio, bool) and 1.0 <= abs(ratio) <= 1e6:
         return float(ratio)
     shown_value = repr(value) if len(repr(value)) <= 40 else repr(value)[:37] + "..."
-    raise RecordingError(file, "key 'gear_ratio'", f"{shown_value} is no ratio: {_GEAR_REMEDY}")
+    raise RecordingError(file, "key 'gear_ratio'", f"{shown_value} is not a ratio: {_GEAR_REMEDY}")
 
 
 def _entry(file: str, key: str, value: object) -> Entry:

@@ -44,7 +44,7 @@ def table_of_frame(frame: Any) -> Table:
         raise RecordingError(FRAME, "", reason) from None
     names = [name for name in table.columns if not isinstance(name, str)]
     if names:
-        raise RecordingError(FRAME, f"column {names[0]!r}", "its name is no text: rename it")
+        raise RecordingError(FRAME, f"column {names[0]!r}", "its name is not text: rename it")
     return _table(FRAME, {name: _values(name, table[name]) for name in table.columns})
 
 
@@ -78,7 +78,7 @@ def table_of_arrays(arrays: Mapping[str, Any]) -> Table:
     columns: dict[str, Any] = {}
     for name, values in _named(arrays).items():
         if not isinstance(name, str):
-            raise RecordingError(ARRAYS, f"key {name!r}", "it is no text: name the channel")
+            raise RecordingError(ARRAYS, f"key {name!r}", "it is not text: name the channel")
         columns[name] = _array(name, values)
     lengths = {name: len(values) for name, values in columns.items()}
     if len({*lengths.values()}) > 1:

@@ -141,5 +141,5 @@ def _bad_cell(cell: object) -> str:
     if re.fullmatch(_GROUPED, text):
         return f"{cut!r} has marks between its thousands: export numbers without"
     if re.match(_DATE, text):
-        return f"{cut!r} is a date or a time of day, and no number: {_TIME_REMEDY}"
+        return f"{cut!r} is a date or a time of day, not a number: {_TIME_REMEDY}"
     return f"{cut!r} is not a number: correct it, or remove the row"

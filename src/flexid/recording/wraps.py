@@ -50,8 +50,9 @@ def unwrapped(
         raise RecordingError(
             file,
             channel.place,
-            f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {_times(time, jumps)}, which is no "
-            f"whole turn of an encoder: check the unit and the gear ratio, or remove the outlier"
+            f"{name} jumps by {abs(steps[jumps[0]]):.3g} rad at {_times(time, jumps)}, which is "
+            f"not a whole turn of an encoder: check the unit and the gear ratio, or remove the "
+            f"outlier"
             + ("" if turn == TURN else "; if the encoder wraps, unwrap it, or log faster"),
         )
     corrections = np.zeros_like(steps)
