@@ -121,7 +121,7 @@ def departed(seeds: int) -> None:
 def rates() -> Iterator[tuple[str, float]]:
     """Microseconds a sample, by how samples come; two encoders at 10 kHz, the usual terms."""
     generator = np.random.default_rng(1)
-    h, n = 1e-4, sized(100_000, 20_000)
+    h, n = 1e-4, sized(100_000, 5_000)
     t = h * np.arange(n)
     motion = 0.5 * np.sin(2.0 * t) + 0.2 * np.sin(7.0 * t)
     positions = motion[:, None] + 1e-5 * generator.standard_normal((n, 2))
@@ -136,11 +136,11 @@ def rates() -> Iterator[tuple[str, float]]:
         for first in range(0, taken, size):
             session.feed(samples[first : first + size])
         yield name, 1e6 * (time.perf_counter() - begun) / taken
-    watch = flexid.watch(sample_time=h)
+    watch, single = flexid.watch(sample_time=h), sized(20_000, 1_000)
     begun = time.perf_counter()
-    for _, link, motor, torque in samples[:20_000].tolist():
+    for _, link, motor, torque in samples[:single].tolist():
         watch.feed(link_position=link, motor_position=motor, motor_torque=torque)
-    yield "one by one, to flexid.watch", 1e6 * (time.perf_counter() - begun) / 20_000
+    yield "one by one, to flexid.watch", 1e6 * (time.perf_counter() - begun) / single
     session, lines, columns = Session(WatchOptions(h)), LineReader("text"), None
     begun = time.perf_counter()
     for first in range(0, len(raw), 40_000):  # a tenth of a second

@@ -61,7 +61,7 @@ def row_histories(run: Run) -> tuple[RowHistory, ...]:
 def regressors_along(
     system: ParametricSystem, states: ArrayLike, inputs: ArrayLike
 ) -> dict[str, FloatArray]:
-    """Evaluate the regressors of every row along a motion.
+    """Regressors of every row, shape (n, m) each, along states and inputs at n instants.
 
     Examples
     --------

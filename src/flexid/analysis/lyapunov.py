@@ -83,7 +83,7 @@ def monitor_run(run: Run, window: float) -> LyapunovMonitor:
 
 
 def monitor(
-    time: FloatArray,
+    time: FloatArray,  # (n,), in s
     rows: Sequence[RowHistory],
     window: float,
     relative_tolerance: float,

@@ -91,7 +91,12 @@ def persistence(history: RowHistory, sample_time: float, window: float) -> Persi
 
 
 def decay_rate(time: FloatArray, errors: FloatArray, window: float, floor: float) -> float:
-    """Exponential rate at which a row's errors have decayed."""
+    """Exponential rate in 1/s at which a row's errors, shape (n, m), have decayed.
+
+    It is minus the slope of the logarithm of the envelope, the largest |p̃| in each window of some
+    seconds, over the later half of the windows, where the slowest direction is left. Windows below
+    the floor, where the integrator's error takes over, do not count. NaN with fewer than three.
+    """
     norm = np.linalg.norm(errors, axis=1)
     place = np.floor((time - time[0]) / window * (1 + 1e-12)).astype(int)
     starts = np.flatnonzero(np.diff(place, prepend=-1))

@@ -41,7 +41,9 @@ class SobolIndex:
 
 
 def rank_correlations(
-    inputs: Sequence[str], values: FloatArray, result: FloatArray
+    inputs: Sequence[str],
+    values: FloatArray,  # (n_runs, n_inputs)
+    result: FloatArray,  # (n_runs,); runs without a finite value are left out
 ) -> tuple[Correlation, ...]:
     """Rank correlations of one result with all inputs, the strongest first."""
     from scipy import stats  # late: it loads for a second, and only a summary needs it
@@ -60,7 +62,10 @@ def rank_correlations(
 
 
 def sobol_indices(inputs: Sequence[str], result: FloatArray) -> tuple[SobolIndex, ...]:
-    """Sobol indices of one result, the largest total first."""
+    """Sobol indices of one result, shape (n_points, n_inputs + 2), the largest total first.
+
+    A point of the plan with a run that has no finite value is left out whole.
+    """
     try:
         from SALib.analyze import sobol
     except ImportError:

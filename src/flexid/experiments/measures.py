@@ -50,7 +50,9 @@ def measure(run: Run) -> Measures:
 def settling_times(
     time: NDArray[np.float64], errors: NDArray[np.float64], true: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Last times at which each error was beyond `SETTLED` of the true value.
+    """Last times at which each of m errors, shape (n, m), was beyond `SETTLED` of the true value.
+
+    0 where an error never was beyond, NaN where it is at the end.
 
     Examples
     --------

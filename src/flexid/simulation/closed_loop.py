@@ -108,8 +108,8 @@ def integrate_loops(
     loops: Sequence[ClosedLoop],
     grid: SampleGrid,
     tolerance: Tolerance,
-    samples: FloatArray,
-    totals: FloatArray,
+    samples: FloatArray,  # (n, count or 0, SIZE), filled with the variables at the grid's instants
+    totals: FloatArray,  # (n, N_TOTALS or 0)
 ) -> Ends:
     """Integrate n loops of one declaration; other threads can run meanwhile."""
     runs = len(loops)

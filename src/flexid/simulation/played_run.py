@@ -33,12 +33,12 @@ class Command:
 def play(
     system: ParametricSystem,
     coefficients: Mapping[str, float],
-    start: FloatArray,
+    start: FloatArray,  # (n_states,), state at the first sample
     command: Command,
     sample_time: float,
     tracked: int = 2,
 ) -> tuple[FloatArray, FloatArray]:
-    """Simulate a system while its first input plays a command, without any limit."""
+    """States (n, n_states) and first inputs (n,) of a system that plays a command."""
     kernel = played_kernel(system)
     p = np.array([coefficients[name] for name in system.coefficients])
     c = np.array(list(system.constants.values()), dtype=np.float64)

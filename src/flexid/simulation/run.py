@@ -66,7 +66,7 @@ class Run:
 
 
 def split_columns(kernel: ModuleType, table: FloatArray) -> list[FloatArray]:
-    """States, inputs, estimates, their errors, tracking error and what follows, columns each."""
+    """Columns of states, inputs, estimates, errors, tracking error and the rest, (n, …) each."""
     n = kernel.N_COEFFICIENTS
     widths = (kernel.N_STATES, kernel.N_INPUTS, n, n, 1)
     return np.split(table, np.cumsum(widths), axis=1)

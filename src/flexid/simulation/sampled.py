@@ -132,8 +132,8 @@ def run_sampled(
     loop: ClosedLoop,
     sampling: Sampling,
     grid: SampleGrid,
-    record: FloatArray,
-    totals: FloatArray,
+    record: FloatArray,  # (count or 1, N_RECORD)
+    totals: FloatArray,  # (N_MEASURES or 0,)
 ) -> SampledEnd:
     """Run a sampled loop in compiled code; other threads can run meanwhile."""
     status, samples, limited = kernel.sampled_run(

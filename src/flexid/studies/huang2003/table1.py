@@ -54,10 +54,10 @@ def sine(amplitude: float, offset: float = 0.0) -> Multisine:
 
 
 def table1_loop(
-    exponents: Exponents,
+    exponents: Exponents,  # reading of the feedback gains
     k: float = ATTENUATION,
     reference: Multisine | None = None,
-    observer_gains: tuple[float, float] = (OBSERVER_GAIN, OBSERVER_GAIN),
+    observer_gains: tuple[float, float] = (OBSERVER_GAIN, OBSERVER_GAIN),  # c1 and c2
     initial_state: Sequence[float] = (),
 ) -> ClosedLoop:
     """Build the closed loop of the paper's simulation."""
