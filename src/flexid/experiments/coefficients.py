@@ -29,7 +29,8 @@ def plant_values(
             raise refuse("plant", f"gives no value for the coefficient {name!r}: add one")
     for name in _POSITIVE if joint else ():
         if not values.get(name, 1.0) > 0.0:
-            raise refuse(f"plant.{_source(name, plant)}", "must be positive: correct it")
+            source = _source(name, plant)
+            raise refuse(f"plant.{source}", f"is {plant[source]:g}: give a positive number")
     return values
 
 
