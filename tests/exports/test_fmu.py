@@ -59,6 +59,13 @@ def units(joint, tmp_path_factory):
     return directory, warnings
 
 
+@pytest.fixture
+def plain():
+    """A plant of the paper's joint."""
+    system = flexid.flexible_joint(known={"beta1": 4.0})
+    return ExportRequest(ExportSource(system, {name: TRUE[name] for name in system.coefficients}))
+
+
 def signals(time, **inputs):
     """Inputs as FMPy takes them."""
     table = np.zeros(len(time), dtype=[("time", float), *((name, float) for name in inputs)])
@@ -294,14 +301,12 @@ def test_what_cannot_be_is_refused(units, version, tmp_path):
         opened(units[0] / f"plant_fmi{version}.fmu", tmp_path / "again", "{another}")
 
 
-def test_what_it_lacks_is_said(units, joint, tmp_path, monkeypatch):
+def test_what_it_lacks_is_said(units, joint, plain, tmp_path, monkeypatch):
     """Assert that smoothed friction, a missing compiler and missing values are sentences."""
     assert [w for w in units[1] if "coulomb_velocity" in w] == units[1]
     monkeypatch.setattr(shutil, "which", lambda _: None)
-    plain = flexid.flexible_joint(known={"beta1": 4.0})
     (tmp_path / "bare").mkdir()
-    values = {name: TRUE[name] for name in plain.coefficients}
-    (said,) = write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path / "bare")
+    (said,) = write_fmu(plain, tmp_path / "bare")
     assert "only sources" in said
     names = sorted(path.name for path in (tmp_path / "bare").iterdir())
     assert names == ["plant_fmi2.fmu", "plant_fmi3.fmu"]
@@ -340,31 +345,21 @@ FAILURES = {
     "silence": ("exit 3", "cc ended with status 3, 'nothing'"),
     "a signal": ("kill -9 $$", "cc was ended by signal 9 before the library was made"),
     "no library": ("exit 0", r"cannot be made in a temporary folder \(No such file"),
+    "no program": ("", r"cannot be run \(Permission denied\): check"),
 }
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the compilers are shell scripts")
 @pytest.mark.parametrize("kind", FAILURES)
-def test_a_compiler_that_fails_is_quoted(tmp_path, monkeypatch, kind):
-    """Assert that whatever goes wrong is said as it is, and nothing else is blamed."""
+def test_a_compiler_that_fails_is_quoted(plain, tmp_path, monkeypatch, kind):
+    """Assert that the error is quoted as it is, and nothing else is blamed."""
     script, words = FAILURES[kind]
     program = tmp_path / "cc"
     program.write_text(f"#!/bin/sh\n{script}\n")
-    program.chmod(0o755)
+    program.chmod(0o755 if script else 0o644)
     monkeypatch.setattr(shutil, "which", lambda _: str(program))
-    plain = flexid.flexible_joint(known={"beta1": 4.0})
-    values = {name: TRUE[name] for name in plain.coefficients}
     with pytest.raises(SettingError, match=words):
-        write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path)
-
-
-def test_a_compiler_that_cannot_be_run(tmp_path, monkeypatch):
-    """Assert that one that is no program is said to be none."""
-    monkeypatch.setattr(shutil, "which", lambda _: str(tmp_path))
-    plain = flexid.flexible_joint(known={"beta1": 4.0})
-    values = {name: TRUE[name] for name in plain.coefficients}
-    with pytest.raises(SettingError, match=r"cannot be run \(Permission denied\): check"):
-        write_fmu(ExportRequest(ExportSource(plain, values)), tmp_path)
+        write_fmu(plain, tmp_path)
 
 
 @pytest.mark.parametrize("name", EVERY)
