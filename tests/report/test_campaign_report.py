@@ -142,7 +142,10 @@ def test_each_panel_has_its_unit():
     distributions, dependence = charts
     for chart in charts:
         titles = [panel.title.splitlines() for panel in chart.panels]
-        assert titles == [["tracking_rms"], ["settling_time.theta1", "1 below 2e-12 stand there"]]
+        assert titles == [
+            ["tracking_rms"],
+            ["settling_time.theta1", "1 below 2e-12 are drawn there"],
+        ]
     assert [panel.x.unit for panel in distributions.panels] == ["rad", "s"]
     assert [panel.y.unit for panel in dependence.panels] == ["rad", "s"]
     assert dependence.panels[1].y.logarithmic

@@ -218,7 +218,7 @@ def test_the_confounded_pair_is_named():
     good = excitation_of_gram("motor", ["c", "d"], np.array([[1.0, 0.3], [0.3, 1.0]]))
     answer = next_step(verdicts("weak", excitation={"motor": good, "link": bad}), "")
     (reasons,) = [item for item in answer.content if isinstance(item, Points)]
-    assert reasons.lines[1:] == ["a and b are confused most: they correlate by 1.000"]
+    assert reasons.lines[1:] == ["a and b are hardest to tell apart: they correlate by 1.000"]
     answer = next_step(verdicts("weak", excitation={"motor": good}), "")
     (reasons,) = [item for item in answer.content if isinstance(item, Points)]
     assert len(reasons.lines) == 1
@@ -258,7 +258,7 @@ def test_the_command_repeats_the_settings(flexid, monkeypatch, examples):
     )
     seen = []
 
-    def stop(_logs, given, _progress):
+    def stop(_logs, given, *_others):
         seen.append(given)
         raise KeyboardInterrupt
 

@@ -36,10 +36,10 @@ def with_fit(fit: float, *warnings: str) -> EstimateValidation:
     [
         (MADE, "97.53 %", "good", "Use the estimate"),
         (with_fit(97.53, "short"), "97.53 %", "fair", "Use the estimate"),
-        (with_fit(49.0), "49.00 %", "bad", "Identify these logs, too"),
-        (with_fit(-20.0), "Nothing", "bad", "Identify these logs, too"),
-        (with_fit(-np.inf), "Nothing", "bad", "Identify these logs, too"),
-        (with_fit(np.nan), "Nothing moves", "bad", "Identify these logs, too"),
+        (with_fit(49.0), "49.00 %", "bad", "Identify these logs as well"),
+        (with_fit(-20.0), "Nothing", "bad", "Identify these logs as well"),
+        (with_fit(-np.inf), "Nothing", "bad", "Identify these logs as well"),
+        (with_fit(np.nan), "Nothing moves", "bad", "Identify these logs as well"),
     ],
 )
 def test_the_first_screen_says_how_much_is_predicted(result, word, tone, then):
@@ -61,7 +61,7 @@ def test_the_rest_is_spoken_of_where_there_is_one():
 def test_residuals_are_held_against_noise():
     """Assert that what a free run is off is named as a multiple of the noise."""
     first, _ = validation_page(MADE, ()).answers
-    assert str(first.content[-1]) == "What it is off is 2.5 times the sensors' noise at most."
+    assert str(first.content[-1]) == "The error is at most 2.5 times the sensor noise."
 
 
 def test_a_command_can_be_pasted():

@@ -47,7 +47,7 @@ def _distributions(summary: Summary, results: list[Result], units: Units) -> Cha
         f"{f' {unit}' if unit not in ('', '1') else ''}; the dotted lines are these limits for "
         "each result, the full line its median."
     )
-    title = f"How the results of {summary.finished} finished runs are distributed"
+    title = f"Distributions of the results of {summary.finished} finished runs"
     return Chart("distributions", title, says, panels, _COLUMNS, linked=False)
 
 
@@ -104,7 +104,7 @@ def _scaled(values: FloatArray) -> tuple[FloatArray, str, tuple[float, float] | 
     edge = _SMALLEST * values.max()
     few = int(np.sum(values < edge))
     values = np.maximum(values, edge)
-    return values, f"\n{few} below {edge:.0e} stand there" if few else "", whole_decades(values)
+    return values, f"\n{few} below {edge:.0e} are drawn there" if few else "", whole_decades(values)
 
 
 def _strongest(result: Result) -> str | None:

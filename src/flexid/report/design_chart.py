@@ -46,7 +46,7 @@ def _positions(result: Design) -> Panel:
     if result.drive.kind == "trajectory":
         reference = result.command.reference[:, 0]
         marks.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
-    title = "Link position of the drive as believed"
+    title = "Link position, simulated with the assumed drive"
     return Panel(title, Axis("time", "s"), Axis("position", "rad"), tuple(marks), span=2)
 
 

@@ -34,8 +34,8 @@ def excitation_report_chart(report: ExcitationReport) -> Chart:
 
 def _says(coefficients: Sequence[CoefficientAssessment]) -> str:
     says = (
-        "Each line ends at a coefficient's interval, and begins where that would be if all others "
-        "were known: a long one is confused with another."
+        "Each line ends at a coefficient's interval, and begins where it would be if all others "
+        "were known: a long line means correlation with another coefficient."
     )
     if coefficients:
         order = [*VERDICT_COLOURS]  # from the best verdict to the worst

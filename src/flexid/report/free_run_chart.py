@@ -83,8 +83,8 @@ def _says(validation: Validation, noise: Mapping[str, float]) -> str:
         if noise.get(name, 0.0) > 0.0
     }
     left = _all([f"{_times(ratio)} times its noise in the {name}" for name, ratio in over.items()])
-    said = f"; what it leaves is {left}" if left else ""
-    return f"On data that it has not seen the model follows {followed}{said}."
+    said = f"; the residual is {left}" if left else ""
+    return f"On held-out data the model follows {followed}{said}."
 
 
 def _errors(validation: Validation) -> Iterator[tuple[str, FloatArray]]:

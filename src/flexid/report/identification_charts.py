@@ -45,12 +45,12 @@ def excitation_chart(result: Identification) -> Chart:
     rows = [*result.excitation.values()]
     worst = max(rows, key=lambda row: row.condition_number)
     says = (
-        "Each point is a combination of a row's coefficients, and its height how well the motion "
-        "shows it beside the best; near the red line it may be lost. "
-        f"The weakest is of the {worst.row} row, at {1.0 / worst.condition_number:.2g}"
+        "Each point is a combination of a row's coefficients; its height is how well the motion "
+        "excites it, relative to the best. Near the red line it is not determined. "
+        f"The weakest is in the {worst.row} row, at {1.0 / worst.condition_number:.2g}"
         f"{_pair(worst)}."
     )
-    title = "How well the motion tells the coefficients apart"
+    title = "Excitation: singular values of each row"
     return Chart("excitation", title, says, tuple(map(_panel, rows)), len(rows), linked=False)
 
 

@@ -32,9 +32,9 @@ def log_chart(log: Log) -> Chart:
         panels.append(("Input", "input", first.input_unit, (drive,)))
     return Chart(
         "log",
-        "The log as it is read",
-        "Motor and link should move together, the deflection should look like the torque in the "
-        "spring and not like noise, and no stretch should be flat while the others move.",
+        "The log as read",
+        "Motor and link should move together. The deflection should look like the torque in the "
+        "spring, not like noise. No channel should be flat while the others move.",
         tuple(
             Panel(title, Axis("time", "s"), Axis(label, unit), marks)
             for title, label, unit, marks in [

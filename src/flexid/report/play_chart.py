@@ -52,8 +52,8 @@ def play_chart(run: Played | None, pinned: Played | None) -> Chart:
         "play",
         "The paper's closed loop",
         "The tracking error shows what the controller can do, the parameter errors what the "
-        "observer learns. V never rises while the drive is ideal, and where the condition number "
-        "is large, two coefficients look alike. Dashed: the pinned run.",
+        "observer learns. V never rises while the drive is ideal. Where the condition number "
+        "is large, two coefficients cannot be told apart. Dashed: the pinned run.",
         (
             Panel("Tracking error", time, Axis("magnitude", "rad", True), tuple(tracking)),
             Panel(

@@ -1,4 +1,4 @@
-"""What two parameters may be together: their joint confidence regions."""
+"""Joint confidence regions: their joint confidence regions."""
 
 from collections.abc import Mapping, Sequence
 
@@ -52,12 +52,12 @@ def confidence_regions_chart(
         for region in [*regions.values()][:1]:
             correlated.append(f"{pair[0]} and {pair[1]} by {region.correlation:+.2f}")
     says = (
-        f"Both values of a pair lie in the ellipse with {100 * level:g} % confidence; where it is "
-        "narrow and aslant, the log knows a combination of the two better than either of them."
+        f"Both values of a pair lie in the ellipse with {100 * level:g} % confidence. A narrow, "
+        "tilted ellipse: the log determines a combination of the two better than either of them."
     )
     if correlated:
         says += f" The estimates correlate: {', '.join(correlated)}."
-    title = "What two parameters may be together"
+    title = "Joint confidence regions"
     columns = max(1, len(panels))
     return Chart("regions", title, says, tuple(panels), columns, linked=False)
 

@@ -28,10 +28,10 @@ def residual_chart(validation: Validation) -> Chart:
             outside.append(f"{100.0 * share:.0f} % of the {label}'s")
     found = f": here {', '.join(outside)}" if outside else ""
     says = (
-        "Where only noise is left, a twentieth of the autocorrelation lies outside the grey band"
-        f"{found}. More comes from what the model leaves out, or from noise of its input."
+        "Of white noise, a twentieth of the autocorrelation lies outside the grey band"
+        f"{found}. A larger share shows a model error, or noise of the input."
     )
-    title = "What the model leaves, over time and correlated with itself"
+    title = "Residuals, and their autocorrelation"
     return Chart("residuals", title, says, tuple(panels), columns=2)
 
 

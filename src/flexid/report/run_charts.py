@@ -67,7 +67,9 @@ def observer_chart(name: str, run: Run) -> Chart:
         )
         y = Axis("estimate", coefficient_unit(run, coefficient))
         panels.append(Panel(coefficient, Axis("time", "s"), y, marks))
-    says = f"At the end {_settled(run)} of {len(panels)} estimates are in the band about the truth."
+    says = (
+        f"At the end {_settled(run)} of {len(panels)} estimates are in the band of the true value."
+    )
     return Chart("estimates", name, says, tuple(panels), columns=2 if len(panels) > 1 else 1)
 
 

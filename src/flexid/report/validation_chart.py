@@ -7,5 +7,5 @@ from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 def validation_chart(result: EstimateValidation) -> Chart:
     """Free run over each log, channel by channel, with the residual below."""
-    title = "Free run of the estimate over logs that it was not made from"
+    title = "Free run of the estimate over other logs"
     return free_run_chart("validation", title, result, result.noise, "time")

@@ -61,14 +61,14 @@ def _sections(comparison: Comparison, command: str) -> Iterator[Section]:
     parameters = comparison.parameters
     table = differences_table(PARAMETERS, parameters)
     listed = [*figure, table, *_listed([*remarks(parameters)])]
-    yield Section("values", "Both values of each number", listed)
+    yield Section("values", "Both values of each parameter", listed)
     coefficients = comparison.coefficients
     if coefficients:
         table = differences_table(COEFFICIENTS, coefficients)
         listed = [table, *_listed([*remarks(coefficients)])]
         yield Section("coefficients", "Coefficients of the model", listed)
     if comparison.settings:
-        yield Section("settings", "What was done otherwise", [settings_table(comparison)])
+        yield Section("settings", "Different logs or settings", [settings_table(comparison)])
     yield Section("origin", "How to repeat it", [*_origin(comparison, command)])
 
 

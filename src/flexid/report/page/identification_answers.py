@@ -81,16 +81,16 @@ def _tested(result: Identification) -> Iterator[str]:
     if fits:
         worst = min(fits, key=lambda channel: fits[channel])
         shown = f"{fits[worst]:.1f} %" if fits[worst] > 0.0 else "nothing"
-        rest = ", more of the rest" if len(fits) > 1 else ""
+        rest = ", more of the others" if len(fits) > 1 else ""
         yield (
-            f"A free run over data that the fit never saw repeats {shown} of the "
+            f"A free run over held-out data explains {shown} of the "
             f"{worst.replace('_', ' ')}{rest}."
         )
     else:
-        yield "Nothing moves in the data that were kept out of the fit, so nothing was tested."
+        yield "Nothing moves in the held-out data, so nothing was tested."
     if result.residual_excess:
         excess = max(result.residual_excess.values())
-        yield f"What the model leaves over is {excess:.3g} times the sensors' noise."
+        yield f"The residuals are {excess:.3g} times the sensor noise."
 
 
 def next_step(result: Identification, estimate: str, advice: Sequence[str] = ()) -> Answer:
@@ -105,7 +105,7 @@ def next_step(result: Identification, estimate: str, advice: Sequence[str] = ())
     word, asked = "Record another motion", "Which one, and how large, says"
     if result.model_error.share > 0.0:
         word, asked = "Look for what the model lacks", "Whether another motion would help, says"
-        reasons.append("the residuals hold more than the sensors' noise, which widens intervals")
+        reasons.append("the residuals exceed the sensor noise, which widens intervals")
     said = Points([*reasons, *_confounded(result)])
     if advice:
         told = [Text(advice[0]), Link("What to record next", "next")]
@@ -119,4 +119,5 @@ def _confounded(result: Identification) -> Iterator[str]:
     worst = max((e for e in rows if e.correlated), key=lambda e: e.correlation, default=None)
     if worst is not None:
         first, second = worst.correlated
-        yield f"{first} and {second} are confused most: they correlate by {worst.correlation:.3f}"
+        size = f"{worst.correlation:.3f}"
+        yield f"{first} and {second} are hardest to tell apart: they correlate by {size}"

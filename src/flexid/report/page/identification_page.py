@@ -88,16 +88,16 @@ def _sections(
     predicted = [*prediction_lines(result), f"Compliance: {compliance_line(result)}"]
     yield Section("fit", "Measured and predicted", [*drawn(charts, "fit"), Points(predicted)])
     left = Points([*residual_lines(result)])
-    yield Section("residuals", "What the model leaves over", [*drawn(charts, "residuals"), left])
+    yield Section("residuals", "Residuals", [*drawn(charts, "residuals"), left])
     yield Section("estimates", "Estimates over time", drawn(charts, "estimates"))
     excited = Points([*excitation_lines(result)])
-    yield Section("excitation", "What the motion excites", [*drawn(charts, "excitation"), excited])
+    yield Section("excitation", "Excitation", [*drawn(charts, "excitation"), excited])
     yield Section("bode", "Frequency response", drawn(charts, "bode"))
-    yield Section("regions", "How parameters depend on each other", drawn(charts, "regions"))
+    yield Section("regions", "Correlation of parameters", drawn(charts, "regions"))
     reasons = Points([line.plain.strip() for line in verdict_reasons(result)])
     coefficients = [coefficients_table(result), *([reasons] if reasons.lines else [])]
     yield Section("coefficients", "Coefficients", coefficients)
-    yield Section("choices", "What was chosen, and what else was possible", [*_choices(result)])
+    yield Section("choices", "What was chosen, and the alternatives", [*_choices(result)])
     origin = Facts([*input_facts(result.provenance), *chosen_facts(result.provenance)])
     missing = [Text(_MAP)] if COLUMN_MAP in command and mapped(result.provenance) else []
     yield Section("origin", "How to repeat it", [Command(command), *missing, origin])

@@ -37,7 +37,7 @@ def reproduction_page(result: Reproduction, charts: Sequence[Chart]) -> Page:
         (_holds(result), _readings(result)),
         (
             Section("figures", "Its figures, and Theorem 1", charts),
-            Section("numbers", "What decides", [*reproduction_parts(result)]),
+            Section("numbers", "The numbers behind each verdict", [*reproduction_parts(result)]),
             Section("origin", "How to repeat it", [Command("flexid reproduce"), facts]),
         ),
     )
@@ -61,4 +61,4 @@ def _readings(result: Reproduction) -> Answer:
         f"As powers (a,b,c) of k; of {len(result.readings)} readings only these keep the closed "
         f"loop stable."
     )
-    return Answer("How are its gains to be read?", ", ".join(stable) or "No way", "", [said])
+    return Answer("How are its gains to be read?", ", ".join(stable) or "None", "", [said])

@@ -35,7 +35,7 @@ def validation_page(result: EstimateValidation, charts: Sequence[Chart], command
         Section("fit", "Measured and predicted", drawn(charts, "validation")),
         Section(
             "residuals",
-            "What the estimate leaves over",
+            "Residuals",
             [*drawn(charts, "residuals"), *errors_parts(result)],
         ),
         Section("origin", "How to repeat it", [Command(command), *origin] if command else origin),
@@ -75,7 +75,7 @@ def _predicts(result: EstimateValidation) -> Answer:
     }
     if noise:
         most = max(noise.values())
-        content.append(Text(f"What it is off is {most:.3g} times the sensors' noise at most."))
+        content.append(Text(f"The error is at most {most:.3g} times the sensor noise."))
     return Answer(question, word, tone, content)
 
 
@@ -87,4 +87,4 @@ def _next(result: EstimateValidation) -> Answer:
     said = Text("Over short horizons it may still predict. What these logs say of the drive:")
     files = shlex.join(str(log.get("file") or "LOG") for log in result.provenance["inputs"])
     asked = Command(f"flexid identify {files}")
-    return Answer(question, "Identify these logs, too", "", [said, asked])
+    return Answer(question, "Identify these logs as well", "", [said, asked])
