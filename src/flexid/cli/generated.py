@@ -1,6 +1,7 @@
 """Commands made from functions of the library: signature, defaults and docstring become options."""
 
 import inspect
+import logging
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -124,9 +125,27 @@ def working(errors: "Console", doing: str) -> Iterator[Progress]:
     if not doing:
         yield lambda _step: None
         return
-    first = f"{doing} (the first run on a machine compiles for up to a minute)"
-    with errors.status(first) as status:
+    with errors.status(doing) as status, noted(errors):
         yield lambda step: status.update(f"{doing}: {step}")
+
+
+@contextmanager
+def noted(errors: "Console") -> Iterator[None]:
+    """Print on standard error what the library has to say meanwhile, piped or not."""
+
+    class Printed(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            errors.print(record.getMessage(), markup=False, soft_wrap=True, highlight=False)
+
+    logger, handler = logging.getLogger("flexid"), Printed()
+    before = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(before)
 
 
 def _parameters(command: Command) -> Mapping[str, inspect.Parameter]:

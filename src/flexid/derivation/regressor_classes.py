@@ -101,6 +101,7 @@ def _sampled_parts_function(symbolic: SymbolicSystem, parts: Sequence[RegressorP
             [f"_g[{i}]" for i in range(len(parts))],
             [part.memoryless + part.remainder for part in parts],
         ),
+        decorator="inner",
     )
 
 
@@ -113,4 +114,5 @@ def _velocity_factors_function(symbolic: SymbolicSystem, parts: Sequence[Regress
             [f"_a[{i}, {j}]" for i in range(len(parts)) for j in range(len(symbolic.rows))],
             [factor for part in parts for factor in part.velocity_factors],
         ),
+        decorator="inner",
     )

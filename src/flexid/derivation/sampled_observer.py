@@ -77,6 +77,7 @@ def _advance_function(symbolic: SymbolicSystem) -> str:
         "\n".join([*current, assignments(ends, expressions, "        ")]),
         f"    _state = {_tuple(['1.0', *coefficients, *ends, *velocities, *inputs])}",
         f"    return _state, {_tuple([f'_i{j}' for j in rows])}",
+        decorator="inner",
     )
 
 
@@ -106,7 +107,8 @@ def _row_update(symbolic: SymbolicSystem, place: int) -> str:
 
 
 def _tuple_function(name: str, arguments: str, what: str, entries: Sequence[str]) -> str:
-    return function(f"{name}({arguments})", f"{what} as a tuple.", f"    return {_tuple(entries)}")
+    body = f"    return {_tuple(entries)}"
+    return function(f"{name}({arguments})", f"{what} as a tuple.", body, decorator="inner")
 
 
 def _tuple(entries: Sequence[str]) -> str:

@@ -30,6 +30,7 @@ from flexid.identification.judgement.estimates import (
     parameter_estimates,
     widest,
 )
+from flexid.identification.preparation.ahead import compile_ahead
 from flexid.identification.preparation.alignment import Alignment, Delay, aligned
 from flexid.identification.preparation.recordings import SplitRecordings, prepare
 from flexid.identification.preparation.settings import Settings
@@ -80,6 +81,7 @@ def identify(
     the report.
     """
     settings = settings or Settings()
+    compile_ahead()
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)
     job = job_of(recordings, settings)
     training = data_of(job.joint, recordings.fitted, recordings.groups)

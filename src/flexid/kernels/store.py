@@ -12,6 +12,7 @@ out of it as it was, is not compiled anew.
 import atexit
 import hashlib
 import importlib.util
+import logging
 import os
 import shutil
 import sys
@@ -19,7 +20,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -29,6 +30,8 @@ from typing import Any
 import platformdirs
 
 _END = "\n# The kernel ends here.\n"
+
+_LOG = logging.getLogger(__name__)
 
 _LOADING = threading.RLock()  # a second thread would find half a module
 
@@ -100,7 +103,7 @@ def _load(
     path = directory / f"{name}.py"
     try:
         _provide(path, source + _END)
-        return _import(name, path)
+        return _import(name, path, source)
     except OSError:
         return _in_memory(name, source)
 
@@ -185,6 +188,11 @@ def _compiled(path: Path) -> list[Path]:
     return [folder / name for name in names if name.endswith((".nbi", ".nbc"))]
 
 
+def is_compiled(kernel: ModuleType) -> bool:
+    """Whether some of a kernel's functions are compiled on disk."""
+    return kernel.__file__ is not None and bool(_compiled(Path(kernel.__file__)))
+
+
 def _discard_compiled(path: Path) -> None:
     """Remove all of numba's files of a kernel: a new index gives the old data's names away."""
     for file in _compiled(path):
@@ -223,12 +231,18 @@ def _evict(directory: Path) -> None:
                 path.unlink()
 
 
+@cache
+def _lock(path: Path) -> Any:
+    """The lock of a kernel's files: one object, so that a thread may take it more than once."""
+    from filelock import FileLock  # late: only who writes waits for the import
+
+    return FileLock(path.with_suffix(".lock"))
+
+
 @contextmanager
 def _one_writer(path: Path) -> Iterator[None]:
     """Let one thread of one process at a time write the files of a kernel."""
-    from filelock import FileLock  # late: only who writes waits for the import
-
-    lock = FileLock(path.with_suffix(".lock"))
+    lock = _lock(path)
     try:
         lock.acquire()
     except (NotImplementedError, OSError):  # a file system without locks
@@ -240,8 +254,8 @@ def _one_writer(path: Path) -> Iterator[None]:
         lock.release()
 
 
-def _guard_compiled(module: ModuleType, path: Path) -> None:
-    """Let a kernel's compiled functions be saved by one process at a time, and loaded by any.
+class _OneCompiles:
+    """Loads a function's compiled code, or lets one process at a time compile and save it.
 
     To save, numba reads the function's index, adds a signature and writes it back. Of two
     processes that do so at once one signature is lost, or gets the code of the other. An index may
@@ -249,30 +263,54 @@ def _guard_compiled(module: ModuleType, path: Path) -> None:
     not loaded, all is compiled anew.
     """
 
-    def of_this_kernel(load: Callable[..., Any]) -> Callable[..., Any]:
-        def load_alone(*arguments: object) -> Any:
-            try:
-                return load(*arguments)
-            except ImportError:
-                with _one_writer(path), suppress(OSError):
-                    _discard_compiled(path)
-                return None
+    def __init__(self, cache: Any, path: Path) -> None:
+        self._path = path
+        self._load, self._save = cache.load_overload, cache.save_overload
+        self._compiling = ExitStack()
+        cache.load_overload, cache.save_overload = self.load, self.save
 
-        return load_alone
+    def load(self, *arguments: object) -> Any:
+        """The compiled code; None, after which it is compiled and saved, if there is none."""
+        found = self._loaded(*arguments)
+        if found is None:
+            self._compiling.enter_context(_one_writer(self._path))
+            found = self._loaded(*arguments)  # unless another process has just saved it
+            if found is not None:
+                self._compiling.close()
+            else:
+                _announce()
+        return found
 
-    def alone(save: Callable[..., None]) -> Callable[..., None]:
-        def save_alone(*arguments: object) -> None:
-            # On a full disk what was compiled serves this process all the same.
-            with _one_writer(path), suppress(OSError):
-                save(*arguments)
+    def _loaded(self, *arguments: object) -> Any:
+        try:
+            return self._load(*arguments)
+        except ImportError:
+            with _one_writer(self._path), suppress(OSError):
+                _discard_compiled(self._path)
+            return None
 
-        return save_alone
+    def save(self, *arguments: object) -> None:
+        """Save what was compiled; on a full disk it serves this process all the same."""
+        with self._compiling.pop_all(), suppress(OSError):
+            self._save(*arguments)
 
+
+def _guard_compiled(module: ModuleType, path: Path) -> None:
+    """Guard the code of the functions that are compiled when they are called."""
     for value in vars(module).values():
         cache: Any = getattr(value, "_cache", None)
         if hasattr(cache, "save_overload"):
-            cache.save_overload = alone(cache.save_overload)
-            cache.load_overload = of_this_kernel(cache.load_overload)
+            _OneCompiles(cache, path)
+
+
+@cache
+def _announce() -> None:
+    """Say once in a process that something is compiled."""
+    _LOG.info(
+        "Compiling the models' functions, once for this machine: some ten seconds. They are kept "
+        "in %s.",
+        cache_directory(),
+    )
 
 
 @cache
@@ -337,16 +375,22 @@ def _write_atomically(path: Path, source: str) -> None:
     written.replace(path)
 
 
-def _import(name: str, path: Path) -> ModuleType:
+def _import(name: str, path: Path, source: str) -> ModuleType:
+    """Import a kernel; what it compiles by that, one process at a time compiles."""
     specification = importlib.util.spec_from_file_location(name, path)
     assert specification is not None
     assert specification.loader is not None
     module = importlib.util.module_from_spec(specification)
     sys.modules[name] = module
-    try:
-        specification.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
+    with ExitStack() as compiling:
+        if "cfunc(" in source and not _compiled(path):
+            compiling.enter_context(_one_writer(path))
+            if not _compiled(path):
+                _announce()
+        try:
+            specification.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
     _guard_compiled(module, path)
     return module

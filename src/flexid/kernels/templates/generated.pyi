@@ -33,6 +33,7 @@ WIDTH: int
 
 # How functions are compiled that run at every stage of a step.
 inlined: Callable[[Any], Any]
+inner: Callable[[Any], Any]
 uncounted: Callable[[Any], Any]
 
 # Of a model.

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         as_sample,
         as_settings,
         as_state,
+        inner,
         regressors,
     )
     from flexid.kernels.templates.status import REJECTED, STARTING, is_finite
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 NO_INNOVATION = (np.nan,) * N_ROWS
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inner
 def take_in(current, sample, fixed):
     """State after a sample, innovations, status: tuples stay in registers, views do not."""
     if not is_finite(sample):
@@ -33,7 +34,7 @@ def take_in(current, sample, fixed):
     return current, innovation, STARTING
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def as_array(current):
     """The state as an array again."""
     state = np.empty(STATE_SIZE)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         N_COEFFICIENTS,
         N_ROWS,
         N_SIGNALS,
+        inner,
         sampled_parts,
         velocity_factors,
     )
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 TILE = 256  # samples that are filtered together, signal by signal: they stay in the nearest cache
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def rules(wanted, zero_order, weights):
     """Weights of a signal at samples k - 2, k - 1 (before and after its jump) and k, in columns.
 
@@ -27,11 +28,12 @@ def rules(wanted, zero_order, weights):
     smooth, and Numerov's rule is of fourth order for it.
     """
     for a in range(wanted.shape[0]):
-        weights[:, a] = (1.0 / 12.0, 0.0, 10.0 / 12.0, 1.0 / 12.0)
-        if HELD[wanted[a]]:
-            weights[:, a] = (1.0 / 6.0, 2.0 / 6.0, 2.0 / 6.0, 1.0 / 6.0)
-            if not zero_order:
-                weights[:, a] = (1.0 / 6.0, 0.0, 4.0 / 6.0, 1.0 / 6.0)
+        held = HELD[wanted[a]]
+        end = 1.0 / 6.0 if held else 1.0 / 12.0
+        weights[0, a] = end
+        weights[1, a] = 2.0 / 6.0 if held and zero_order else 0.0
+        weights[2, a] = (2.0 if zero_order else 4.0) / 6.0 if held else 10.0 / 12.0
+        weights[3, a] = end
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
