@@ -122,10 +122,10 @@ class OnlineEstimator(Protocol):
 class CompiledEstimator:
     """An online estimator whose step is one compiled function."""
 
-    system: ParametricSystem  # The model
-    sample_time: float  # Time between samples in s
-    hold: Hold  # Hold of the inputs between samples
-    needs_velocities: bool  # Whether samples hold velocities, or coordinates and inputs alone
+    system: ParametricSystem  # the model
+    sample_time: float  # time between samples in s
+    hold: Hold  # hold of the inputs between samples
+    needs_velocities: bool  # whether samples hold velocities, or coordinates and inputs alone
     _kernel: ModuleType
     _settings: FloatArray
     _first_state: FloatArray

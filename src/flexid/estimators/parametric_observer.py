@@ -32,7 +32,7 @@ class ParametricObserver(CompiledEstimator):
     with least squares.
     """
 
-    # shape (n_coefficients,); Diagonal of G; in the paper c1 for each coefficient of the link, c2
+    # (n_coefficients,): diagonal of G; in the paper c1 for each coefficient of the link, c2
     # for each of the motor
     gains: FloatArray
     _first_coefficient: ClassVar[int] = 1

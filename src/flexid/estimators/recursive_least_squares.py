@@ -47,16 +47,16 @@ class Law:
     """The numbers that an update goes by, for whoever writes it down in another language."""
 
     fading: float  # μ, by which what was learnt fades per sample
-    # Part of the largest information of each coefficient that is never forgotten
+    # part of the largest information of each coefficient that is never forgotten
     least_information: float
-    fewest: int  # Equations before anything is called determined
+    fewest: int  # equations before anything is called determined
     ridge: float  # ρ, added to the matrix when it is scaled to a unit diagonal
-    least_tolerance: float  # Part of a regressor's square that the others must leave over
-    least_explained: float  # Part of a left-hand side that a row must explain
-    # Equations after which the filter remembers nothing of the time before; 0 without a filter
+    least_tolerance: float  # part of a regressor's square that the others must leave over
+    least_explained: float  # part of a left-hand side that a row must explain
+    # equations after which the filter remembers nothing of the time before; 0 without a filter
     memory: int
-    pole: float  # Of the filter; 0 without one
-    # Samples to either side that a velocity is the slope over; 0 where none is needed
+    pole: float  # of the filter; 0 without one
+    # samples to either side that a velocity is the slope over; 0 where none is needed
     half_window: int
 
 

@@ -13,11 +13,11 @@ from flexid.recording.wraps import TURN
 class StreamChannels:
     """What the values of a sample are."""
 
-    kind: Kind  # Whether there are two encoders and an input, no input, or one encoder
-    input_unit: str  # Of the input; empty where there is none
-    from_deflection: bool  # Whether the first position is the joint's deflection
-    warnings: tuple[str, ...]  # What was assumed
-    motor_turn: float = 0.0  # See `WatchOptions`
+    kind: Kind  # whether there are two encoders and an input, no input, or one encoder
+    input_unit: str  # of the input; empty where there is none
+    from_deflection: bool  # whether the first position is the joint's deflection
+    warnings: tuple[str, ...]  # what was assumed
+    motor_turn: float = 0.0  # see `WatchOptions`
 
     @property
     def words(self) -> str:

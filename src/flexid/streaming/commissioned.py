@@ -31,17 +31,17 @@ _OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset
 class Commissioned:
     """What a stream takes from an estimate, and what it is compared with."""
 
-    kind: Literal["flexible", "link", "rigid"]  # Which joint
-    terms: tuple[str, ...]  # Of the joint
-    hold: Literal["auto", "linear", "zero"]  # The input between samples
-    filter_rate: float = FILTER_RATE  # In 1/s
-    given: Mapping[str, float] = field(default_factory=dict)  # Coefficients that were not estimated
-    shapes: Mapping[str, float] = field(default_factory=dict)  # Constants of shapes, by name
-    coulomb_velocity: float | None = None  # In rad/s; None where friction was dry
-    # Value of each physical parameter that is determined, and half of its 95 % interval
+    kind: Literal["flexible", "link", "rigid"]  # which joint
+    terms: tuple[str, ...]  # of the joint
+    hold: Literal["auto", "linear", "zero"]  # the input between samples
+    filter_rate: float = FILTER_RATE  # in 1/s
+    given: Mapping[str, float] = field(default_factory=dict)  # coefficients that were not estimated
+    shapes: Mapping[str, float] = field(default_factory=dict)  # constants of shapes, by name
+    coulomb_velocity: float | None = None  # in rad/s; None where friction was dry
+    # value of each physical parameter that is determined, and half of its 95 % interval
     reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    input_unit: str = ""  # Of the input; empty where there is none
-    # Channels that were found late, and by how many seconds
+    input_unit: str = ""  # of the input; empty where there is none
+    # channels that were found late, and by how many seconds
     late: Mapping[str, float] = field(default_factory=dict)
 
     def warnings(self, sample_time: float) -> tuple[str, ...]:
@@ -118,11 +118,11 @@ def _is_known(found: "ParameterEstimate") -> bool:
 class Departure:
     """A physical parameter that differs from what it was."""
 
-    name: str  # Of the parameter
-    unit: str  # Of the parameter
-    was: float  # In the estimate, and by the stream
-    now: float  # In the estimate, and by the stream
-    excess: float  # Their difference, over the least that counts as one
+    name: str  # of the parameter
+    unit: str  # of the parameter
+    was: float  # in the estimate, and by the stream
+    now: float  # in the estimate, and by the stream
+    excess: float  # their difference, over the least that counts as one
 
     @property
     def change(self) -> float:

@@ -128,13 +128,13 @@ class Counts:
 class Guarded:
     """What the guard says of some samples."""
 
-    state: FloatArray  # The guard's, after them
-    # How many were judged: all, or those up to the first at which an encoder is found stuck
+    state: FloatArray  # the guard's, after them
+    # how many were judged: all, or those up to the first at which an encoder is found stuck
     judged: int
-    # shape (m, n_positions + n_inputs); What may be learnt from, as `pack` makes it; a row of NaN
+    # (m, n_positions + n_inputs): what may be learnt from, as `pack` makes it; a row of NaN
     # stands where samples are missing
     rows: FloatArray
-    stuck_for: int  # Samples for which that encoder has stood still; 0 if none was found
+    stuck_for: int  # samples for which that encoder has stood still; 0 if none was found
 
 
 class Guard:

@@ -107,31 +107,31 @@ class Width(NamedTuple):
 
     name: str
     value: float
-    half_width: float  # Of the interval; infinite where there is none
-    disagreement: float  # Largest difference between filters
+    half_width: float  # of the interval; infinite where there is none
+    disagreement: float  # largest difference between filters
 
 
 class Recent(NamedTuple):
     """What a row did in the recent window, in the mean squares of its equations."""
 
     row: str
-    error: float  # Of the innovations
-    power: float  # Of the left-hand sides
-    usual_error: float  # Of what is unexplained in all that was learnt
-    usual_power: float  # Of all left-hand sides that were learnt from
+    error: float  # of the innovations
+    power: float  # of the left-hand sides
+    usual_error: float  # of what is unexplained in all that was learnt
+    usual_power: float  # of all left-hand sides that were learnt from
 
 
 class Evidence(NamedTuple):
     """What the health is judged by."""
 
-    bad_share: float  # Share of the recent samples that could not be used
-    bad_cause: str  # Why most of these could not
-    is_stuck: bool  # Whether an encoder stands still while the other one moves
-    settled: float  # Time constants of the filter for which motion has been learnt from
-    determined: bool  # Whether the data determine every coefficient
-    open_direction: Sequence[str]  # Coefficients that are confused most
-    widths: Sequence[Width]  # Of spring and inertias
-    changed: str  # What contradicted the estimates before they began anew; empty if nothing did
+    bad_share: float  # share of the recent samples that could not be used
+    bad_cause: str  # why most of these could not
+    is_stuck: bool  # whether an encoder stands still while the other one moves
+    settled: float  # time constants of the filter for which motion has been learnt from
+    determined: bool  # whether the data determine every coefficient
+    open_direction: Sequence[str]  # coefficients that are confused most
+    widths: Sequence[Width]  # of spring and inertias
+    changed: str  # what contradicted the estimates before they began anew; empty if nothing did
     contradicted: str = ""
     """What is known, or was estimated before, and is otherwise now; empty if nothing is."""
 

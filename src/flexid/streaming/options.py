@@ -41,27 +41,27 @@ _INPUT_UNITS = ("N m", "A", "V")
 class WatchOptions:
     """What does not change while a stream is watched."""
 
-    sample_time: float  # In s
-    terms: tuple[str, ...] = USUAL_TERMS  # Terms of the flexible joint beside its spring
-    # Whether link and motor have an encoder each, and there is an input; or the link is driven by
+    sample_time: float  # in s
+    terms: tuple[str, ...] = USUAL_TERMS  # terms of the flexible joint beside its spring
+    # whether link and motor have an encoder each, and there is an input; or the link is driven by
     # the motor's measured motion; or the drive has one encoder
     kind: Kind = "flexible"
-    # The input between samples: on straight lines, or held. With ``"auto"`` it is taken as on
+    # the input between samples: on straight lines, or held. With ``"auto"`` it is taken as on
     # lines, and the intervals cover what a held one would give
     hold: Literal["auto", "linear", "zero"] = "auto"
     filter_rate: float = 20.0  # λ of the filter, in 1/s
-    memory: float = inf  # Seconds after which a sample weighs 1/e as much; infinite: nothing fades
-    # Velocity in rad/s over which Coulomb friction changes its sign
+    memory: float = inf  # seconds after which a sample weighs 1/e as much; infinite: nothing fades
+    # velocity in rad/s over which Coulomb friction changes its sign
     coulomb_velocity: float = COULOMB_VELOCITY
-    input_unit: str = "N m"  # Of what drives the motor; empty for the link alone
-    from_deflection: bool = False  # Whether the link's position comes as the joint's deflection
-    # Constants of the shapes of unusual terms, by name
+    input_unit: str = "N m"  # of what drives the motor; empty for the link alone
+    from_deflection: bool = False  # whether the link's position comes as the joint's deflection
+    # constants of the shapes of unusual terms, by name
     shapes: Mapping[str, float] = field(default_factory=dict)
-    # Physical parameters or coefficients, as in `Settings`
+    # physical parameters or coefficients, as in `Settings`
     known: Mapping[str, float] = field(default_factory=dict)
-    # Standard deviations of what is known; what has none is known exactly
+    # standard deviations of what is known; what has none is known exactly
     known_deviations: Mapping[str, float] = field(default_factory=dict)
-    # Physical parameters by an estimate made before, and half of their intervals
+    # physical parameters by an estimate made before, and half of their intervals
     reference: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # A turn of the motor at the link's side of the gear, in rad, where its encoder may wrap by
     # such turns; 0 where it stands behind the gear, or there is none

@@ -30,17 +30,17 @@ FEWEST = 10
 class RecentWindow:
     """Sums over the window that is not full yet, and what the last full one said."""
 
-    errors: FloatArray  # shape (n_rows,); Σ of the squared innovations
-    equations: int  # How many
-    powers: FloatArray  # shape (n_rows,); The main estimator's at the beginning of the window
-    equations_before: int  # Its equations then
-    # shape (2, n_rows); Mean squares of what was unexplained and of the left-hand sides, in all
+    errors: FloatArray  # (n_rows,): σ of the squared innovations
+    equations: int  # how many
+    powers: FloatArray  # (n_rows,): the main estimator's at the beginning of the window
+    equations_before: int  # its equations then
+    # (2, n_rows): mean squares of what was unexplained and of the left-hand sides, in all
     # that was learnt before the first window that contradicts it
     usual: FloatArray
-    # shape (n_causes + 1,); Bad samples by cause then, and all
+    # (n_causes + 1,): bad samples by cause then, and all
     counts_before: FloatArray = field(default_factory=lambda: np.zeros(len(CAUSES) + 1))
-    bad_share: float = 0.0  # Of the last full window
-    bad_cause: str = ""  # Most frequent cause there
+    bad_share: float = 0.0  # of the last full window
+    bad_cause: str = ""  # most frequent cause there
 
     @classmethod
     def at(cls, learner: Learner, states: States) -> "RecentWindow":

@@ -39,9 +39,9 @@ def clock_words(time: float) -> str:
 class Change:
     """When the motion began to contradict what was learnt, so that learning began anew."""
 
-    time: float  # On the stream's clock, in s; by then it had for two windows
-    row: str  # Where it was seen first: ``"link"``, ``"motor"`` or ``"rigid"``
-    # How many times its prediction error was the usual one, as a root mean square
+    time: float  # on the stream's clock, in s; by then it had for two windows
+    row: str  # where it was seen first: ``"link"``, ``"motor"`` or ``"rigid"``
+    # how many times its prediction error was the usual one, as a root mean square
     times_worse: float
 
     @property
@@ -58,9 +58,9 @@ class Change:
 class Memory:
     """States of the estimators at some sample, to go back to."""
 
-    fed: int  # Samples that had come
-    states: States  # Of the estimators
-    determined: bool  # Whether they determined everything
+    fed: int  # samples that had come
+    states: States  # of the estimators
+    determined: bool  # whether they determined everything
 
 
 class Session:

@@ -44,10 +44,10 @@ FEWEST_LINES = 4
 class StreamColumns:
     """What a stream's columns are: samples are ``weights @ cells + offsets``."""
 
-    # shape (n_values, n_columns); In SI units; the values are time, positions and input
+    # (n_values, n_columns): in SI units; the values are time, positions and input
     weights: FloatArray
-    offsets: FloatArray  # shape (n_values,)
-    channels: StreamChannels  # What the values are
+    offsets: FloatArray  # (n_values,)
+    channels: StreamChannels  # what the values are
 
     @property
     def used(self) -> list[int]:
@@ -92,21 +92,21 @@ def _weights(channel: Channel, names: tuple[str, ...]) -> list[float]:
 class TextBefore:
     """The text that another one follows, maybe without a header of its own."""
 
-    rows: RowReader  # What read it
-    used: list[int]  # Columns that have to hold numbers
+    rows: RowReader  # what read it
+    used: list[int]  # columns that have to hold numbers
 
 
 @dataclass
 class LineReader:
     """Cells from bytes as they come."""
 
-    source: str  # For messages
-    header: str | None = None  # Names of the columns, where the stream does not begin with them
-    fewest: int = HEAD_LINES  # Lines that are waited for before the layout is decided
-    before: TextBefore | None = None  # The text that this one follows
-    rows: RowReader | None = None  # What reads them, as soon as there is a layout
-    left_out: int = 0  # Lines at the end that were too few to say what their columns are
-    head: bytes = b""  # The lines by which that was decided, as text in UTF-8
+    source: str  # for messages
+    header: str | None = None  # names of the columns, where the stream does not begin with them
+    fewest: int = HEAD_LINES  # lines that are waited for before the layout is decided
+    before: TextBefore | None = None  # the text that this one follows
+    rows: RowReader | None = None  # what reads them, as soon as there is a layout
+    left_out: int = 0  # lines at the end that were too few to say what their columns are
+    head: bytes = b""  # the lines by which that was decided, as text in UTF-8
     _rest: bytes = b""
     _first: list[bytes] = field(default_factory=list)
 
