@@ -114,6 +114,16 @@ def test_the_document_has_text_and_notes(examples: Path):
     assert "integrated numerically" in document["notes"][0]
 
 
+def test_exported_files_are_listed(tmp_path: Path):
+    """Assert that --json names the files that were written."""
+    options = ("--to", "c99", "--sample-time", "0.001", "--out", str(tmp_path), "--json")
+    done = flexid("export", "flexible-joint", *options)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert {Path(path).name for path in document["files"]} == {p.name for p in tmp_path.iterdir()}
+    assert document["files"]
+
+
 def test_version_and_help():
     """Assert that --version prints the version and that no arguments print the help."""
     assert flexid("--version").stdout.startswith("flexid 0.")

@@ -13,6 +13,7 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.models.rigid_joint import rigid_joint
 from flexid.recording.read import read_log
 from flexid.report.documents import identification_document, to_json
+from flexid.report.validation_table import validation_parts
 from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.validate_estimate import validate_estimate
 from made_estimates import stored_document, stored_value
@@ -102,6 +103,15 @@ def test_a_wrong_stiffness_predicts_less(log):
             assert fit < right.horizons[horizon][channel]
     off = [residuals["deflection"] for residuals in found.residuals.values()]
     assert off[0] < off[2]
+
+
+def test_an_estimate_of_another_drive_is_said(log):
+    """Assert that a free run that explains next to nothing is named with its channel."""
+    found = validate_estimate(stored(), [log])
+    poor = replace(found, fit_percent={**found.fit_percent, "deflection": 12.3})
+    said = " ".join(map(str, validation_parts(poor)))
+    assert "the free run explains 12.3 % of deflection" in said
+    assert "does not describe" not in " ".join(map(str, validation_parts(found)))
 
 
 def test_delays_are_heeded(tmp_path):
@@ -280,8 +290,10 @@ def test_the_command(flexid, tmp_path):
     document = json.loads((tmp_path / "out" / "validation.json").read_text())
     assert set(document["residuals"]) == {"0.05", "0.2", "1", "5", "free"}
     assert document["provenance"]["inputs"][0]["file"] == str(tmp_path / "log.csv")
-    printed = flexid("validate", path, tmp_path / "log.csv", "--json")
-    assert json.loads(printed.stdout)["fit_percent"] == document["fit_percent"]
+    for least, status in (("99", 0), ("99.999", 1)):
+        printed = flexid("validate", path, tmp_path / "log.csv", "--json", "--min-fit", least)
+        assert printed.status == status
+        assert json.loads(printed.stdout)["fit_percent"] == document["fit_percent"]
 
 
 @pytest.mark.parametrize("name", ["none.json", "log.csv"])
