@@ -249,11 +249,13 @@ def test_values_are_found_by_name(estimate):
     assert estimate.settings["hold"] == "zero"
 
 
-def test_results_cannot_be_changed(estimate):
+def test_results_cannot_be_changed(estimate, loaded):
     """Assert that no assignment corrupts an estimate."""
     for mapping in (estimate.parameters, estimate.coefficients, estimate.fit_percent):
         with pytest.raises(TypeError, match="assignment"):
             mapping["joint_stiffness"] = 3
+    loaded.document["parameters"].clear()
+    assert loaded.document == estimate.document
 
 
 def test_residuals_and_criteria(estimate, loaded):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from os import PathLike
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from flexid.library.answer import ReportedAnswer, data_frame
@@ -41,12 +42,12 @@ class EstimateComparison(ReportedAnswer):
     @property
     def parameters(self) -> "Mapping[str, Difference]":
         """By name, each parameter of either estimate: difference, interval and outcome."""
-        return self.result.parameters
+        return MappingProxyType(self.result.parameters)
 
     @property
     def coefficients(self) -> "Mapping[str, Difference]":
         """Lumped coefficients of the model by name, likewise; none if their meaning differs."""
-        return self.result.coefficients
+        return MappingProxyType(self.result.coefficients)
 
     @property
     def changed(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -324,7 +325,7 @@ class JointEstimate(ReportedAnswer):
     @property
     def document(self) -> Mapping[str, Any]:
         """Everything but the time series, as an ``estimate.json`` has it."""
-        return super().document if self._stored is None else self._stored
+        return super().document if self._stored is None else deepcopy(self._stored)
 
     def predict(self, log: "OneLog", *, columns: "Columns | None" = None) -> "Prediction":
         """Predict a log from its input, with the first state from its first half second.

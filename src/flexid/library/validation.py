@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import isnan
 from os import PathLike
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from flexid.library.answer import ReportedAnswer, data_frame
@@ -42,22 +43,22 @@ class EstimateValidation(ReportedAnswer):
     @property
     def fit_percent(self) -> Mapping[str, float]:
         """By channel, how much of the motion a free run repeats, in per cent."""
-        return self.result.fit_percent
+        return MappingProxyType(self.result.fit_percent)
 
     @property
     def horizons(self) -> Mapping[float, Mapping[str, float]]:
         """The same for predictions that begin anew every so many seconds."""
-        return self.result.horizons
+        return MappingProxyType(self.result.horizons)
 
     @property
     def residuals(self) -> Mapping[float, Mapping[str, float]]:
         """Root mean square of what each channel is off in rad, by horizon; inf for the free run."""
-        return self.result.residuals
+        return MappingProxyType(self.result.residuals)
 
     @property
     def noise(self) -> Mapping[str, float]:
         """Standard deviation of each channel's noise in rad."""
-        return self.result.noise
+        return MappingProxyType(self.result.noise)
 
     @property
     def warnings(self) -> tuple[str, ...]:

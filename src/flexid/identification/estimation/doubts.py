@@ -106,7 +106,7 @@ def coil_lag(doubted: Doubted) -> FloatArray:
     delay = values.get(INPUT, structure.timing.delays.get(INPUT, 0.0))
     viscous = sum(value for name, value in values.items() if name in _VISCOUS)
     if doubted.input_unit != "V":
-        return np.zeros((len(values), 0))
+        return np.zeros((len(doubted.fitted.names), 0))
     # Anything between none and all of the delay: a uniform distribution about half of it.
     lag = float(np.clip(delay, 0.0, _COIL))
     return doubted.common(abs(viscous) * lag / np.sqrt(3.0), "motor")
