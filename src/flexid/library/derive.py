@@ -17,15 +17,7 @@ SHIPPED = "flexible-joint"
 
 
 class ObserverText(str):
-    """Equations as text, with what to know of them.
-
-    Parameters
-    ----------
-    text : str
-        The equations.
-    notes : tuple of str
-        What is integrated numerically, and which rates of inputs the observer needs.
-    """
+    """Equations as text, with what to know of them."""
 
     notes: tuple[str, ...]
 

@@ -24,68 +24,27 @@ def drawn(chart: "Chart", ax: "Axes | None" = None) -> "Figure":
 
 
 class EstimatePlots:
-    """Figures of an estimate, each a Matplotlib figure that pyplot knows nothing of.
-
-    Parameters
-    ----------
-    result : Identification
-        What is drawn.
-    """
+    """Figures of an estimate, which pyplot does not know, or drawn in the place of an `ax`."""
 
     def __init__(self, result: "Identification") -> None:
         self._result = result
 
     def fit(self, ax: "Axes | None" = None) -> "Figure":
-        """Free run of the model over the data that were kept out of the fit.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-
-        Raises
-        ------
-        SettingError
-            If the estimate was loaded: a file holds no time series.
-        """
+        """Free run of the model over the data that were kept out of the fit."""
         from flexid.report.identification_charts import fit_chart
 
         self._need_series(bool(self._result.validation.runs))
         return drawn(fit_chart(self._result), ax)
 
     def residuals(self, ax: "Axes | None" = None) -> "Figure":
-        """What is between measured and predicted held-out data, and how it correlates in time.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-
-        Raises
-        ------
-        SettingError
-            If the estimate was loaded: a file holds no time series.
-        """
+        """What is between measured and predicted held-out data, and how it correlates in time."""
         from flexid.report.residual_chart import residual_chart
 
         self._need_series(bool(self._result.validation.runs))
         return drawn(residual_chart(self._result.validation), ax)
 
     def regions(self, *, level: float = CONFIDENCE, ax: "Axes | None" = None) -> "Figure":
-        """Joint confidence regions of the coefficients of each row that correlate most.
-
-        Parameters
-        ----------
-        level : float, optional
-            Nominal coverage.
-        ax : Axes, optional
-            In whose place the panels are drawn.
-
-        Raises
-        ------
-        SettingError
-            If no two coefficients were estimated.
-        """
+        """Joint confidence regions of the coefficients of each row that correlate most."""
         from flexid.identification.vocabulary.intervals import checked_level
         from flexid.report.regions_chart import regions_chart
 
@@ -95,31 +54,14 @@ class EstimatePlots:
         return drawn(chart, ax)
 
     def estimates(self, ax: "Axes | None" = None) -> "Figure":
-        """The paper's observer over time, with the estimates and their intervals.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-
-        Raises
-        ------
-        SettingError
-            If the estimate was loaded: a file holds no time series.
-        """
+        """The paper's observer over time, with the estimates and their intervals."""
         from flexid.report.estimates_chart import estimates_chart
 
         self._need_series(len(self._result.observer.time) > 0)
         return drawn(estimates_chart(self._result), ax)
 
     def excitation(self, ax: "Axes | None" = None) -> "Figure":
-        """How well the motion tells the coefficients of each row apart.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
+        """How well the motion tells the coefficients of each row apart."""
         from flexid.report.identification_charts import excitation_chart
 
         return drawn(excitation_chart(self._result), ax)
@@ -137,26 +79,6 @@ class EstimatePlots:
 
         Antiresonance and resonance are marked. The spectral estimate is that of the log that the
         estimate was made from, or of another; `JointEstimate.frequency_response` has the numbers.
-
-        Parameters
-        ----------
-        logs : log or list of logs, optional
-            As `flexid.read_log` takes them.
-        columns : path, optional
-            A TOML column map for raw sensor columns.
-        position : float, optional
-            Angle in rad about which link and motor move; where gravity has no torque, if not given.
-        level : float, optional
-            Nominal coverage of the band, at each frequency for itself.
-        ax : Axes, optional
-            In whose place the panels are drawn.
-
-        Raises
-        ------
-        SettingError
-            If the level or the position cannot be used.
-        RecordingError
-            If a log cannot be used.
         """
         from flexid.frequency.frequency_response import frequency_response
         from flexid.library.logs import all_recordings
@@ -167,18 +89,7 @@ class EstimatePlots:
         return drawn(bode_chart(response), ax)
 
     def save(self, directory: "str | PathLike[str]") -> None:
-        """Write the figures that ``flexid identify --out`` writes.
-
-        Parameters
-        ----------
-        directory : path
-            Where they go; made if it is not there.
-
-        Raises
-        ------
-        SettingError
-            If it cannot be written, or the estimate was loaded.
-        """
+        """Write the figures that ``flexid identify --out`` writes."""
         from flexid.library.joint_estimate import JointEstimate
 
         self._need_series(bool(self._result.validation.runs))
@@ -194,37 +105,19 @@ class EstimatePlots:
 
 
 class ValidationPlots:
-    """Figures of predictions, each a Matplotlib figure that pyplot knows nothing of.
-
-    Parameters
-    ----------
-    result : EstimateValidation
-        What is drawn.
-    """
+    """Figures of predictions, likewise."""
 
     def __init__(self, result: "EstimateValidation") -> None:
         self._result = result
 
     def fit(self, ax: "Axes | None" = None) -> "Figure":
-        """Free run over each log, channel by channel, with the residual below.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
+        """Free run over each log, channel by channel, with the residual below."""
         from flexid.report.validation_chart import validation_chart
 
         return drawn(validation_chart(self._result), ax)
 
     def residuals(self, ax: "Axes | None" = None) -> "Figure":
-        """What is between measured and predicted motion, and how it correlates in time.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
+        """What is between measured and predicted motion, and how it correlates in time."""
         from flexid.report.residual_chart import residual_chart
 
         return drawn(residual_chart(self._result), ax)
