@@ -1,6 +1,5 @@
 """The printed summary of a campaign, its document and its charts."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +9,10 @@ import pytest
 from flexid.campaigns.importance import Correlation, SobolIndex
 from flexid.campaigns.manifest import Manifest
 from flexid.campaigns.summary import Result, Summary
+from flexid.library.campaign import CampaignResult
 from flexid.report.campaign_charts import campaign_charts
-from flexid.report.campaign_document import campaign_document
 from flexid.report.campaign_table import correlation_text, index_text, status_lines
 from flexid.report.charts.description import Level, Line, Points
-from flexid.report.documents import to_json
 
 NAN = float("nan")
 
@@ -88,7 +86,7 @@ def test_indices_that_may_be_zero_are_not_printed():
 def test_the_document_is_json():
     """Assert that numbers that JSON does not have become null."""
     nothing = Result("settling_time.theta1", np.array([NAN]), 1, (NAN, NAN, NAN), (), ())
-    document = json.loads(to_json(campaign_document(made_summary(results=(nothing,)))))
+    document = CampaignResult(made_summary(results=(nothing,))).document
     found = document["results"]["settling_time.theta1"]
     assert found["quantiles"] == {"0.05": None, "0.5": None, "0.95": None}
     assert (found["finite"], found["missing"]) == (0, 1)

@@ -32,9 +32,28 @@ class ArmEstimate(ReportedAnswer):
         return self.result.warnings
 
     def _document(self) -> Mapping[str, Any]:
-        from flexid.report.arm_document import arm_document
-
-        return arm_document(self.result)
+        result = self.result
+        return {
+            "kind": "planar arm",
+            "arm": result.arm,
+            "joints": [
+                {p.name: p for p in result.of_joint(joint)}
+                for joint in range(1, result.arm.joints + 1)
+            ],
+            "fit": {
+                "names": result.names,
+                "covariance": result.covariance,
+                "fixed": result.fixed,
+            },
+            "free_run_percent": result.free_run,
+            "residual_excess": result.residual_excess,
+            "hold": result.hold,
+            "input_delay": result.input_delay,
+            "segment_duration": result.segment_duration,
+            "condition_number": result.condition_number,
+            "warnings": result.warnings,
+            "provenance": result.provenance,
+        }
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.arm_table import arm_parts

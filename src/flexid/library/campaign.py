@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from flexid.campaigns import Summary
+    from flexid.campaigns.summary import Result
     from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
     from flexid.report.terminal import Part
@@ -49,9 +50,24 @@ class CampaignResult(ReportedAnswer):
         return self.result.complete
 
     def _document(self) -> Mapping[str, Any]:
-        from flexid.report.campaign_document import campaign_document
-
-        return campaign_document(self.result)
+        summary = self.result
+        manifest = summary.manifest
+        return {
+            "kind": manifest.kind,
+            "runs": manifest.runs,
+            "done": summary.done,
+            "complete": summary.complete,
+            "damaged": summary.damaged,
+            "statuses": summary.statuses,
+            "first_error": summary.first_error,
+            "inputs": manifest.inputs,
+            "results": {result.name: _result_document(result) for result in summary.results},
+            "provenance": {
+                "version": manifest.flexid,
+                "experiment": manifest.experiment,
+                "plan": manifest.plan,
+            },
+        }
 
     def to_dataframe(self, backend: str = "polars") -> Any:
         """The rows, one for each run that is done.
@@ -85,6 +101,19 @@ class CampaignResult(ReportedAnswer):
         return (
             f"<CampaignResult: {self.result.done} of {self.result.manifest.runs} runs: {statuses}>"
         )
+
+
+def _result_document(result: "Result") -> dict[str, Any]:
+    from flexid.campaigns.summary import QUANTILES
+
+    shares = zip(QUANTILES, result.quantiles, strict=True)
+    return {
+        "finite": len(result.values) - result.missing,
+        "missing": result.missing,
+        "quantiles": {f"{share:g}": value for share, value in shares},
+        "rank_correlations": result.correlations,
+        "sobol_indices": result.indices,
+    }
 
 
 @entrance

@@ -128,9 +128,24 @@ class EstimateComparison(ReportedAnswer):
         return (comparison_chart(self.result),)
 
     def _document(self) -> Mapping[str, Any]:
-        from flexid.report.comparison_document import comparison_document
+        from flexid.report.comparison_summary import comparison_summary
 
-        return comparison_document(self.result)
+        comparison = self.result
+        return {
+            "agree": comparison.agree,
+            "differ": comparison.differ,
+            "a": comparison.labels[0],
+            "b": comparison.labels[1],
+            "models": comparison.models,
+            "logs": comparison.logs,
+            "parameters": _differences(comparison.parameters),
+            "coefficients": _differences(comparison.coefficients),
+            "together": comparison.together,
+            "settings": {name: {"a": a, "b": b} for name, (a, b) in comparison.settings.items()},
+            "summary": comparison_summary(comparison),
+            "warnings": comparison.warnings,
+            "provenance": comparison.provenance,
+        }
 
     def _parts(self) -> "Iterable[Part]":
         from flexid.report.comparison_table import comparison_parts
@@ -146,6 +161,17 @@ class EstimateComparison(ReportedAnswer):
         compared = sum(d.compared for d in self.result.decisive.values())
         changed = ", ".join(self.changed) or "none"
         return f"<EstimateComparison: {compared} compared, changed: {changed}>"
+
+
+def _differences(differences: "Mapping[str, Difference]") -> dict[str, Any]:
+    from flexid.report.documents import plain
+
+    found = {}
+    for name, difference in differences.items():
+        document = plain(difference)
+        del document["name"]
+        found[name] = document | {"difference": document.pop("value")}
+    return found
 
 
 @entrance

@@ -59,9 +59,29 @@ class ExperimentDesign(Answer):
         return self.result.supported
 
     def _document(self) -> Mapping[str, Any]:
-        from flexid.report.design_files import design_document
+        import numpy as np
 
-        return design_document(self.result)
+        result = self.result
+        cosines, sines = np.split(result.weights, 2)
+        return {
+            "drive": result.drive,
+            "coefficients": result.drive.coefficients,
+            "tones": {
+                "angular_frequencies": result.angular_frequencies,
+                "cosines": cosines,
+                "sines": sines,
+            },
+            "position_loop_gains": result.command.gains,
+            "prediction": result.prediction,
+            "references": result.references,
+            "references_within_limits": result.kept_references,
+            "largest_use": result.largest_use,
+            "largest_deviations": result.largest_deviations,
+            "scale": result.scale,
+            "supported": result.supported,
+            "seed": result.seed,
+            "provenance": result.provenance,
+        }
 
     def to_dataframe(self, backend: str = "polars") -> Any:
         """What a drive can play, as a data frame: the columns of ``command.csv``.

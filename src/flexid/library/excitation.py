@@ -74,9 +74,26 @@ class LogExcitation(Answer):
         return self.result.identification.warnings
 
     def _document(self) -> Mapping[str, Any]:
-        from flexid.report.design_documents import excitation_document
+        from flexid.report.documents import excitation_summary
 
-        return excitation_document(self.result)
+        assessment, found = self.result.assessment, self.result.identification
+        alignment = found.choices.alignment
+        return {
+            "model": found.model,
+            "coefficients": assessment.coefficients,
+            "excitation": {row: excitation_summary(e) for row, e in assessment.excitation.items()},
+            "correlations": assessment.correlations,
+            "advice": self.result.advice,
+            "noise": self.result.noise,
+            "residual_excess": found.residual_excess,
+            "terms": found.choices.terms,
+            "hold": found.choices.hold,
+            "input_delay": alignment.input_delay,
+            "link_delay": alignment.link_delay,
+            "supported": found.supports(),
+            "warnings": found.warnings,
+            "provenance": found.provenance,
+        }
 
     def plot(self, ax: "Axes | None" = None) -> "Figure":
         """Widths of the intervals, and the tones of the input.

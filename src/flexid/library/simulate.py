@@ -51,9 +51,40 @@ class SimulatedRun(ReportedAnswer):
         return measure(self.result)
 
     def _document(self) -> Mapping[str, Any]:
-        from flexid.report.run_document import run_document
+        import flexid
+        from flexid.report.documents import excitation_summary
 
-        return run_document(self.experiment, self.result, self.measures)
+        experiment, run, measures = self.experiment, self.result, self.measures
+        true = experiment.loop.coefficients
+        return {
+            "name": experiment.name,
+            "status": "finished",
+            "reached": float(run.time[-1]),
+            "coefficients": {
+                name: {
+                    "true": true[name],
+                    "initial": experiment.loop.initial_estimates.get(name, 0.0),
+                    "final": float(run.estimates[-1, place]),
+                    "final_error": measures.final_errors[name],
+                    "settling_time": measures.settling_times[name],
+                }
+                for place, name in enumerate(experiment.loop.system.coefficients)
+            },
+            "final_states": measures.final_states,
+            "tracking_rms": measures.tracking_rms,
+            "tracking_peak": measures.tracking_peak,
+            "peak_inputs": measures.peak_inputs,
+            "excitation": {row: excitation_summary(e) for row, e in measures.excitation.items()},
+            "statistics": run.statistics,
+            "provenance": {
+                "flexid_version": flexid.__version__,
+                "experiment": experiment.path,
+                "experiment_digest": experiment.digest,
+                "mode": experiment.mode,
+                "settings": experiment.settings.model_dump(),
+                "tables": experiment.tables.model_dump(),
+            },
+        }
 
     def to_dataframe(self, backend: str = "polars") -> Any:
         """All time series as a data frame: the columns of ``run.parquet``.

@@ -1,7 +1,6 @@
-"""The files of a design: what a drive can play, and a summary."""
+"""The file of a design: what a drive can play."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -30,26 +29,3 @@ def command_columns(result: Design) -> dict[str, np.ndarray]:
 def _rounded(values: np.ndarray) -> np.ndarray:
     size = float(np.abs(values).max()) or 1.0
     return np.round(values, max(0, _DIGITS - 1 - int(np.floor(np.log10(size))))) + 0.0
-
-
-def design_document(result: Design) -> dict[str, Any]:
-    """Everything of a design but its time series, ready for JSON."""
-    return {
-        "drive": result.drive,
-        "coefficients": result.drive.coefficients,
-        "tones": {
-            "angular_frequencies": result.angular_frequencies,
-            "cosines": np.split(result.weights, 2)[0],
-            "sines": np.split(result.weights, 2)[1],
-        },
-        "position_loop_gains": result.command.gains,
-        "prediction": result.prediction,
-        "references": result.references,
-        "references_within_limits": result.kept_references,
-        "largest_use": result.largest_use,
-        "largest_deviations": result.largest_deviations,
-        "scale": result.scale,
-        "supported": result.supported,
-        "seed": result.seed,
-        "provenance": result.provenance,
-    }
