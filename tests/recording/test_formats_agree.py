@@ -12,19 +12,14 @@ import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from joint_log import Columns, csv_text, joint_columns
+from joint_log import Columns, joint_columns, write_csv
 from mcap.writer import Writer
 from scipy.io import savemat
 
-from flexid.recording import Log, read_log
+from flexid.recording import read_log
 from flexid.recording.recording import CHANNELS
 
 START = 1_700_000_000_000_000_000
-
-
-def as_csv(path: Path, columns: Columns) -> None:
-    """Text with all digits."""
-    path.write_text(csv_text(columns))
 
 
 def as_parquet(path: Path, columns: Columns) -> None:
@@ -64,15 +59,6 @@ FORMATS: dict[str, Callable[[Path, Columns], None]] = {
 }
 
 
-def read(
-    folder: Path, suffix: str, write: Callable[[Path, Columns], None], columns: Columns
-) -> Log:
-    """Write and read a log."""
-    path = folder / f"log{suffix}"
-    write(path, columns)
-    return read_log(path)
-
-
 @pytest.mark.parametrize("suffix", FORMATS)
 @settings(
     max_examples=15,
@@ -105,9 +91,9 @@ def test_channels_are_the_same_bits(
         for name in names
         if name not in left_out
     }
-    expected = read(tmp_path, ".csv", as_csv, columns).recordings
-    found = read(tmp_path, suffix, FORMATS[suffix], columns).recordings
-    assert len(found) == len(expected)
+    expected = read_log(write_csv(tmp_path, columns)).recordings
+    FORMATS[suffix](tmp_path / f"log{suffix}", columns)
+    found = read_log(tmp_path / f"log{suffix}").recordings
     for one, other in zip(found, expected, strict=True):
         for channel in CHANNELS:
             left, right = getattr(one, channel), getattr(other, channel)
