@@ -17,12 +17,14 @@ from flexid.identification.preparation.joint import flexible
 from flexid.models.flexible_joint import PAPER_TERMS, SQUARES, TIES
 from flexid.recording.velocities import with_velocities
 from flexid.stored_estimates.rebuilt import described, rebuilt
-from flexid.streaming.choices import Choices
+from flexid.streaming.channels import StreamChannels
 from flexid.streaming.commissioned import commissioned
 from flexid.streaming.health import Health
+from flexid.streaming.options import options_of_stream
 from flexid.streaming.session import Session
 
 SIZE, PHASE = 0.02, 0.6  # rad
+CHANNELS = StreamChannels("flexible", "N m", False, ())
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +77,8 @@ def test_what_is_exported_knows_the_squares(found):
 
 def test_other_terms_than_the_estimates(found):
     """Assert that what an estimate knows of a term is forgotten with the term."""
-    choices = Choices(PAPER_TERMS, estimate=commissioned(found))
-    assert not choices.options("flexible", "N m", 2e-3, from_deflection=False).given
+    chosen = {"terms": PAPER_TERMS}
+    assert not options_of_stream(chosen, commissioned(found), CHANNELS, 2e-3).given
 
 
 def test_a_square_without_a_value_is_not_exported(found):
@@ -90,13 +92,10 @@ def test_a_square_without_a_value_is_not_exported(found):
 @pytest.mark.parametrize("told", [True, False])
 def test_a_stream_learns_such_a_gear(recording, found, told):
     """Assert that least squares finds the drive with the estimate, and with the term alone."""
-    choices = (
-        Choices(estimate=commissioned(found))
-        if told
-        else Choices((*PAPER_TERMS, "eccentricity"), "linear")
-    )
     step = recording.sample_time
-    options = choices.options("flexible", "N m", step, from_deflection=False)
+    chosen = {} if told else {"terms": (*PAPER_TERMS, "eccentricity"), "hold": "linear"}
+    made = commissioned(found) if told else None
+    options = options_of_stream(chosen, made, CHANNELS, step)
     assert options.given.keys() >= SQUARES
     session = Session(options)
     time = step * np.arange(len(recording.motor_position))
