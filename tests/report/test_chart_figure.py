@@ -93,6 +93,9 @@ def test_what_panels_share_is_labelled_once():
     assert [ax.get_ylabel() for ax in axes] == ["angle (rad)", "", "angle (rad)", ""]
     assert axes[0].get_shared_x_axes().joined(axes[0], axes[2])
     assert axes[0].get_shared_y_axes().joined(axes[0], axes[1])
+    other = panel(Line("", X, X), x=Axis("frequency", "Hz"))
+    above = draw(chart(panel(Line("", X, X), span=2), other, other, columns=2)).axes
+    assert [ax.get_xlabel() for ax in above] == ["time (s)", "frequency (Hz)", "frequency (Hz)"]
     apart = draw(chart(*panels, columns=2, linked=False)).axes
     assert [ax.get_xlabel() for ax in apart] == ["time (s)"] * 4
     free = draw(chart(panel(Line("", X, X)), panel(Line("", X, 9.0 * X)), columns=2)).axes

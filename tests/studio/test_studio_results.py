@@ -117,7 +117,10 @@ async def test_a_result_replaces_another_with_its_exports(studio: Opened):
     await studio.identify("a.csv")
     studio.room.export("mjcf")
     await studio.idle()
-    assert "mjcf.zip" in studio.window.files
+    studio.room.export("c99")
+    await studio.idle()
+    assert {"mjcf.zip", "c99.zip"} <= {*studio.window.files}
+    assert all(f">{name}.zip<" in studio.shown("export-state") for name in ("mjcf", "c99"))
     await studio.room.run({})
     await studio.idle()
     assert "Done in" in studio.shown("run-state")

@@ -68,7 +68,7 @@ def _tones(result: Design) -> Panel:
         Axis("amplitude", unit, limits=(0.0, 1.1 * float(sizes.max()))),
         (
             Level("resonance of the drive", resonance, "x", "grey", "dashed"),
-            Points("tones", rates, sizes, "blue", 6.0, stems=True),
+            Points("tones", rates, sizes, "ink", 6.0, stems=True),
         ),
         1.3,
     )

@@ -84,7 +84,7 @@ def _says(validation: Validation, noise: Mapping[str, float]) -> str:
     }
     left = _all([f"{_times(ratio)} times its noise in the {name}" for name, ratio in over.items()])
     said = f"; the residual is {left}" if left else ""
-    return f"On held-out data the model follows {followed}{said}."
+    return f"On data not used for the fit the model follows {followed}{said}."
 
 
 def _errors(validation: Validation) -> Iterator[tuple[str, FloatArray]]:

@@ -195,9 +195,10 @@ def _fill_grid(
                 _unlabel(ax.yaxis)
             above[column, panel.span] = ax
             left = (panel.y, ax)
+    last = [_label(panel.x) for _, panel in rows[-1]]
     if chart.linked:
         for ax in above.values():  # where the last row is not full, its neighbour has the label
-            if ax not in figure.axes[-len(rows[-1]) :]:
+            if ax not in figure.axes[-len(rows[-1]) :] and ax.get_xlabel() in last:
                 ax.xaxis.set_label_text("")
 
 
