@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import os
 import sys
 from collections.abc import Callable
@@ -36,6 +37,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure() -> None:
     """Look for garbage less often: compiling makes many objects that stay."""
+    logging.getLogger("flexid.kernels").setLevel(logging.WARNING)  # caches differ
     gc.set_threshold(100_000, 20, 20)
 
 

@@ -4,9 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import fftconvolve, firwin, savgol_filter
 
 from flexid.estimators.samples import Samples
-from flexid.identification.estimation.band import directions, slowest_disturbance, thinned, thinning
+from flexid.identification.estimation.band import (
+    _EDGE,
+    _REACH,
+    _convolved,
+    _slope,
+    directions,
+    slowest_disturbance,
+    thinned,
+    thinning,
+)
 from flexid.identification.full_model.model import Data
 from flexid.recording.velocities import position_noise
 
@@ -113,6 +123,22 @@ def test_a_held_input_is_the_mean_of_before_and_after():
     held, through = (thinned(data, factor, held=each).samples[0].inputs for each in (True, False))
     assert middle(held)[:, 0] == pytest.approx(middle(ramp[::factor, None])[:, 0] - 0.5, abs=1e-6)
     assert middle(through)[:, 0] == pytest.approx(middle(ramp[::factor, None])[:, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("n", [5, 101, 5000])
+def test_slopes_and_low_pass_are_those_of_scipy(n):
+    """Assert that what is written out here, for SciPy's package is slow to load, is the same."""
+    walk = np.cumsum(np.random.default_rng(7).standard_normal((n, 2)), axis=0)
+    window = min(31, (n - 1) | 1)
+    expected = savgol_filter(walk[:, 0], window, 2, deriv=1)
+    np.testing.assert_allclose(_slope(walk[:, 0], window // 2), expected, rtol=0.0, atol=1e-12)
+    found = _convolved(walk, 2)
+    reach = (len(fir := firwin(2 * min(_REACH * 2, n - 1) + 1, _EDGE / 2)) - 1) // 2
+    before = 2.0 * walk[:1] - walk[reach:0:-1]
+    after = 2.0 * walk[-1:] - walk[-2 : -reach - 2 : -1]
+    whole = np.vstack((before, walk, after))
+    expected = fftconvolve(whole, fir[:, None], "valid", axes=0)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10)
 
 
 def test_thinned_noise_is_that_of_the_mean():

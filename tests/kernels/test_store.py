@@ -181,6 +181,28 @@ def test_what_cannot_be_saved_is_compiled_all_the_same(
     assert not list(cache.rglob("*.nbc"))
 
 
+def test_compiling_is_announced_once(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Assert that a process says once that it compiles, and nothing where all is compiled."""
+    name = "flexid.kernels.store"
+    for kernel, announced in (("said", 1), ("said again", 0)):
+        with caplog.at_level("INFO", name):
+            store.load_kernel(kernel, ["x"], lambda: KERNEL).double(2)
+        assert len(caplog.records) == announced
+        caplog.clear()
+    store._announce.cache_clear()
+    kernel = store.load_kernel("said", ["x"], lambda: KERNEL)
+    del sys.modules[kernel.__name__]
+    with caplog.at_level("INFO", name):
+        store.load_kernel("said", ["x"], lambda: KERNEL).double(3)
+    assert not caplog.records
+
+
+@pytest.fixture(autouse=True)
+def unannounced() -> None:
+    """Let every test be the first that compiles."""
+    store._announce.cache_clear()
+
+
 def test_failed_build_leaves_nothing(cache: Path) -> None:
     """Assert that a build that fails neither leaves a file nor a module behind."""
 

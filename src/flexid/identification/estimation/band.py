@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import correlate1d
 from scipy.special import erf
 
 from flexid.arrays import FloatArray
@@ -113,15 +114,26 @@ def directions(recordings: Sequence[Samples], factor: int) -> FloatArray:
 
 def _direction(position: FloatArray, sample_time: float) -> FloatArray:
     """Expected sign of the velocity at each sample, shape (n,)."""
-    from scipy.signal import savgol_filter  # slow to import, and few logs need it
-
     window = max(5, round(_WINDOW / sample_time) | 1)
     window = min(window, (len(position) - 1) | 1)
-    rate = savgol_filter(position, window, 2, deriv=1, delta=sample_time)
+    rate = _slope(position, window // 2) / sample_time
     # Of a straight line through the window, for white noise of the position.
     deviation = position_noise(position) / sample_time * np.sqrt(12.0 / window**3)
     least = np.finfo(float).tiny
     return erf(rate / np.sqrt(2.0) / max(deviation, least))
+
+
+def _slope(values: FloatArray, half: int) -> FloatArray:
+    """Slope per sample of the parabola through 2 half + 1 values about each: Savitzky and Golay."""
+    places = np.arange(-half, half + 1.0)
+    slopes = correlate1d(values, places / (places @ places), mode="nearest")
+    for ends, window in (
+        (slice(0, half), values[: len(places)]),
+        (slice(-half, None), values[-len(places) :]),
+    ):
+        square, line, _ = np.polyfit(places, window, 2)
+        slopes[ends] = 2.0 * square * places[ends] + line
+    return slopes
 
 
 def _low_passed(columns: FloatArray, factor: int) -> FloatArray:
@@ -130,10 +142,12 @@ def _low_passed(columns: FloatArray, factor: int) -> FloatArray:
 
 def _convolved(columns: FloatArray, factor: int) -> FloatArray:
     """Columns, shape (n, k), low-passed; turned round about their ends beyond these."""
-    from scipy.signal import fftconvolve, firwin
-
     half = min(_REACH * factor, len(columns) - 1)
-    kernel = np.asarray(firwin(2 * half + 1, _EDGE / factor))
+    places = np.arange(-half, half + 1.0)
+    kernel = np.sinc(places * _EDGE / factor) * np.hamming(len(places))
     before = 2.0 * columns[:1] - columns[half:0:-1]
     after = 2.0 * columns[-1:] - columns[-2 : -half - 2 : -1]
-    return fftconvolve(np.vstack((before, columns, after)), kernel[:, None], "valid", axes=0)
+    whole = np.vstack((before, columns, after))
+    size = 1 << (len(whole) + len(kernel) - 2).bit_length()
+    spectrum = np.fft.rfft(kernel / kernel.sum(), size)[:, None] * np.fft.rfft(whole, size, axis=0)
+    return np.fft.irfft(spectrum, size, axis=0)[len(kernel) - 1 : len(whole)]
