@@ -4,7 +4,8 @@ A kernel is ONE self-contained Python file of generated functions followed by te
 disk cache does not notice a change in a function called from another file, so nothing is imported
 from elsewhere and the file's name is a hash of its text.
 
-What is generated lies beside it, in the folder ``derived``, under a hash of the declarations and of
+What is generated for the usual drive is part of the package. Other generated parts lie beside the
+kernel, in the folder ``derived``, under a hash of the declarations and of
 the code that generates. A change of that code costs another derivation, of some seconds; what comes
 out of it as it was, is not compiled anew.
 """
@@ -90,13 +91,13 @@ def _load(
     templates: Sequence[str],
 ) -> ModuleType:
     """Import a kernel that this process has not loaded yet."""
-    text = ""
-    if build is not None:
+    text = "" if build is None else _shipped(task, declarations)
+    if text is None and build is not None:
         try:
             text = _derived(directory, task, declarations, build)
         except OSError:  # a full disk
             text = _unsaved(task, declarations, build)
-    source = "\n\n".join((text, *(template(name) for name in templates)))
+    source = "\n\n".join((text or "", *(template(name) for name in templates)))
     name = f"flexid_{task}_{_digest(source)}"
     if name in sys.modules:
         return sys.modules[name]
@@ -122,6 +123,18 @@ def _provide(path: Path, source: str) -> None:
             made = True
     if made:
         _evict(path.parent)
+
+
+def shipped_name(task: str, declarations: Sequence[str]) -> str:
+    """Name of the file in which the package has the generated part of a kernel, if it has it."""
+    return f"{task}_{_digest(*declarations)}.txt"
+
+
+def _shipped(task: str, declarations: Sequence[str]) -> str | None:
+    """The generated part of a kernel of the usual drive: derived before, held by a test."""
+    folder = resources.files("flexid.kernels").joinpath("derived")
+    file = folder.joinpath(shipped_name(task, declarations))
+    return file.read_text("utf-8") if file.is_file() else None
 
 
 _UNSAVED: dict[tuple[str, ...], str] = {}
