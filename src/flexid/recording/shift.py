@@ -19,6 +19,8 @@ ORDER = 3
 SETTLING = 32
 """Samples at the beginning that the all-pass filter spoils: its poles lie within 0.54."""
 
+_LASTING = 80  # samples, after which the response is below 1e-16
+
 
 def all_pass(fraction: float) -> FloatArray:
     """Denominator of Thiran's all-pass filter, shape (ORDER + 1,); its numerator is the reverse.
@@ -47,14 +49,20 @@ def later(values: FloatArray, samples: float) -> FloatArray:
     fraction = samples - whole
     if fraction == 0.0:
         return _rolled(values, whole)
-    from scipy.signal import lfilter, lfilter_zi  # takes half a second, and few logs need it
-
-    denominator = all_pass(fraction)
-    numerator = denominator[::-1]
     # From the channel's first value on, not from zero, so that little is left to settle.
-    state = lfilter_zi(numerator, denominator) * values[0]
-    delayed, _ = lfilter(numerator, denominator, values, zi=state)
-    return _rolled(np.asarray(delayed, dtype=np.float64), whole - ORDER)
+    first = values[0]
+    delayed = first + np.convolve(values - first, _response(all_pass(fraction)))[: len(values)]
+    return _rolled(delayed, whole - ORDER)
+
+
+def _response(denominator: FloatArray) -> FloatArray:
+    """Impulse response of an all-pass filter, shape (_LASTING,); SciPy's package loads slowly."""
+    response = np.zeros(_LASTING)
+    response[: ORDER + 1] = denominator[::-1]
+    for i in range(1, _LASTING):
+        back = response[max(i - ORDER, 0) : i][::-1]
+        response[i] -= denominator[1 : 1 + len(back)] @ back
+    return response
 
 
 def spoilt(samples: float) -> tuple[int, int]:
