@@ -47,7 +47,7 @@ def errors(family: str, seed: int, folder: Path) -> tuple[float, float, int]:
     recordings, _ = prepare([read_log(path)], settings.validation_share, settings.model)
     job = job_of(recordings, settings)
     data = data_of(job.joint, recordings.fitted, recordings.groups)
-    last = job.climbed(data, silent, THRESHOLDS).found[-1]
+    last = job.fitted_by_length(data, silent, THRESHOLDS).found[-1]
     states = last.minimum.point.initial_states
     fine = refit(last.structure, last.data, last.by_name, last.problem.segments, FINE, states)
     before, after = (integration_error(fit.problem, fit.minimum) for fit in (last, fine))

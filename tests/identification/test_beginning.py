@@ -49,10 +49,10 @@ def fitted(segments: _Segments, excess: float, late: float = 0.0) -> SimpleNames
 
 
 @pytest.fixture
-def climbed(monkeypatch):
+def by_length(monkeypatch):
     """Return a function that lets climbs end as is said, by start and number of halvings.
 
-    Each is a list of excesses over the ladder, or nothing where it fails.
+    Each is a list of excesses over the divisions, or nothing where it fails.
     """
 
     def by_smaller(smaller):
@@ -65,123 +65,123 @@ def climbed(monkeypatch):
     ):
         tried: list[tuple[str, int]] = []
 
-        def climb(structure, data, way, rungs, iterations):
-            halvings = len(rungs) - len(LADDER)
+        def fit_by_length(structure, data, way, lengths_fitted, iterations):
+            halvings = len(lengths_fitted) - len(LADDER)
             tried.append((way["start"] + structure, halvings))
             excesses = ends.get(tried[-1])
             if excesses is None:
                 raise ConvergenceError("prediction error", "nowhere")
-            short = [fitted(s, 1.0) for s in rungs[:halvings]]
+            short = [fitted(s, 1.0) for s in lengths_fitted[:halvings]]
             return short + [
                 fitted(s, e, late if (way["start"], halvings) == ("a", 0) else 0.0)
                 for s, e in zip(LADDER, excesses, strict=False)
             ]
 
         ways = [{"start": name} for name in "abcdef"]
-        monkeypatch.setattr(beginning, "climb", climb)
+        monkeypatch.setattr(beginning, "fit_by_length", fit_by_length)
         monkeypatch.setattr(beginning, "starts", lambda *_: ways)
         monkeypatch.setattr(beginning, "_by_smaller_models", lambda *_: by_smaller(smaller))
-        ladder = [_Segments(SHORTEST, finest), *LADDER[1:]]
-        found = beginning.first_climb(
-            cast(Any, holds), cast(Any, None), cast(Any, ladder), THRESHOLDS
+        divisions = [_Segments(SHORTEST, finest), *LADDER[1:]]
+        found = beginning.first_fits(
+            cast(Any, holds), cast(Any, None), cast(Any, divisions), THRESHOLDS
         )
         return [f.excess for f in found], tried
 
     return set_up
 
 
-def test_a_start_that_explains_the_log_ends_the_search(climbed):
+def test_a_start_that_explains_the_log_ends_the_search(by_length):
     """Assert that nothing else is tried after it."""
-    assert climbed({("a", 0): [1.0, 1.0, 1.05]}, [9.0]) == ([1.0, 1.0, 1.05], [("a", 0)])
+    assert by_length({("a", 0): [1.0, 1.0, 1.05]}, [9.0]) == ([1.0, 1.0, 1.05], [("a", 0)])
 
 
-def test_other_holds_are_tried_where_no_start_leads_with_the_first(climbed):
+def test_other_holds_are_tried_where_no_start_leads_with_the_first(by_length):
     """Assert that these have the best start, over both lengths, before any smaller model."""
     holds = ("", " on lines")
-    found, tried = climbed({("a on lines", 1): [1.0, 1.0, 1.0]}, [9.0], holds=holds)
+    found, tried = by_length({("a on lines", 1): [1.0, 1.0, 1.0]}, [9.0], holds=holds)
     assert found == [1.0, 1.0, 1.0]
     assert tried[-2:] == [("a on lines", 0), ("a on lines", 1)]
     assert len(tried) == 12 + 2
-    _, tried = climbed({}, [9.0], holds=holds)
+    _, tried = by_length({}, [9.0], holds=holds)
     assert len(tried) == 12 + 2
 
 
-def test_shorter_segments_help_where_no_start_does(climbed):
+def test_shorter_segments_help_where_no_start_does(by_length):
     """Assert that three starts are tried, then the same over half the length, then the others.
 
     Segments that could be halved once are halved once.
     """
-    found, tried = climbed({("b", 1): [1.0, 1.0, 1.0]}, [9.0])
+    found, tried = by_length({("b", 1): [1.0, 1.0, 1.0]}, [9.0])
     assert found == [1.0, 1.0, 1.0]
     assert tried == [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1)]
-    _, tried = climbed({("f", 1): [1.0, 1.0, 1.0]}, [9.0])
+    _, tried = by_length({("f", 1): [1.0, 1.0, 1.0]}, [9.0])
     assert tried[6:] == [("d", 0), ("e", 0), ("f", 0), ("d", 1), ("e", 1), ("f", 1)]
 
 
 @pytest.mark.parametrize(("finest", "halvings"), [(8, 0), (16, 1), (32, 2), (64, 2)])
-def test_the_shortest_segments_are_halved_twice_at_most(climbed, finest, halvings):
+def test_the_shortest_segments_are_halved_twice_at_most(by_length, finest, halvings):
     """Assert that a search that fails goes down to a quarter of their length, if it can."""
-    _, tried = climbed({}, [5.0], finest=finest)
+    _, tried = by_length({}, [5.0], finest=finest)
     assert {count for _, count in tried} == {0, halvings}
 
 
-def test_two_that_agree_end_the_search(climbed):
+def test_two_that_agree_end_the_search(by_length):
     """Assert that what no model explains is sought until another start confirms it."""
-    found, tried = climbed({("a", 0): [3.0, 4.0, 5.0], ("c", 0): [3.0, 4.0, 5.04]}, [9.0])
+    found, tried = by_length({("a", 0): [3.0, 4.0, 5.0], ("c", 0): [3.0, 4.0, 5.04]}, [9.0])
     assert found == [3.0, 4.0, 5.0]
     assert tried == [("a", 0), ("b", 0), ("c", 0)]
 
 
-def test_two_that_get_as_far_agree_as_well(climbed):
+def test_two_that_get_as_far_agree_as_well(by_length):
     """Assert that where the same longer segments stop two starts, no third one is tried."""
-    found, tried = climbed({("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.0]}, [9.0])
+    found, tried = by_length({("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.0]}, [9.0])
     assert found == [1.0, 1.0]
     assert tried == [("a", 0), ("b", 0)]
-    assert climbed({("a", 0): [2.0, 3.0], ("b", 0): [2.0, 3.0]}, [2.0, 2.5])[0] == [2.0, 2.5]
+    assert by_length({("a", 0): [2.0, 3.0], ("b", 0): [2.0, 3.0]}, [2.0, 2.5])[0] == [2.0, 2.5]
 
 
-def test_two_that_explain_as_much_need_not_agree(climbed):
+def test_two_that_explain_as_much_need_not_agree(by_length):
     """Assert that within the sensors' noise it does not matter which minimum a start ended in."""
     ends = {("a", 0): [1.0, 1.0], ("b", 0): [1.0, 1.05], ("c", 0): [1.0, 1.0, 1.0]}
-    found, tried = climbed(ends, [9.0])
+    found, tried = by_length(ends, [9.0])
     assert found == [1.0, 1.0]
     assert tried == [("a", 0), ("b", 0)]
 
 
-def test_the_least_residuals_win(climbed):
+def test_the_least_residuals_win(by_length):
     """Assert that of starts that disagree the best is taken, be it the last."""
     ends = {("a", 0): [3.0, 4.0, 9.0], ("b", 0): [3.0, 4.0, 7.0], ("e", 1): [2.0, 2.0, 2.0]}
-    assert climbed(ends, [3.0, 3.0, 3.0])[0] == [2.0, 2.0, 2.0]
-    assert climbed(ends, [1.0, 1.0, 1.0])[0] == [1.0, 1.0, 1.0]
+    assert by_length(ends, [3.0, 3.0, 3.0])[0] == [2.0, 2.0, 2.0]
+    assert by_length(ends, [1.0, 1.0, 1.0])[0] == [1.0, 1.0, 1.0]
 
 
-def test_climbs_are_compared_over_the_longest_segments_of_both(climbed):
-    """Assert that a climb is not worse for having come further, nor better."""
+def test_climbs_are_compared_over_the_longest_segments_of_both(by_length):
+    """Assert that a fit_by_length is not worse for having come further, nor better."""
     ends = {("a", 0): [1.3, 40.0, 900.0], ("b", 0): [1.2, 1.2]}
-    assert climbed(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2]
+    assert by_length(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2]
     ends = {("a", 0): [1.2, 1.2], ("b", 0): [1.2, 1.2, 1.3]}
-    assert climbed(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2, 1.3]
+    assert by_length(ends, [9.0, 9.0, 9.0])[0] == [1.2, 1.2, 1.3]
 
 
-def test_what_explains_a_part_of_the_ladder_needs_no_smaller_model(climbed):
-    """Assert that a short climb within the noise is taken where no other goes further."""
-    assert climbed({("a", 0): [1.0, 1.0]}, [1.0, 1.0, 1.2])[0] == [1.0, 1.0]
+def test_what_explains_a_part_of_the_ladder_needs_no_smaller_model(by_length):
+    """Assert that a short fit within the noise is taken where no other goes further."""
+    assert by_length({("a", 0): [1.0, 1.0]}, [1.0, 1.0, 1.2])[0] == [1.0, 1.0]
 
 
-def test_a_delay_beyond_the_data_is_no_start(climbed):
+def test_a_delay_beyond_the_data_is_no_start(by_length):
     """Assert that a fit whose channel has no partners left does not count."""
     ends = {("a", 0): [1.0, 1.0, 1.0], ("b", 0): [2.0, 2.0, 2.0], ("c", 0): [2.0, 2.0, 2.0]}
-    assert climbed(ends, [9.0], late=0.02)[0] == [2.0, 2.0, 2.0]
-    assert climbed(ends, [9.0], late=0.009)[0] == [1.0, 1.0, 1.0]
+    assert by_length(ends, [9.0], late=0.02)[0] == [2.0, 2.0, 2.0]
+    assert by_length(ends, [9.0], late=0.009)[0] == [1.0, 1.0, 1.0]
 
 
-def test_a_poor_start_is_better_than_none(climbed):
+def test_a_poor_start_is_better_than_none(by_length):
     """Assert that what one start found is kept where no smaller model leads anywhere."""
-    assert climbed({("c", 0): [3.0, 4.0]}, None)[0] == [3.0, 4.0]
+    assert by_length({("c", 0): [3.0, 4.0]}, None)[0] == [3.0, 4.0]
     with pytest.raises(ConvergenceError):
-        climbed({}, None)
+        by_length({}, None)
 
 
-def test_smaller_models_are_the_last_resort(climbed):
+def test_smaller_models_are_the_last_resort(by_length):
     """Assert that they are taken where every start fails."""
-    assert climbed({}, [5.0, 6.0])[0] == [5.0, 6.0]
+    assert by_length({}, [5.0, 6.0])[0] == [5.0, 6.0]

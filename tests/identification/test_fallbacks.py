@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 import flexid.identification.estimation.final_fits as final
-import flexid.identification.full_model.climbing as climbing
+import flexid.identification.full_model.fits_by_length as fits_by_length
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
-from flexid.identification.full_model.climbing import best_hold
+from flexid.identification.full_model.fits_by_length import best_hold
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 
 
@@ -33,7 +33,7 @@ def test_a_hold_whose_steps_do_not_end_is_no_rival(monkeypatch, last_ends, other
     """Assert that the lesser sum of squares counts only where its steps ended, or none's did."""
     other = held("linear", 900.0, converged=other_ends)
     monkeypatch.setattr(
-        climbing, "held_otherwise", lambda _, hold: other if hold == "linear" else None
+        fits_by_length, "held_otherwise", lambda _, hold: other if hold == "linear" else None
     )
     last = held("zero", 1000.0, converged=last_ends)
     best, _, _ = best_hold(last, ("zero", "linear"), THRESHOLDS)
@@ -53,14 +53,14 @@ def reported(monkeypatch):
                 raise ConvergenceError("prediction error", "nowhere")
             return "fitted", ["shorter", "fitted"]
 
-        def first_climb(structures, data, ladder, thresholds):
-            assert (structures, ladder) == ([structure], "ladder")
+        def first_fits(structures, data, divisions, thresholds):
+            assert (structures, divisions) == ([structure], "divisions")
             return [None, SimpleNamespace(by_name={"theta2": 2.0})]
 
         monkeypatch.setattr(final, "fit_to", fit_to)
         monkeypatch.setattr(final, "settled", lambda fitted: f"{fitted}, its shapes settled")
-        monkeypatch.setattr(final, "lengths", lambda *_: "ladder")
-        monkeypatch.setattr(final, "first_climb", first_climb)
+        monkeypatch.setattr(final, "lengths", lambda *_: "divisions")
+        monkeypatch.setattr(final, "first_fits", first_fits)
         structure = SimpleNamespace(timing=SimpleNamespace(delays={"link_delay": 0.1}))
         before = SimpleNamespace(by_name={"theta2": 1.0})
         choice: Any = SimpleNamespace(structure=structure, fitted=before, duration=3.0)
@@ -72,14 +72,14 @@ def reported(monkeypatch):
 
 def test_a_fit_to_all_data_begins_where_the_choice_ended(reported):
     """Assert that nothing else is tried where it converges."""
-    fitted, rungs, retreat, tried, _ = reported(failing=0)
+    fitted, lengths_fitted, retreat, tried, _ = reported(failing=0)
     settled = "fitted, its shapes settled"
-    assert (fitted, rungs, retreat) == (settled, ["shorter", settled], ())
+    assert (fitted, lengths_fitted, retreat) == (settled, ["shorter", settled], ())
     assert tried == [({"link_delay": 0.1, "theta2": 1.0}, 3.0)]
 
 
 def test_a_fit_to_all_data_that_fails_is_begun_anew(reported):
-    """Assert that the data are climbed from their own starts then, since they may show more."""
+    """Assert that the data are fitted from their own starts then, since they may show more."""
     fitted, _, retreat, tried, _ = reported(failing=1)
     assert (fitted, retreat) == ("fitted, its shapes settled", ())
     assert tried[1] == ({"theta2": 2.0}, 3.0)
@@ -87,8 +87,8 @@ def test_a_fit_to_all_data_that_fails_is_begun_anew(reported):
 
 def test_where_no_fit_to_all_data_ends_the_choice_is_reported(reported):
     """Assert that its values stand, and a sentence says so."""
-    fitted, rungs, retreat, tried, before = reported(failing=2)
+    fitted, lengths_fitted, retreat, tried, before = reported(failing=2)
     assert len(tried) == 2
     assert fitted is before
-    assert rungs == [before]
+    assert lengths_fitted == [before]
     assert "before the held-out end" in retreat[0]

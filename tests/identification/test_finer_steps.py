@@ -11,9 +11,9 @@ import flexid.identification.full_model.fitting as fitting
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.integration_error import MOST, refinement
 from flexid.identification.estimation.final_fits import FinalFits
-from flexid.identification.full_model import climbing
+from flexid.identification.full_model import fits_by_length
 from flexid.identification.full_model.fitting import (
-    climb,
+    fit_by_length,
     fit_to,
     lengths,
     refit,
@@ -53,15 +53,15 @@ def recorded(noise: float) -> Data:
     return data_of(JOINT, [with_velocities(recording)], [0])
 
 
-def climbed(noise: float) -> list[Fitted]:
+def by_length(noise: float) -> list[Fitted]:
     """Fits to them over segments of growing length."""
     data = recorded(noise)
-    return climb(STRUCTURE, data, START, lengths(data))
+    return fit_by_length(STRUCTURE, data, START, lengths(data))
 
 
 def test_fine_encoders_want_shorter_steps():
     """Assert that a fit ends in steps whose error is negligible, and does not begin with them."""
-    found = climbed(FINE_NOISE)
+    found = by_length(FINE_NOISE)
     times = refinement(found[-1].problem, found[-1].minimum)
     assert times > 1
     last = with_steps_refined(found)[-1]
@@ -76,28 +76,30 @@ def test_fine_encoders_want_shorter_steps():
 
 def test_holds_are_compared_in_equal_steps(monkeypatch: pytest.MonkeyPatch):
     """Assert that a rival hold's longer steps do not pass for a doubt about the hold."""
-    last = with_steps_refined(climbed(FINE_NOISE))[-1]
+    last = with_steps_refined(by_length(FINE_NOISE))[-1]
     segments, states = last.problem.segments, last.minimum.point.initial_states
     fine = refit(STRUCTURE, last.data, last.by_name, segments, FINE, states)
-    monkeypatch.setattr(climbing, "held_otherwise", lambda *_: last)  # the same hold, as it is
-    apart = np.sqrt(np.diag(climbing.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
+    monkeypatch.setattr(
+        fits_by_length, "held_otherwise", lambda *_: last
+    )  # the same hold, as it is
+    apart = np.sqrt(np.diag(fits_by_length.hold_covariance(fine, ("zero",)))) / fine.unit_deviations
     assert np.abs((last.values - fine.values) / fine.unit_deviations).max() > 1.0
     assert apart.max() < 0.05
 
 
 def test_coarse_encoders_do_not():
     """Assert that what noise hides is not computed."""
-    assert {fit.data.refinement for fit in with_steps_refined(climbed(COARSE_NOISE))} == {1}
+    assert {fit.data.refinement for fit in with_steps_refined(by_length(COARSE_NOISE))} == {1}
 
 
 def test_other_data_are_asked_again():
     """Assert that a fit to data that want shorter steps than it began with ends in these."""
-    fitted, rungs = fit_to(STRUCTURE, recorded(FINE_NOISE), START, 1.0)
+    fitted, lengths_fitted = fit_to(STRUCTURE, recorded(FINE_NOISE), START, 1.0)
     assert fitted.data.refinement > 1
     assert refinement(fitted.problem, fitted.minimum) == 1
-    assert [rung for rung in rungs if rung is fitted]
-    beyond = [rung for rung in rungs if rung.duration > fitted.duration]
-    assert {rung.data.refinement for rung in beyond} == {fitted.data.refinement}
+    assert [one_length for one_length in lengths_fitted if one_length is fitted]
+    beyond = [one_length for one_length in lengths_fitted if one_length.duration > fitted.duration]
+    assert {one_length.data.refinement for one_length in beyond} == {fitted.data.refinement}
 
 
 @pytest.mark.parametrize(("taken", "wanted", "times"), [(1, 3, 3), (3, 3, MOST), (2, 1, 2)])
@@ -107,7 +109,7 @@ def test_steps_are_asked_for_once(
     """Assert that they multiply up to a limit, and that nothing is fitted anew for the same."""
     asked = []
     monkeypatch.setattr(fitting, "refinement", lambda *_: asked.append(None) or wanted)
-    last = climbed(COARSE_NOISE)[-1]
+    last = by_length(COARSE_NOISE)[-1]
     last = replace(last, data=replace(last.data, refinement=taken))
     own = fitting.in_own_steps(last)
     assert (own.data.refinement, len(asked)) == (times, 1)
@@ -118,7 +120,7 @@ def test_rivals_of_the_report_take_its_steps(
     monkeypatch: pytest.MonkeyPatch, fits_seen: list[FinalFits]
 ):
     """Assert that the model with all terms is fitted as the report is, whatever was chosen in."""
-    monkeypatch.setattr(climbing, "with_steps_refined", tuple)  # chosen in the usual steps
+    monkeypatch.setattr(fits_by_length, "with_steps_refined", tuple)  # chosen in the usual steps
     given = Settings(terms=TERMS, hold="zero", input_delay=0.0, link_delay=0.0)
     identify([log(made(4, 6.0, noise=FINE_NOISE, held=True, **STIFF))], given)
     (found,) = fits_seen

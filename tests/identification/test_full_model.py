@@ -16,7 +16,7 @@ from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model.fitting import (
     LONGEST,
     SHORTEST,
-    climb,
+    fit_by_length,
     fit_to,
     lengths,
     refit,
@@ -70,22 +70,22 @@ def test_lengths_double():
 
     Both ends of the log are left to what is late.
     """
-    ladder = lengths(data(made(1, 12.0, noise=0.0)))
-    durations = [float(np.mean(s.lengths * s.sample_times)) for s in ladder]
+    divisions = lengths(data(made(1, 12.0, noise=0.0)))
+    durations = [float(np.mean(s.lengths * s.sample_times)) for s in divisions]
     assert durations[0] < 2.0 * SHORTEST
     assert durations[-1] < 1.5 * LONGEST  # whole parts of the log
-    for short, long in pairwise(ladder):
+    for short, long in pairwise(divisions):
         assert np.array_equal(short.starts[::2], long.starts)
         assert len(short) == 2 * len(long)
-    assert ladder[-1].starts[0] == 15  # 30 ms
-    assert ladder[-1].lengths.sum() == 6000 - 30
+    assert divisions[-1].starts[0] == 15  # 30 ms
+    assert divisions[-1].lengths.sum() == 6000 - 30
 
 
 def test_delays_and_coefficients_are_found_together(late):
     """Assert that from least squares all is found within its 99.9 % interval, to 0.1 per cent."""
     structure = replace(PAPER, timing=Timing("cubic", sought=(INPUT, LINK)))
     start, _ = least_squares_start(structure, late, 20.0)
-    found = climb(structure, late, start, lengths(late))
+    found = fit_by_length(structure, late, start, lengths(late))
     assert [fitted.duration for fitted in found] == sorted(fitted.duration for fitted in found)
     last = refit(
         structure,
@@ -109,7 +109,7 @@ def test_short_segments_forgive_a_bad_start(late):
     """Assert that from values two or three times wrong short segments lead to long ones."""
     timing = Timing("cubic", {INPUT: 1.3e-3, LINK: 0.7e-3})
     start = {"theta1": 0.0, "theta2": 40.0, "alpha1": 800.0, "alpha2": 0.0, "beta1": 7.0}
-    found = climb(replace(PAPER, timing=timing), late, start, lengths(late))
+    found = fit_by_length(replace(PAPER, timing=timing), late, start, lengths(late))
     assert found[-1].duration > 0.5 * late.duration
     assert found[-1].values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)
 
@@ -141,12 +141,12 @@ def test_gain_starts_as_that_of_an_inertia(late):
 def test_a_start_that_leads_nowhere_is_said(late):
     """Assert that a start from which even short segments run away is an error."""
     with pytest.raises(ConvergenceError):
-        climb(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
+        fit_by_length(PAPER, late, {"theta2": 100.0, "alpha1": -1e7}, lengths(late)[:1])
 
 
 @pytest.mark.parametrize(("ends", "kept"), [("++++", 4), ("++x+", 2), ("+xx", 1), ("x+", None)])
 def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
-    """Assert that all lengths before are kept, however the climb is asked for.
+    """Assert that all lengths before are kept, however the fits are asked for.
 
     For each length: + where it can be fitted, x where it cannot.
     """
@@ -166,24 +166,26 @@ def test_a_climb_ends_where_a_length_cannot_be_fitted(monkeypatch, ends, kept):
         )
 
     monkeypatch.setattr(fitting, "_fit_segments", fitted_over)
-    ladder, nothing = cast(Any, [range(count) for count in counts]), cast(Any, None)
+    divisions, nothing = cast(Any, [range(count) for count in counts]), cast(Any, None)
     if kept is None:
         with pytest.raises(ConvergenceError):
-            climb(nothing, nothing, {}, ladder)
+            fit_by_length(nothing, nothing, {}, divisions)
         return
-    found = climb(nothing, nothing, {}, ladder)
+    found = fit_by_length(nothing, nothing, {}, divisions)
     assert [len(each.problem.segments) for each in found] == counts[:kept]
-    rest = fitting.onward(found[0], ladder)
+    rest = fitting.longer_fits(found[0], divisions)
     assert [len(each.problem.segments) for each in rest] == counts[1:kept]
 
 
 def test_fit_to_other_data():
     """Assert that values nearly right are fitted to other data over segments of a given length."""
     other = data(made(12, 4.0))
-    found, rungs = fit_to(PAPER, other, {c: 1.02 * v for c, v in COEFFICIENTS.items()}, 1.0)
+    found, lengths_fitted = fit_to(
+        PAPER, other, {c: 1.02 * v for c, v in COEFFICIENTS.items()}, 1.0
+    )
     assert found.duration == pytest.approx(1.0, rel=0.1)
-    assert found in rungs
-    durations = [rung.duration for rung in rungs]
+    assert found in lengths_fitted
+    durations = [one_length.duration for one_length in lengths_fitted]
     assert durations == sorted(durations)
     assert durations[-1] == pytest.approx(4.0, rel=0.1)
     assert found.values == pytest.approx(list(COEFFICIENTS.values()), rel=1e-3)

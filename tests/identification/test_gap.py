@@ -147,7 +147,7 @@ def test_half_the_way_may_lead_on(monkeypatch):
         tried.append(structure.joint.extended.constants[BACKLASH_WIDTH])
         raise ConvergenceError("prediction error", "diverges")
 
-    monkeypatch.setattr(gap, "climb", nowhere)
+    monkeypatch.setattr(gap, "fit_by_length", nowhere)
     assert as_wide_as_its_gap(first) is first
     own = half_gap(first)
     assert tried == pytest.approx([own, np.sqrt(own * width_of(first.structure))])

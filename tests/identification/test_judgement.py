@@ -111,6 +111,7 @@ def test_thresholds_are_these():
         "repeated_growth": 0.8,
         "noise_motion": 0.1,
         "shape_motion": 0.12,
+        "exact_share": 0.005,
         "lost_share": 0.007,
         "mirrored_share": 0.25,
         "contradiction": 3.0,

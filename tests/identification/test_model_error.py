@@ -42,8 +42,8 @@ def fitted(seed: int, held: bool = False, **more: float) -> tuple[Fitted, ModelE
     recording = with_velocities(made(seed, 10.0, held=held, **more))
     structure = replace(PAPER, timing=Timing("zero" if held else "cubic"))
     data = data_of(JOINT, [recording], (0,))
-    found, rungs = fit_to(structure, data, COEFFICIENTS, 1.0)
-    return found, model_error(found, rungs, THRESHOLDS)
+    found, lengths_fitted = fit_to(structure, data, COEFFICIENTS, 1.0)
+    return found, model_error(found, lengths_fitted, THRESHOLDS)
 
 
 def misses(found: Fitted, estimate: Estimate) -> np.ndarray:
@@ -128,7 +128,7 @@ LIMITS = replace(
 )
 
 
-def rung(duration: float, excess: float, unexplained: float = 0.0) -> Fitted:
+def one_length(duration: float, excess: float, unexplained: float = 0.0) -> Fitted:
     """A fit of which only the size of its residuals is known, of 10⁶ numbers and 200 states."""
     made_up = SimpleNamespace(
         duration=duration,
@@ -155,9 +155,9 @@ def rung(duration: float, excess: float, unexplained: float = 0.0) -> Fitted:
 )
 def test_growth_tells_noise_of_the_torque_from_an_error(power, share):
     """Assert that residuals beyond noise are weighed by the power of time they grow with."""
-    rungs = [rung(t, 1.0 + 50.0 * t**power) for t in (0.25, 1.0, 2.0, 4.0)]
-    rungs[0] = rung(0.25, 1.0)
-    error = model_error(rungs[1], rungs, LIMITS)
+    lengths_fitted = [one_length(t, 1.0 + 50.0 * t**power) for t in (0.25, 1.0, 2.0, 4.0)]
+    lengths_fitted[0] = one_length(0.25, 1.0)
+    error = model_error(lengths_fitted[1], lengths_fitted, LIMITS)
     assert error.growth == pytest.approx(power, abs=0.01)
     assert error.share == pytest.approx(share, abs=0.01)
     assert error.excess == pytest.approx(50.0, rel=1e-3)
@@ -168,8 +168,11 @@ def test_growth_tells_noise_of_the_torque_from_an_error(power, share):
 )
 def test_residuals_as_large_as_the_deflection_are_no_noise(unexplained, share):
     """Assert that what grows like noise of the torque is an error as far as it is all there is."""
-    rungs = [rung(0.25, 1.0), *(rung(t, 1.0 + 50.0 * t**3, unexplained) for t in (1.0, 2.0, 4.0))]
-    error = model_error(rungs[1], rungs, LIMITS)
+    lengths_fitted = [
+        one_length(0.25, 1.0),
+        *(one_length(t, 1.0 + 50.0 * t**3, unexplained) for t in (1.0, 2.0, 4.0)),
+    ]
+    error = model_error(lengths_fitted[1], lengths_fitted, LIMITS)
     assert error.growth == pytest.approx(3.0, abs=0.01)
     assert error.share == pytest.approx(share, abs=1e-3)
     assert (error.share > 0.0) == (unexplained > LIMITS.noise_motion)
@@ -178,16 +181,19 @@ def test_residuals_as_large_as_the_deflection_are_no_noise(unexplained, share):
 @pytest.mark.parametrize(("power", "share"), [(2.5, 0.0), (2.3, 1.0)])
 def test_growths_may_be_divided_by_one_threshold(power, share):
     """Assert that both ends may be one: half or twice the usual ones are."""
-    rungs = [rung(t, 1.0 + 50.0 * t**power) for t in (1.0, 2.0, 4.0)]
+    lengths_fitted = [one_length(t, 1.0 + 50.0 * t**power) for t in (1.0, 2.0, 4.0)]
     ends = replace(LIMITS, white_growth=0.6, repeated_growth=0.6)
-    assert model_error(rungs[0], [rung(0.25, 1.0), *rungs], ends).share == share
+    assert (
+        model_error(lengths_fitted[0], [one_length(0.25, 1.0), *lengths_fitted], ends).share
+        == share
+    )
 
 
 @pytest.mark.parametrize(("excess", "beyond"), [(1.09, False), (1.15, True)])
 def test_residuals_a_tenth_beyond_noise_may_be_noise(excess, beyond):
     """Assert that where short segments leave a tenth more than noise, so may long ones."""
-    rungs = [rung(0.25, 1.2), rung(1.0, excess), rung(2.0, excess)]
-    error = model_error(rungs[1], rungs, LIMITS)
+    lengths_fitted = [one_length(0.25, 1.2), one_length(1.0, excess), one_length(2.0, excess)]
+    error = model_error(lengths_fitted[1], lengths_fitted, LIMITS)
     assert (error.share > 0.0) == beyond
     assert (error.excess > 0.0) == beyond
 
@@ -198,8 +204,12 @@ def test_chance_is_no_error(beyond, seen):
 
     200 states: 3 √400 = 60 of a sum of squares of a million.
     """
-    rungs = [rung(0.25, 1.0), rung(1.0, 1.0 + beyond), rung(2.0, 1.0 + beyond)]
-    assert (model_error(rungs[1], rungs, LIMITS).share > 0.0) == seen
+    lengths_fitted = [
+        one_length(0.25, 1.0),
+        one_length(1.0, 1.0 + beyond),
+        one_length(2.0, 1.0 + beyond),
+    ]
+    assert (model_error(lengths_fitted[1], lengths_fitted, LIMITS).share > 0.0) == seen
 
 
 def test_what_is_unexplained_is_a_share_of_the_deflection():
@@ -253,8 +263,8 @@ def stand_in():
     recording = with_velocities(made(3, 10.0, half_gap=1e-3))
     structure = replace(PAPER, absent=PAPER.absent - {"alpha_cubic", "theta_cubic"})
     data = data_of(JOINT, [recording], (0,))
-    found, rungs = fit_to(structure, data, COEFFICIENTS, 1.0)
-    return found, model_error(found, rungs, THRESHOLDS)
+    found, lengths_fitted = fit_to(structure, data, COEFFICIENTS, 1.0)
+    return found, model_error(found, lengths_fitted, THRESHOLDS)
 
 
 def test_a_stand_in_is_as_doubtful_as_it_bends_the_others(stand_in):

@@ -7,10 +7,10 @@ from typing import Any, cast
 
 import pytest
 
-import flexid.identification.full_model.climbing as climbing
+import flexid.identification.full_model.fits_by_length as fits_by_length
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.climbing import Climb, climb_remembering
+from flexid.identification.full_model.fits_by_length import FitsByLength, fit_with_hysteresis
 from flexid.identification.full_model.model import Structure
 from flexid.identification.preparation.joint import flexible
 from flexid.identification.structure.job import _least_gain
@@ -40,10 +40,12 @@ def tried(monkeypatch):
             begun.append(share(way))
             return before if share(way) == holding else None
 
-        monkeypatch.setattr(climbing, "promised", lambda *at: promises.get(share(at[-1]), 0.0))
-        monkeypatch.setattr(climbing, "explained_by", remembering)
-        monkeypatch.setattr(climbing, "onward", lambda *_: [])
-        monkeypatch.setattr(climbing, "with_best_hold", lambda found, *_: found)
+        monkeypatch.setattr(
+            fits_by_length, "promised", lambda *at: promises.get(share(at[-1]), 0.0)
+        )
+        monkeypatch.setattr(fits_by_length, "explained_by", remembering)
+        monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
+        monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
         segments = range(4)
         fitted: Any = SimpleNamespace(
             excess=9.0,
@@ -52,8 +54,8 @@ def tried(monkeypatch):
             by_name={},
             problem=SimpleNamespace(segments=segments),
         )
-        climbed = Climb((fitted,), cast(Any, (segments,)), True, ("cubic",), "")
-        found = climb_remembering(climbed, (), lambda _: None)
+        by_length = FitsByLength((fitted,), cast(Any, (segments,)), True, ("cubic",), "")
+        found = fit_with_hysteresis(by_length, (), lambda _: None)
         assert (found is not None) == (holding in begun)
         return begun
 
@@ -91,20 +93,20 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
     """Assert that first steps that take away enough are followed by as many as it takes."""
     asked = []
 
-    def climb(structure, data, start, segments, states=None, *, insist, iterations=None):
+    def fit_by_length(structure, data, start, segments, states=None, *, insist, iterations=None):
         asked.append((iterations, start, states))
         excess = 1.5 if iterations else 1.0
         return [first_steps(excess, {"excess": excess})]
 
-    monkeypatch.setattr(climbing, "climb", climb)
+    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    found = climbing.explained_by(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
+    found = fits_by_length.explained_by(before, WITHOUT, {"start": 0.0}, 1.0, THRESHOLDS)
     assert found is not None
     assert found.excess == 1.0
     assert asked == [
-        (climbing.FIRST_ITERATIONS, {"start": 0.0}, None),
+        (fits_by_length.FIRST_ITERATIONS, {"start": 0.0}, None),
         (None, {"excess": 1.5}, "there"),
     ]
 
@@ -112,30 +114,30 @@ def test_what_is_promising_goes_on_to_its_end(monkeypatch):
 def test_what_diverges_on_its_way_is_given_up(monkeypatch):
     """Assert that first steps that promise much and lead nowhere leave the fit without memory."""
 
-    def climb(*_, insist, iterations=None):
+    def fit_by_length(*_, insist, iterations=None):
         if iterations is None:
             raise ConvergenceError("prediction error", "diverges")
         return [first_steps(1.5)]
 
-    monkeypatch.setattr(climbing, "climb", climb)
+    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    assert climbing.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS) is None
+    assert fits_by_length.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS) is None
 
 
 @pytest.mark.parametrize(("floor", "follows"), [(1.0, False), (1.1, True)])
 def test_noise_need_not_be_taken_away(monkeypatch, floor, follows):
     """Assert that what short segments leave, too, is none of what memory has to explain."""
 
-    def climb(*_, insist, iterations=None):
+    def fit_by_length(*_, insist, iterations=None):
         return [first_steps(1.12)]
 
-    monkeypatch.setattr(climbing, "climb", climb)
+    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
     before: Any = SimpleNamespace(
         excess=1.28, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    found = climbing.explained_by(before, WITHOUT, {}, floor, THRESHOLDS)
+    found = fits_by_length.explained_by(before, WITHOUT, {}, floor, THRESHOLDS)
     assert (found is not None) == follows
 
 
@@ -159,16 +161,18 @@ def test_what_is_left_shows_it_where_the_full_model_does_not_follow(monkeypatch,
         asked.append((before, structure.absent, noise))
         return before
 
-    monkeypatch.setattr(climbing, "promised", lambda *_: 0.9)
-    monkeypatch.setattr(climbing, "explained_by", remembering)
-    monkeypatch.setattr(climbing, "onward", lambda *_: [])
-    monkeypatch.setattr(climbing, "with_best_hold", lambda found, *_: found)
+    monkeypatch.setattr(fits_by_length, "promised", lambda *_: 0.9)
+    monkeypatch.setattr(fits_by_length, "explained_by", remembering)
+    monkeypatch.setattr(fits_by_length, "longer_fits", lambda *_: [])
+    monkeypatch.setattr(fits_by_length, "with_best_hold", lambda found, *_: found)
     wide = replace(WITHOUT, absent=WITHOUT.absent - {"alpha2"})
-    climbed = Climb((over(16, wide, short),), cast(Any, (range(16),)), True, ("cubic",), "")
+    by_length = FitsByLength(
+        (over(16, wide, short),), cast(Any, (range(16),)), True, ("cubic",), ""
+    )
     leaner = [over(16, WITHOUT, 1.05), over(4, WITHOUT, 5.0), over(2, WITHOUT, 9.0)]
-    assert climb_remembering(climbed, leaner, lambda _: None) is not None
+    assert fit_with_hysteresis(by_length, leaner, lambda _: None) is not None
     assert asked == [(leaner[1], wide.absent - JOINT.remembered, floor)]
-    assert climb_remembering(climbed, leaner[:1], lambda _: None) is None
+    assert fit_with_hysteresis(by_length, leaner[:1], lambda _: None) is None
 
 
 @pytest.mark.parametrize(("size", "follows"), [(0.1, True), (-0.1, False)])
@@ -176,14 +180,14 @@ def test_a_hysteresis_that_drives_is_none(monkeypatch, size, follows):
     """Assert that what comes out negative is not followed up, however much it explains."""
     (name,) = JOINT.grips
 
-    def climb(*_, insist, iterations=None):
+    def fit_by_length(*_, insist, iterations=None):
         return [first_steps(1.0, {name: size})]
 
-    monkeypatch.setattr(climbing, "climb", climb)
+    monkeypatch.setattr(fits_by_length, "fit_by_length", fit_by_length)
     before: Any = SimpleNamespace(
         excess=9.0, data=None, problem=SimpleNamespace(segments=range(4)), structure=WITHOUT
     )
-    found = climbing.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS)
+    found = fits_by_length.explained_by(before, WITHOUT, {}, 1.0, THRESHOLDS)
     assert (found is not None) == follows
 
 

@@ -13,7 +13,7 @@ import flexid.identification.structure.sought_shape as sought_shape
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
 from flexid.identification.estimation.model_error import widened
-from flexid.identification.full_model.climbing import Climb, leaves_more
+from flexid.identification.full_model.fits_by_length import FitsByLength, leaves_more
 from flexid.identification.full_model.fitting import fit_to
 from flexid.identification.full_model.model import Fitted, Structure, data_of
 from flexid.identification.identify import identify
@@ -24,7 +24,7 @@ from flexid.identification.structure.ripple import RIPPLE, numbers
 from flexid.identification.structure.sought_shape import (
     SoughtShape,
     at_its_constant,
-    climb_with,
+    fit_with_shape,
     with_free_constant,
 )
 from flexid.identification.structure.stribeck import STRIBECK
@@ -414,9 +414,9 @@ def tried(monkeypatch):
         monkeypatch.setattr(sought_shape, "_promised", lambda _, s: promises[shape.of(s)])
         monkeypatch.setattr(sought_shape, "explained_by", explained_by)
         monkeypatch.setattr(sought_shape, "at_its_constant", lambda _, fit: fit)
-        climbed = Climb((over(4, excess),), cast(Any, (range(4),)), True, ("cubic",), "")
-        monkeypatch.setattr(sought_shape, "_climbed_on", lambda *_: climbed)
-        found = climb_with(shape, climbed, (), chosen, lambda _: None, THRESHOLDS)
+        by_length = FitsByLength((over(4, excess),), cast(Any, (range(4),)), True, ("cubic",), "")
+        monkeypatch.setattr(sought_shape, "_fit_longer", lambda *_: by_length)
+        found = fit_with_shape(shape, by_length, (), chosen, lambda _: None, THRESHOLDS)
         assert (found is not None) == (follows and holding in begun)
         return begun
 
@@ -452,7 +452,7 @@ def test_what_was_asked_for_and_has_no_fit_is_an_error(monkeypatch):
     def fails(*_):
         raise ConvergenceError("prediction error", "the steps do not end")
 
-    monkeypatch.setattr(sought_shape, "climb", fails)
+    monkeypatch.setattr(sought_shape, "fit_by_length", fails)
     settings = Settings(terms=(*PAPER_TERMS, "torque_ripple"))
     with pytest.raises(ConvergenceError):
         identify([log(made(1, 6.0, **RIPPLED))], settings)
@@ -482,9 +482,9 @@ def test_where_nothing_moves_nothing_is_sought(shape):
     data = replace(plain.data, samples=(resting,))
     assert shape.candidates(plain.structure, data) == []
     still = replace(plain, data=data)
-    climbed = Climb((still,), (still.problem.segments,), True, ("cubic",), "")
+    by_length = FitsByLength((still,), (still.problem.segments,), True, ("cubic",), "")
     with pytest.raises(ConvergenceError, match=shape.words):
-        sought_shape.climb_asked_for(shape, climbed, lambda _: None, THRESHOLDS)
+        sought_shape.fit_requested_shape(shape, by_length, lambda _: None, THRESHOLDS)
 
 
 def test_many_turns_need_no_more_memory():

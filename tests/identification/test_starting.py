@@ -9,13 +9,13 @@ from made_joint import COEFFICIENTS, made
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT, Timing
 from flexid.identification.full_model import starting
-from flexid.identification.full_model.climbing import (
-    climb_full,
+from flexid.identification.full_model.fits_by_length import (
+    fit_full_model,
     held_otherwise,
     hold_covariance,
     residual_variance,
 )
-from flexid.identification.full_model.fitting import climb, lengths, refit
+from flexid.identification.full_model.fitting import fit_by_length, lengths, refit
 from flexid.identification.full_model.model import FINE, LINK, Data, Structure, data_of
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.preparation.joint import flexible
@@ -164,8 +164,8 @@ def test_one_jolt_makes_no_start_worse(monkeypatch):
 def test_full_model_climbs_to_the_whole_log(stiff):
     """Assert that from the first start the fit reaches long segments and noise."""
     base = structure(stiff)
-    ladder = lengths(stiff)
-    last = climb(base, stiff, starts(base, stiff, ladder[0])[0], ladder)[-1]
+    divisions = lengths(stiff)
+    last = fit_by_length(base, stiff, starts(base, stiff, divisions[0])[0], divisions)[-1]
     assert last.duration > 0.5 * stiff.duration
     assert last.excess < THRESHOLDS.sensor_excess
     assert last.by_name["alpha1"] == pytest.approx(10000.0, rel=1e-2)
@@ -175,18 +175,18 @@ def test_full_model_climbs_to_the_whole_log(stiff):
 def test_first_steps_may_be_few(stiff):
     """Assert that the shortest segments may be given so few steps that they are not fitted."""
     base = structure(stiff)
-    ladder = lengths(stiff)[:1]
+    divisions = lengths(stiff)[:1]
     start = least_squares_start(base, stiff, 20.0)[0]
-    assert climb(base, stiff, start, ladder)
+    assert fit_by_length(base, stiff, start, divisions)
     with pytest.raises(ConvergenceError, match="within 1:"):
-        climb(base, stiff, start, ladder, iterations=1)
+        fit_by_length(base, stiff, start, divisions, iterations=1)
 
 
 def test_another_hold_is_half_a_sample_of_delay():
     """Assert that a held torque passes for one on straight lines that acts half a sample later."""
     held = data(held=True)
     base = structure(held)
-    fitted = climb(base, held, COEFFICIENTS, lengths(held)[:3])[-1]
+    fitted = fit_by_length(base, held, COEFFICIENTS, lengths(held)[:3])[-1]
     other = held_otherwise(fitted, "linear")
     assert other is not None
     later = other.delays[INPUT] - fitted.delays[INPUT]
@@ -198,7 +198,7 @@ def test_another_hold_is_half_a_sample_of_delay():
 def test_long_segments_know_the_hold(held):
     """Assert that the hold is found where short segments take either for the other."""
     log = data(held=held, noise=2e-7)
-    found = climb_full(structure(log), log, ("zero", "cubic", "linear"), (), silent)
+    found = fit_full_model(structure(log), log, ("zero", "cubic", "linear"), (), silent)
     assert found.found[-1].structure.timing.hold == ("zero" if held else "cubic")
     assert found.tied == ()
     assert abs(found.found[-1].delays[INPUT]) < 1e-5
@@ -211,7 +211,7 @@ def test_tied_holds_are_all_in_the_interval():
     The torque is late, so that each hold needs a delay.
     """
     log = data(held=True, noise=3e-4, input_delay=2.7e-3)
-    found = climb_full(structure(log), log, ("zero", "cubic", "linear"), (), silent)
+    found = fit_full_model(structure(log), log, ("zero", "cubic", "linear"), (), silent)
     assert {*found.tied} == {"cubic", "linear"}
     last = found.found[-1]
     assert last.structure.timing.hold == "zero"  # it needs the least delay
@@ -225,7 +225,7 @@ def test_tied_holds_are_all_in_the_interval():
 def test_a_delay_of_half_a_sample_is_a_coincidence():
     """Assert that a torque without delay is held, where noise hides what else tells the holds."""
     log = data(held=True, noise=3e-4)
-    found = climb_full(structure(log), log, ("zero", "cubic", "linear"), (), silent)
+    found = fit_full_model(structure(log), log, ("zero", "cubic", "linear"), (), silent)
     assert found.found[-1].structure.timing.hold == "zero"
     assert found.tied == ()
     assert "half a sample by chance" in found.hold_reason
@@ -260,7 +260,7 @@ def test_a_given_delay_may_be_longer_than_the_margin(late):
     log = data(held=True, link_delay=late)
     timing = Timing("zero", {LINK: late}, (INPUT,))
     base = replace(structure(log), timing=timing)
-    found = climb_full(base, log, ("zero",), (), silent).found[-1]
+    found = fit_full_model(base, log, ("zero",), (), silent).found[-1]
     assert found.structure.absent == base.absent
     assert found.delays[LINK] == late
     assert found.by_name["theta2"] == pytest.approx(COEFFICIENTS["theta2"], rel=1e-2)
@@ -270,7 +270,7 @@ def test_a_fall_decides_on_the_hold():
     """Assert that the threshold says when holds are alike."""
     log = data(held=True, noise=2e-7)
     thresholds = replace(THRESHOLDS, hold_fall=1e9)
-    found = climb_full(structure(log), log, ("zero", "linear"), (), silent, thresholds)
+    found = fit_full_model(structure(log), log, ("zero", "linear"), (), silent, thresholds)
     assert found.tied == ("linear",)
 
 
@@ -291,7 +291,7 @@ def test_a_fall_counts_less_where_residuals_are_correlated(samples):
     )
     log = replace(data_of(JOINT, [with_velocities(recording)], (0,)), noise=np.full(2, 1e-4))
     base = structure(log)
-    (fitted,) = climb(base, log, COEFFICIENTS, lengths(log)[-1:])
+    (fitted,) = fit_by_length(base, log, COEFFICIENTS, lengths(log)[-1:])
     assert fitted.excess == pytest.approx(1.0, abs=0.3)
     low, high = (1.0, 2.5) if samples == 1 else (6.0, 90.0)
     assert low <= residual_variance([fitted]) <= high
@@ -300,7 +300,7 @@ def test_a_fall_counts_less_where_residuals_are_correlated(samples):
 def test_given_hold_is_not_tried():
     """Assert that one hold is taken as given."""
     log = data(held=True)
-    found = climb_full(structure(log), log, ("linear",), (), silent)
+    found = fit_full_model(structure(log), log, ("linear",), (), silent)
     assert found.hold_reason == "as given"
     assert found.found[-1].structure.timing.hold == "linear"
 

@@ -394,22 +394,22 @@ def test_steps_need_not_end_where_the_log_is_explained(monkeypatch, explained):
         minimum=SimpleNamespace(point=SimpleNamespace(initial_states="states")),
     )
 
-    def climb(structure, data, start, ladder, states, *, insist):
-        assert (ladder, states, insist) == (["segments"], "states", False)
+    def fit_by_length(structure, data, start, divisions, states, *, insist):
+        assert (divisions, states, insist) == (["segments"], "states", False)
         assert structure.absent == shapes & (JOINT.remembered | elimination.SOUGHT_COEFFICIENTS)
         return [SimpleNamespace(excess=excess, structure=structure)]
 
     monkeypatch.setattr(elimination, "fit_like", lambda *_: None)
-    monkeypatch.setattr(elimination, "climb", climb)
-    climbed: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
-    wider, _ = elimination._wider(narrow, climbed, THRESHOLDS)
+    monkeypatch.setattr(elimination, "fit_by_length", fit_by_length)
+    by_length: Any = SimpleNamespace(found=(narrow,), holds=("zero",))
+    wider, _ = elimination._wider(narrow, by_length, THRESHOLDS)
     assert (wider is not narrow) == explained
 
 
 def test_terms_that_lead_astray_do_not_join(monkeypatch):
     """Assert that the fit without them stands."""
 
-    def climb(*_, insist):
+    def fit_by_length(*_, insist):
         raise ConvergenceError("prediction error", "diverges")
 
     narrow: Any = SimpleNamespace(
@@ -418,7 +418,7 @@ def test_terms_that_lead_astray_do_not_join(monkeypatch):
         problem=SimpleNamespace(segments=None),
         minimum=SimpleNamespace(point=SimpleNamespace(initial_states=None)),
     )
-    monkeypatch.setattr(elimination, "climb", climb)
+    monkeypatch.setattr(elimination, "fit_by_length", fit_by_length)
     assert elimination._as_far_as_it_leads(USUAL, narrow) is None
 
 
@@ -434,11 +434,15 @@ def test_terms_that_lead_astray_do_not_join(monkeypatch):
 def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse, expected):
     """Assert that the usual terms win at once with as few coefficients, or else if far better."""
 
-    def chosen(climb, kept, with_shapes, *_):
+    def chosen(fit_by_length, kept, with_shapes, *_):
         fitted = SimpleNamespace(names=range(7 if with_shapes and fewer else 8), excess=1.0)
         structure = UNUSUAL if with_shapes else Structure(JOINT, JOINT.shapes, Timing("zero"))
         return SimpleNamespace(
-            structure=structure, fitted=fitted, found=(), with_shapes=with_shapes, climbed=climb
+            structure=structure,
+            fitted=fitted,
+            found=(),
+            with_shapes=with_shapes,
+            by_length=fit_by_length,
         )
 
     monkeypatch.setattr(job, "choose_structure", chosen)
@@ -446,7 +450,7 @@ def test_fewer_coefficients_may_predict_a_little_worse(monkeypatch, fewer, worse
     monkeypatch.setattr(job, "misprediction", lambda with_shapes: worse if with_shapes else 0.0)
     monkeypatch.setattr(job, "_beside", lambda *_: ())
     own: Any = SimpleNamespace(
-        climbed=lambda *_: SimpleNamespace(found=()),
+        fitted_by_length=lambda *_: SimpleNamespace(found=()),
         settings=SimpleNamespace(terms="auto"),
         kept=(),
     )

@@ -68,19 +68,19 @@ def fit_arm(
     progress: Callable[[str], None],
 ) -> ArmFit:
     """Fit a torque balance to recordings."""
-    ladder = _ladder(recordings)
+    divisions = _divisions(recordings)
     noise = _noise(recordings)
     progress("least squares")
-    found = [_begin(balance, recordings, dict(fixed), ladder[0], noise)]
+    found = [_begin(balance, recordings, dict(fixed), divisions[0], noise)]
     timings = _TIMINGS[:1]
-    for segments in ladder[1:]:
+    for segments in divisions[1:]:
         duration = _duration(segments)
         progress(f"segments of {duration:.2g} s")
         first_timed = len(timings) == 1 and duration >= _TIMED_FROM
         tried = []
         for timing in _TIMINGS if first_timed else timings[-1:]:
             try:
-                tried.append(_onward(found[-1], segments, timing, noise))
+                tried.append(_over_longer(found[-1], segments, timing, noise))
             except ConvergenceError:
                 continue
         if not tried:
@@ -148,15 +148,15 @@ def _duration(segments: Segments) -> float:
     return float(np.mean(segments.lengths * segments.sample_times))
 
 
-def _ladder(recordings: Sequence[Samples]) -> list[Segments]:
+def _divisions(recordings: Sequence[Samples]) -> list[Segments]:
     """The recordings cut into segments of growing length, each of two of the length before."""
     shortest = min(len(recording) * recording.sample_time for recording in recordings)
-    ladder = [divide(recordings, min(LONGEST, 0.5 * shortest))]
-    while ladder[-1].can_be_halved:
-        if _duration(ladder[-1]) < 1.5 * SHORTEST:
+    divisions = [divide(recordings, min(LONGEST, 0.5 * shortest))]
+    while divisions[-1].can_be_halved:
+        if _duration(divisions[-1]) < 1.5 * SHORTEST:
             break
-        ladder.append(ladder[-1].halved())
-    return ladder[::-1]
+        divisions.append(divisions[-1].halved())
+    return divisions[::-1]
 
 
 def _noise(recordings: Sequence[Samples]) -> FloatArray:
@@ -201,7 +201,7 @@ def at_point(problem: SegmentedMotion, point: Point, noise: FloatArray) -> Segme
     return replace(own, substeps=min(own.substeps, _MOST_SUBSTEPS))
 
 
-def _onward(before: Solved, segments: Segments, timing: Timing, noise: FloatArray) -> Solved:
+def _over_longer(before: Solved, segments: Segments, timing: Timing, noise: FloatArray) -> Solved:
     """Go on over longer segments, with a timing of the inputs."""
     problem, minimum = before
     states = minimum.point.initial_states[:: len(problem.segments) // len(segments)]

@@ -291,7 +291,7 @@ def _choices(fits: FinalFits, estimate: Estimate, settings: Settings) -> Choices
     return Choices(
         terms=choice.structure.terms,
         alignment=Alignment(
-            choice.structure.timing.hold, delays[INPUT], delays[LINK], choice.climbed.hold_reason
+            choice.structure.timing.hold, delays[INPUT], delays[LINK], choice.by_length.hold_reason
         ),
         hold=choice.structure.timing.hold,
         coulomb_velocity=joint.smooth.constants[SMOOTHING] if smooth != "auto" else None,

@@ -28,7 +28,7 @@ from flexid.identification.estimation.final_fits import (
     with_doubts,
 )
 from flexid.identification.estimation.skew import skew
-from flexid.identification.full_model.climbing import Climb
+from flexid.identification.full_model.fits_by_length import FitsByLength
 from flexid.identification.full_model.fitting import lengths, motion_at
 from flexid.identification.full_model.model import Data, Fitted
 from flexid.identification.preparation.recordings import SplitRecordings
@@ -236,8 +236,8 @@ def _undisturbed(fitted: Fitted, data: Data) -> Fitted:
 def _fits(found: Disturbed, recordings: SplitRecordings, job: Job) -> FinalFits:
     """The fit as all fits are reported."""
     fitted, full = found.fitted, found.full
-    climbed = Climb((), (), True, tuple(job.holds), _BY_DISTURBANCES)
-    choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), climbed)
+    by_length = FitsByLength((), (), True, tuple(job.holds), _BY_DISTURBANCES)
+    choice = Choice(full.structure, fitted.structure, fitted, found.terms, (), by_length)
     rate = job.settings.filter_rate
     nothing = ModelError(0.0, 0.0, 0.0)
     return FinalFits(

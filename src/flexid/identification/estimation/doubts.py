@@ -18,13 +18,13 @@ from flexid.identification.vocabulary.evidence import balance_of
 from flexid.models.flexible_joint import DISSIPATIVE
 
 _CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is known better
-_FURTHER_MODES = 0.005  # of a link's inertia: by its next bending mode it looks heavier
+_FURTHER_MODES = 0.003  # of a link's inertia: by its next bending mode it looks heavier
 _CABLE = 0.01  # of the spring's torque, that a cable adds: it pulls the link back as gravity does
 _ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
 _GAUGE = 0.015  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 %
-_DEAD_ZONE = 0.015  # of the gain of an amplifier, which a dead zone of 1 % of its range takes away
+_DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of its range takes away
 _COIL = 1e-3  # s: time constants of motors' coils are hardly longer, whatever the delay
-_UNEXPLAINED = 0.2  # of what a row leaves unexplained, that may look like any one of its terms
+_UNEXPLAINED = 0.15  # of what a row leaves unexplained, that may look like any one of its terms
 _UNEXPLAINED_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})

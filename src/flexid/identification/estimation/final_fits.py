@@ -16,8 +16,8 @@ from flexid.identification.estimation.model_error import (
     driving_frictions,
     stand_in_covariance,
 )
-from flexid.identification.full_model.beginning import first_climb
-from flexid.identification.full_model.climbing import hold_covariance
+from flexid.identification.full_model.beginning import first_fits
+from flexid.identification.full_model.fits_by_length import hold_covariance
 from flexid.identification.full_model.fitting import expanded, fit_like, fit_to, lengths
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure, data_of
 from flexid.identification.full_model.starting import least_squares_start
@@ -43,7 +43,7 @@ class FinalFits:
     recordings: SplitRecordings  # what was fitted
     reported: Fitted  # the structure
     # it over segments of growing length, some longer than the reported ones
-    rungs: Sequence[Fitted]
+    lengths_fitted: Sequence[Fitted]
     retreat: tuple[str, ...]  # why it was not fitted to all data, if it was not
     error: ModelError  # what the residuals say about the model
     driving: frozenset[str]  # frictions that came out negative beyond noise
@@ -118,13 +118,15 @@ def final_fits(
 ) -> FinalFits:
     """Fit a structure to all data, and what it does without."""
     whole = replace(whole, refinement=choice.fitted.data.refinement)
-    reported, rungs, retreat = _reported(choice, whole, thresholds)
+    reported, lengths_fitted, retreat = _reported(choice, whole, thresholds)
     choice = _as_reported(choice, reported)
-    error = error_of(reported, rungs, thresholds)
+    error = error_of(reported, lengths_fitted, thresholds)
     rate = FILTER_RATE if isinstance(filter_rate, str) else filter_rate
     full = _full(choice, reported)
     driving = driving_frictions(reported, thresholds)
-    return FinalFits(choice, recordings, reported, rungs, retreat, error, driving, full, rate)
+    return FinalFits(
+        choice, recordings, reported, lengths_fitted, retreat, error, driving, full, rate
+    )
 
 
 def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -> Estimate:
@@ -132,7 +134,7 @@ def with_doubts(fits: FinalFits, delay_in_doubt: bool, thresholds: Thresholds) -
     reported, error = fits.reported, fits.error
     estimate = with_free_shapes(widened_by(reported, error), reported)
     estimate = estimate.widened(hidden_covariance(reported, fits.full, fits.scales))
-    estimate = estimate.widened(hold_covariance(reported, fits.choice.climbed.tied))
+    estimate = estimate.widened(hold_covariance(reported, fits.choice.by_length.tied))
     estimate = estimate.widened(stand_in_covariance(reported, error, thresholds))
     estimate = estimate.widened(driving_covariance(reported, fits.driving))
     return estimate.widened(confused_covariance(estimate)) if delay_in_doubt else estimate
@@ -146,11 +148,15 @@ def _reported(
     start = {**structure.timing.delays, **choice.fitted.by_name}
     for begin in (lambda: start, lambda: _begun_anew(choice, whole, thresholds)):
         try:
-            fitted, rungs = fit_to(structure, whole, begin(), choice.duration)
+            fitted, lengths_fitted = fit_to(structure, whole, begin(), choice.duration)
         except ConvergenceError:
             continue
         last = settled(fitted)
-        return last, [last if rung is fitted else rung for rung in rungs], ()
+        return (
+            last,
+            [last if one_length is fitted else one_length for one_length in lengths_fitted],
+            (),
+        )
     return (
         choice.fitted,
         [choice.fitted],
@@ -170,8 +176,8 @@ def _as_reported(choice: Choice, reported: Fitted) -> Choice:
 
 def _begun_anew(choice: Choice, whole: Data, thresholds: Thresholds) -> dict[str, float]:
     """Values to begin with from all data: the held-out end may hold all that the input did."""
-    ladder = lengths(whole, choice.duration)
-    return first_climb([choice.structure], whole, ladder, thresholds)[-1].by_name
+    divisions = lengths(whole, choice.duration)
+    return first_fits([choice.structure], whole, divisions, thresholds)[-1].by_name
 
 
 def _full(choice: Choice, reported: Fitted) -> Fitted:

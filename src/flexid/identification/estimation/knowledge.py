@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flexid.errors import ConvergenceError
-from flexid.identification.full_model.fitting import climb, lengths
+from flexid.identification.full_model.fitting import fit_by_length, lengths
 from flexid.identification.full_model.model import Data, Structure
 from flexid.identification.full_model.starting import starts
 from flexid.identification.preparation.joint import Joint
@@ -35,8 +35,8 @@ def contradictions(
         return ()
     free = replace(full, fixed={}, bounds={})
     try:
-        ladder = lengths(data, _DURATION)
-        found = climb(free, data, starts(free, data, ladder[0])[0], ladder)[-1]
+        divisions = lengths(data, _DURATION)
+        found = fit_by_length(free, data, starts(free, data, divisions[0])[0], divisions)[-1]
     except ConvergenceError:
         return ()
     deviations = found.fit.standard_deviations

@@ -57,11 +57,15 @@ def input_noise(fitted: Fitted) -> InputNoise:
     )
 
 
-def error_of(fitted: Fitted, rungs: Sequence[Fitted], thresholds: Thresholds) -> ModelError:
+def error_of(
+    fitted: Fitted, lengths_fitted: Sequence[Fitted], thresholds: Thresholds
+) -> ModelError:
     """What the residuals say about the model; of the link alone, beside the noise of its input."""
     if fitted.structure.joint.kind == "link":
-        return model_error(fitted, rungs, thresholds, lambda rung: input_noise(rung).excess)
-    return model_error(fitted, rungs, thresholds)
+        return model_error(
+            fitted, lengths_fitted, thresholds, lambda one_length: input_noise(one_length).excess
+        )
+    return model_error(fitted, lengths_fitted, thresholds)
 
 
 def widened_by(fitted: Fitted, error: ModelError) -> Estimate:

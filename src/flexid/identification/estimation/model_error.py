@@ -40,14 +40,14 @@ def _nothing(_: Fitted) -> float:
 
 def model_error(
     fitted: Fitted,
-    rungs: Sequence[Fitted],
+    lengths_fitted: Sequence[Fitted],
     thresholds: Thresholds,
     explained: Callable[[Fitted], float] = _nothing,
 ) -> ModelError:
     """Look for a model error in the residuals of a fit."""
-    floor = thresholds.noise_floor(rungs[0].excess)
-    own = _beyond(fitted, floor + explained(fitted), rungs[0])
-    growth = _growth(fitted, rungs, floor, explained)
+    floor = thresholds.noise_floor(lengths_fitted[0].excess)
+    own = _beyond(fitted, floor + explained(fitted), lengths_fitted[0])
+    growth = _growth(fitted, lengths_fitted, floor, explained)
     if own <= 0.0:
         return ModelError(0.0, growth, 0.0)
     between = (thresholds.white_growth, thresholds.repeated_growth)
@@ -143,18 +143,22 @@ def _beyond(fitted: Fitted, floor: float, shortest: Fitted) -> float:
 
 def _growth(
     fitted: Fitted,
-    rungs: Sequence[Fitted],
+    lengths_fitted: Sequence[Fitted],
     floor: float,
     explained: Callable[[Fitted], float],
 ) -> float:
     """Power of the segments' length with which the excess grows from the reported one on."""
-    near = [r for r in rungs if r.duration >= 0.75 * fitted.duration] or list(rungs[-2:])
+    near = [r for r in lengths_fitted if r.duration >= 0.75 * fitted.duration] or list(
+        lengths_fitted[-2:]
+    )
     if len(near) < 2:
-        near = list(rungs[-2:])
+        near = list(lengths_fitted[-2:])
     first, last = near[0], near[min(2, len(near) - 1)]
     if first is last:
         return 0.0
-    before, after = (rung.excess - floor - explained(rung) for rung in (first, last))
+    before, after = (
+        one_length.excess - floor - explained(one_length) for one_length in (first, last)
+    )
     if before <= 0.0 or after <= before:
         return 0.0
     return float(np.log(after / before) / np.log(last.duration / first.duration))

@@ -1,4 +1,4 @@
-"""The first climb: the full model over short segments, from whichever start leads furthest.
+"""First fits: the full model over short segments, from the start that leads furthest.
 
 One start over one length of segments is no good on some logs: after a jolt, on a drive that swings
 several times in the shortest segments, or that hardly moves, the steps end in another minimum or
@@ -14,7 +14,7 @@ import numpy as np
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.full_model.fitting import climb
+from flexid.identification.full_model.fitting import fit_by_length
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import starts
 from flexid.identification.vocabulary.thresholds import Thresholds
@@ -30,20 +30,20 @@ _SAME = 0.01  # relative difference of two sums of squares at one minimum
 _FEW = frozenset({"theta1", "alpha2", "alpha_coulomb", "gamma1", "gamma_viscous", "gamma_coulomb"})
 
 
-def first_climb(
+def first_fits(
     structures: Sequence[Structure],
     data: Data,
-    ladder: Sequence[Segments],
+    divisions: Sequence[Segments],
     thresholds: Thresholds,
 ) -> list[Fitted]:
     """Fit over short segments of growing length, from the start that leads to the least residuals.
 
-    Returns from the first of the ladder on, as far as `climb` leads.
+    Returns fits from the first of the divisions on, as far as `fit_by_length` leads.
     """
     structure, *others = structures
-    ways = starts(structure, data, ladder[0])
-    tries = [_tries(structure, data, ladder, ways)]
-    tries += [_tries(other, data, ladder, ways[:1]) for other in others]
+    ways = starts(structure, data, divisions[0])
+    tries = [_tries(structure, data, divisions, ways)]
+    tries += [_tries(other, data, divisions, ways[:1]) for other in others]
     best: list[Fitted] = []
     confirmed, hopeless = False, 0
     for found in chain(*tries):
@@ -52,17 +52,17 @@ def first_climb(
             return _better(found, best)
         before, best = best, _better(found, best)
         explained = best[-1].excess <= thresholds.sensor_excess
-        if explained and len(best) == len(ladder):
+        if explained and len(best) == len(divisions):
             return best
         confirmed = len(found) == len(before) and (explained or _alike(found, before))
         if confirmed:
             break
     if best and best[-1].excess <= thresholds.sensor_excess:
         return best
-    if confirmed and len(best) == len(ladder):
+    if confirmed and len(best) == len(divisions):
         return best
     try:
-        smaller = _by_smaller_models(structure, data, ladder, ways[0])
+        smaller = _by_smaller_models(structure, data, divisions, ways[0])
     except ConvergenceError:
         if not best:
             raise
@@ -73,21 +73,21 @@ def first_climb(
 def _tries(
     structure: Structure,
     data: Data,
-    ladder: Sequence[Segments],
+    divisions: Sequence[Segments],
     ways: Sequence[Mapping[str, float]],
 ) -> Iterator[list[Fitted]]:
-    """Climbs from one start after the other that reach the ladder."""
+    """Fits from one start after the other that reach the divisions."""
     finer: list[Segments] = []
     for _ in range(_HALVINGS):
-        shortest = (*finer, *ladder)[0]
+        shortest = (*finer, *divisions)[0]
         if shortest.lengths.min() >= 2 * _FEWEST_HALVED:
             finer = [shortest.halved(), *finer]
     begins = [[], finer] if finer else [[]]
     first, others = ways[:_FIRST_STARTS], ways[_FIRST_STARTS:]
     for before, way in (*product(begins, first), *product(begins, others)):
-        rungs = [*before, *ladder]
+        lengths_fitted = [*before, *divisions]
         try:
-            found = climb(structure, data, way, rungs, iterations=FIRST_ITERATIONS)
+            found = fit_by_length(structure, data, way, lengths_fitted, iterations=FIRST_ITERATIONS)
         except ConvergenceError:
             continue
         found = found[len(before) :]
@@ -96,13 +96,13 @@ def _tries(
 
 
 def _alike(one: Sequence[Fitted], other: Sequence[Fitted]) -> bool:
-    """Whether two climbs that are as long end in one minimum."""
+    """Whether two series of fits that are as long end in one minimum."""
     ends = sorted(found[-1].minimum.equations.cost for found in (one, other))
     return ends[1] <= (1.0 + _SAME) * ends[0]
 
 
 def _better(one: list[Fitted], other: list[Fitted]) -> list[Fitted]:
-    """Of two climbs that with less residuals over the longest segments of both, or the longer."""
+    """Of two series of fits the one with less residuals over the longest common segments."""
     costs = [{len(f.problem.segments): f.minimum.equations.cost for f in c} for c in (one, other)]
     common = costs[0].keys() & costs[1].keys()
     if not common:
@@ -114,31 +114,31 @@ def _better(one: list[Fitted], other: list[Fitted]) -> list[Fitted]:
 
 
 def _by_smaller_models(
-    structure: Structure, data: Data, ladder: Sequence[Segments], way: Mapping[str, float]
+    structure: Structure, data: Data, divisions: Sequence[Segments], way: Mapping[str, float]
 ) -> list[Fitted]:
-    """Climb with few terms, and go on from there with all."""
+    """FitsByLength with few terms, and go on from there with all."""
     few = structure.without(structure.joint.optional - _FEW)
     bare = few.without(structure.timing.sought)
     late = {INPUT} & {*structure.timing.sought}
     for small in (few, *([few.without(late)] if late else []), bare):
         try:
-            found = climb(small, data, starts(small, data, ladder[0])[0], ladder)
+            found = fit_by_length(small, data, starts(small, data, divisions[0])[0], divisions)
         except ConvergenceError:
             continue
         if found[-1].has_partners:
             wider = [structure, structure.without(late)] if late else [structure]
             return _widened([*wider, *([few] if small is not few else [])], found) or found
     # No drive of this kind: be the fit as bad as it may.
-    return climb(bare, data, way, ladder, insist=False)
+    return fit_by_length(bare, data, way, divisions, insist=False)
 
 
 def _widened(structures: Sequence[Structure], found: Sequence[Fitted]) -> list[Fitted]:
-    """The first wider structure that can be fitted from where a climb ended; empty if none can."""
+    """The first wider structure that can be fitted from where a fit ended; empty if none can."""
     last = found[-1]
     segments, states = [last.problem.segments], last.minimum.point.initial_states
     for structure in structures:
         try:
-            wider = climb(structure, last.data, last.by_name, segments, states)
+            wider = fit_by_length(structure, last.data, last.by_name, segments, states)
         except ConvergenceError:
             continue
         if wider[-1].has_partners:

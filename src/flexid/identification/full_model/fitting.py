@@ -40,33 +40,33 @@ def lengths(data: Data, longest: float = LONGEST, shortest: float = SHORTEST) ->
         found.append(last.halved())
 
 
-def climb(
+def fit_by_length(
     structure: Structure,
     data: Data,
     start: Mapping[str, float],
-    ladder: Sequence[Segments],
+    divisions: Sequence[Segments],
     states: FloatArray | None = None,  # (n_segments, n_states)
     insist: bool = True,
     iterations: int = ITERATIONS,
 ) -> list[Fitted]:
     """Fit over segments of growing length, each from where the one before it ended.
 
-    Returns up to the length at which the fit fails. One whose steps do not end is kept where
+    They end at the length at which the fit fails. One whose steps do not end is kept where
     its residuals are nearly those of the noise, and leads on.
     """
     how = {"insist": insist, "iterations": iterations, "enough": NEARLY_NOISE}
-    first = _fit_segments(structure, data, ladder[0], start, states, ROUGH, **how)
-    return [first, *onward(first, ladder[1:])]
+    first = _fit_segments(structure, data, divisions[0], start, states, ROUGH, **how)
+    return [first, *longer_fits(first, divisions[1:])]
 
 
-def onward(first: Fitted, ladder: Sequence[Segments]) -> list[Fitted]:
-    """Climb from a fit to those segments of a ladder that are longer than its own.
+def longer_fits(first: Fitted, divisions: Sequence[Segments]) -> list[Fitted]:
+    """Fits from one on, to those divisions whose segments are longer than its own.
 
-    Returns up to the length at which the fit fails. One whose steps do not end is kept where
+    They end at the length at which the fit fails. One whose steps do not end is kept where
     its residuals are nearly those of the noise, and leads on.
     """
     last, found = first, []
-    for segments in (longer for longer in ladder if len(longer) < len(first.problem.segments)):
+    for segments in (longer for longer in divisions if len(longer) < len(first.problem.segments)):
         before = last.minimum.point.initial_states
         states = before[:: len(before) // len(segments)]
         rest = (segments, last.by_name, states, ROUGH)
@@ -104,20 +104,19 @@ def fit_to(
 ) -> tuple[Fitted, list[Fitted]]:
     """Fit to other data over segments of a length in s, from values that are nearly right.
 
-    Returns over segments of that length, in steps that suit these data: those of
-    `in_own_steps`. rungs : list of Fitted Rough fits over segments of growing length, up to
-    four times as long.
+    Returns the fit over segments of that length, in steps that suit these data, and rough fits
+    over segments of growing length, up to four times as long.
     """
-    ladder = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
-    found = climb(structure, data, start, ladder)
-    if len(found) < len(ladder):
+    divisions = lengths(data, duration)[::-2][::-1]  # what is nearly right needs no small steps
+    found = fit_by_length(structure, data, start, divisions)
+    if len(found) < len(divisions):
         raise ConvergenceError(
             "prediction error",
             "what fits short segments does not lead on to longer ones: shorten the segments",
         )
     last = found[-1]
     states = last.minimum.point.initial_states
-    fitted = in_own_steps(refit(structure, data, last.by_name, ladder[-1], FINE, states))
+    fitted = in_own_steps(refit(structure, data, last.by_name, divisions[-1], FINE, states))
     return fitted, [*found[:-1], fitted, *_beyond(fitted)]
 
 
@@ -142,10 +141,10 @@ def expanded(structure: Structure, fitted: Fitted) -> Fitted:
 
 def _beyond(fitted: Fitted) -> list[Fitted]:
     """The same over segments of twice and four times the length, as far as these can be had."""
-    ladder = [fitted.problem.segments]
-    while len(ladder) < 3 and (longer := ladder[-1].merged()) is not None:
-        ladder.append(longer)
-    return onward(fitted, ladder[1:])
+    divisions = [fitted.problem.segments]
+    while len(divisions) < 3 and (longer := divisions[-1].merged()) is not None:
+        divisions.append(longer)
+    return longer_fits(fitted, divisions[1:])
 
 
 def refit(

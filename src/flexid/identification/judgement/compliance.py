@@ -6,7 +6,7 @@ import numpy as np
 
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.fitting import climb, lengths
+from flexid.identification.full_model.fitting import fit_by_length, lengths
 from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.full_model.starting import starts
 from flexid.identification.preparation.joint import rigid
@@ -73,10 +73,10 @@ def _rigid_fits(structure: Structure, recordings: SplitRecordings) -> dict[str, 
     fits, start = [], None
     for duration in _DURATIONS:
         try:
-            ladder = lengths(training, duration, duration)
-            start = start or starts(rival, training, ladder[0])[0]
+            divisions = lengths(training, duration, duration)
+            start = start or starts(rival, training, divisions[0])[0]
             # A model that is far off has no best fit to end at: as near as it comes will do.
-            found = climb(rival, training, start, ladder, insist=False)
+            found = fit_by_length(rival, training, start, divisions, insist=False)
         except (ConvergenceError, SettingError):
             continue
         free_run = validate(found[-1], whole, recordings.starts, horizons=())

@@ -17,8 +17,8 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.scaled_inverse import least_with, scaled_inverse
-from flexid.identification.full_model.climbing import Climb, best_hold
-from flexid.identification.full_model.fitting import climb, fit_like, onward
+from flexid.identification.full_model.fits_by_length import FitsByLength, best_hold
+from flexid.identification.full_model.fitting import fit_by_length, fit_like, longer_fits
 from flexid.identification.full_model.model import ROUGH, Fitted, Structure
 from flexid.identification.preparation.joint import Joint
 from flexid.identification.structure.shapes import SOUGHT_COEFFICIENTS, free_information, settled
@@ -43,7 +43,7 @@ class Choice:
     fitted: Fitted  # it, fitted to the data that it was chosen on
     terms: tuple[TermEvidence, ...]  # what was kept and what was not
     found: tuple[Fitted, ...]  # what was left, over segments of growing length
-    climbed: Climb  # how the full model was fitted
+    by_length: FitsByLength  # how the full model was fitted
     # with terms that chance might explain, without frictions that came out negative, and, where the
     # model leaves more than noise, over segments of other lengths: held-out data may prefer one of
     # these
@@ -63,17 +63,17 @@ class Choice:
 
 
 def choose_structure(
-    climbed: Climb,
+    by_length: FitsByLength,
     kept: Collection[str],
     with_shapes: bool,
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
 ) -> Choice:
     """Take away from the full model what a log does not show."""
-    found, ladder = list(climbed.found), climbed.ladder
-    best = best_length(found) if climbed.free_length else found[-1]
+    found, divisions = list(by_length.found), by_length.divisions
+    best = best_length(found) if by_length.free_length else found[-1]
     progress("taking away what the log does not show")
-    wider, asked = _wider(best, climbed, thresholds) if with_shapes else (best, climbed)
+    wider, asked = _wider(best, by_length, thresholds) if with_shapes else (best, by_length)
     asked_over = wider.duration
     if asked.tied:  # the delay that is left stands for another hold
         kept = {*kept, INPUT}
@@ -83,8 +83,8 @@ def choose_structure(
         leaner = fit_like(structure, wider)
         if leaner is None:
             break
-        found = [leaner, *onward(leaner, ladder)]
-        longer = best_length(found) if climbed.free_length else found[-1]
+        found = [leaner, *longer_fits(leaner, divisions)]
+        longer = best_length(found) if by_length.free_length else found[-1]
         if longer is leaner:
             best = leaner
             break
@@ -104,7 +104,7 @@ def choose_structure(
     if fitted is None:
         structure, fitted = best.structure, best
     if fitted.structure.timing.hold != wider.structure.timing.hold:
-        asked = climbed
+        asked = by_length
     fitted = settled(fitted)
     if asked.tied and fitted.duration > asked_over:  # longer segments distinguish more
         fitted, reason, tied = best_hold(fitted, asked.holds, thresholds)
@@ -112,7 +112,7 @@ def choose_structure(
     structure = fitted.structure
     full = replace(wider.structure, joint=structure.joint)
     more, _ = eliminate(wider, kept, replace(thresholds, term_chance=thresholds.generous_chance))
-    others = found if climbed.free_length else ()
+    others = found if by_length.free_length else ()
     rivals = _rivals(fitted, replace(more, joint=structure.joint), others, kept, thresholds)
     return Choice(full, structure, fitted, evidence, tuple(found), asked, rivals)
 
@@ -129,7 +129,7 @@ def _rivals(
     if not generous.absent >= fitted.structure.absent:
         with_more = fit_like(generous, fitted)
     rivals = [f for f in (with_more, _without_negative_friction(fitted, kept)) if f is not None]
-    # Those of other lengths climbed without bounds.
+    # Those of other lengths were fitted without bounds.
     if fitted.excess > thresholds.sensor_excess and not fitted.structure.bounds:
         rivals += [other for other in found if other.duration != fitted.duration]
     return tuple(map(settled, rivals))
@@ -157,8 +157,10 @@ def latest(
     return tuple({e.name: e for e in (*before, *after)}.values())
 
 
-def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted, Climb]:
-    """A fit with terms beyond the usual ones, and how it climbed; as it was if they lead astray.
+def _wider(
+    best: Fitted, by_length: FitsByLength, thresholds: Thresholds
+) -> tuple[Fitted, FitsByLength]:
+    """A fit with terms beyond the usual ones, and its lengths; as it was if they lead astray.
 
     Where the usual terms leave more than noise, and these explain most of it, the hold was chosen
     among fits of which none explained the log. It is asked again.
@@ -166,10 +168,10 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
     joint = best.structure.joint
     shapes = joint.shapes - joint.remembered - SOUGHT_COEFFICIENTS
     if not shapes:
-        return best, climbed
+        return best, by_length
     extended = replace(best.structure, absent=best.structure.absent - shapes)
     # Where they do not follow over long segments, shorter ones may show them.
-    shorter = [other for other in climbed.found if other.duration < best.duration]
+    shorter = [other for other in by_length.found if other.duration < best.duration]
     for narrow in (best, *reversed(shorter)):
         wider = fit_like(extended, narrow, ROUGH)
         if wider is None and narrow.excess <= thresholds.sensor_excess:
@@ -178,16 +180,16 @@ def _wider(best: Fitted, climbed: Climb, thresholds: Thresholds) -> tuple[Fitted
         if wider is not None and wider.excess <= _NO_WORSE * narrow.excess:
             break
     else:
-        return best, climbed
+        return best, by_length
     if narrow.excess - wider.excess < _TAKEN * (narrow.excess - 1.0):
-        return wider, climbed
+        return wider, by_length
     wider = settled(wider)
-    if best.excess <= thresholds.sensor_excess or len(climbed.holds) == 1:
-        return wider, climbed
-    held, reason, tied = best_hold(wider, climbed.holds, thresholds)
+    if best.excess <= thresholds.sensor_excess or len(by_length.holds) == 1:
+        return wider, by_length
+    held, reason, tied = best_hold(wider, by_length.holds, thresholds)
     if held is not wider:
         held = settled(held)
-    return held, replace(climbed, hold_reason=reason, tied=tied)
+    return held, replace(by_length, hold_reason=reason, tied=tied)
 
 
 def _as_far_as_it_leads(structure: Structure, fitted: Fitted) -> Fitted | None:
@@ -197,7 +199,9 @@ def _as_far_as_it_leads(structure: Structure, fitted: Fitted) -> Fitted | None:
     """
     segments, states = [fitted.problem.segments], fitted.minimum.point.initial_states
     try:
-        (found,) = climb(structure, fitted.data, fitted.by_name, segments, states, insist=False)
+        (found,) = fit_by_length(
+            structure, fitted.data, fitted.by_name, segments, states, insist=False
+        )
     except ConvergenceError:
         return None
     return found

@@ -16,13 +16,17 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.identification.full_model.beginning import FIRST_ITERATIONS
-from flexid.identification.full_model.climbing import Climb, leaves_more, with_best_hold
+from flexid.identification.full_model.fits_by_length import (
+    FitsByLength,
+    leaves_more,
+    with_best_hold,
+)
 from flexid.identification.full_model.fitting import (
-    climb,
+    fit_by_length,
     fit_like,
     in_own_steps,
+    longer_fits,
     motion_at,
-    onward,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.starting import RATES, least_squares_start
@@ -83,7 +87,7 @@ def _narrowed(fitted: Fitted, width: float) -> Fitted | None:
     structure, segments = _as_wide(fitted.structure, width), [fitted.problem.segments]
     states = fitted.minimum.point.initial_states
     try:
-        (first,) = climb(
+        (first,) = fit_by_length(
             structure,
             fitted.data,
             fitted.by_name,
@@ -174,27 +178,27 @@ def with_free_width(estimate: Estimate, fitted: Fitted) -> Estimate:
     return estimate.turned(np.eye(len(moved)) + np.outer(moved, gradient) / left)
 
 
-def climb_gapped(
-    climbed: Climb, chosen: Sequence[Fitted], progress: Progress, thresholds: Thresholds
-) -> Climb | None:
+def fit_with_play(
+    by_length: FitsByLength, chosen: Sequence[Fitted], progress: Progress, thresholds: Thresholds
+) -> FitsByLength | None:
     """Fit a joint with play where one without leaves more than noise.
 
     Returns none where the model without explains the log, no start with play does so far
     better, or something else does so better.
     """
-    full, data = climbed.found[-1].structure, climbed.found[-1].data
+    full, data = by_length.found[-1].structure, by_length.found[-1].data
     play = PLAY & full.joint.shapes
-    if not play or all(f.excess <= thresholds.sensor_excess for f in climbed.found):
+    if not play or all(f.excess <= thresholds.sensor_excess for f in by_length.found):
         return None
     progress("play of the joint")
     structure = replace(full, absent=full.absent - play)
-    floor = thresholds.noise_floor(climbed.found[0].excess)
-    short = [s for s in climbed.ladder if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
-    short = short or list(climbed.ladder[:1])
+    floor = thresholds.noise_floor(by_length.found[0].excess)
+    short = [s for s in by_length.divisions if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
+    short = short or list(by_length.divisions[:1])
     best: list[Fitted] = []
     for own, way in _ways(structure, full, data):
         try:
-            found = climb(own, data, way, short, iterations=FIRST_ITERATIONS)
+            found = fit_by_length(own, data, way, short, iterations=FIRST_ITERATIONS)
         except ConvergenceError:
             continue
         if not best or (len(found), -found[-1].excess) > (len(best), -best[-1].excess):
@@ -202,15 +206,15 @@ def climb_gapped(
     if not best:
         return None
     last = as_wide_as_its_gap(best[-1])
-    as_long = [f for f in climbed.found if f.duration <= last.duration] or climbed.found[:1]
+    as_long = [f for f in by_length.found if f.duration <= last.duration] or by_length.found[:1]
     before = as_long[-1].excess
     if half_gap(last) <= 0.0 or before - last.excess < thresholds.shape_share * (before - floor):
         return None
     if leaves_more(last, chosen, thresholds):
         return None
-    found = [last, *onward(last, climbed.ladder)]
-    ladder = [s for s in climbed.ladder if len(s) <= len(last.problem.segments)]
-    return with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
+    found = [last, *longer_fits(last, by_length.divisions)]
+    divisions = [s for s in by_length.divisions if len(s) <= len(last.problem.segments)]
+    return with_best_hold(found, divisions, by_length.holds, by_length.free_length, thresholds)
 
 
 def _ways(

@@ -6,10 +6,10 @@ from functools import partial
 
 from flexid.errors import ConvergenceError, SettingError
 from flexid.estimators.channel_timing import INPUT, Timing
-from flexid.identification.full_model.climbing import (
-    Climb,
-    climb_full,
-    climb_remembering,
+from flexid.identification.full_model.fits_by_length import (
+    FitsByLength,
+    fit_full_model,
+    fit_with_hysteresis,
     turning,
 )
 from flexid.identification.full_model.model import LINK, Data, Fitted, Structure
@@ -19,13 +19,13 @@ from flexid.identification.preparation.settings import Settings, check_against, 
 from flexid.identification.preparation.stated import Stated, stated
 from flexid.identification.structure.bend import is_slack
 from flexid.identification.structure.elimination import Choice, choose_structure
-from flexid.identification.structure.gap import climb_gapped
+from flexid.identification.structure.gap import fit_with_play
 from flexid.identification.structure.link_delay import CONFUSED, doubtful
 from flexid.identification.structure.shapes import SOUGHT, SOUGHT_COEFFICIENTS
 from flexid.identification.structure.sought_shape import (
     SoughtShape,
-    climb_asked_for,
-    climb_with,
+    fit_requested_shape,
+    fit_with_shape,
 )
 from flexid.identification.structure.validation import misprediction, validate
 from flexid.identification.vocabulary.evidence import Validation
@@ -61,16 +61,18 @@ class Job:
             return False
         return settings.terms == "auto" or {*CONFUSED} <= self.kept
 
-    def climbed(self, training: Data, progress: Progress, thresholds: Thresholds) -> Climb:
+    def fitted_by_length(
+        self, training: Data, progress: Progress, thresholds: Thresholds
+    ) -> FitsByLength:
         """The full model, fitted to some data."""
         base, settings = self.structure(training), self.settings
         duration = settings.segment_duration
         durations = () if duration == "auto" else (duration,)
-        climbed = climb_full(base, training, self.holds, durations, progress, thresholds)
+        by_length = fit_full_model(base, training, self.holds, durations, progress, thresholds)
         for shape in SOUGHT:
             if not shape.coefficients.isdisjoint(self.kept):
-                climbed = climb_asked_for(shape, climbed, progress, thresholds)
-        return climbed
+                by_length = fit_requested_shape(shape, by_length, progress, thresholds)
+        return by_length
 
     def structure(self, data: Data) -> Structure:
         """Every term that is to be considered; its hold is of no account."""
@@ -187,8 +189,8 @@ def _predicting(
     progress: Progress,
     thresholds: Thresholds,
 ) -> tuple[Choice, Validation]:
-    climb = job.climbed(training, progress, thresholds)
-    left = turning(climb.found, thresholds)
+    by_length = job.fitted_by_length(training, progress, thresholds)
+    left = turning(by_length.found, thresholds)
     auto = job.settings.terms == "auto"
     if auto and left is not None and left.unexplained > thresholds.shape_motion:
         raise ConvergenceError(
@@ -196,22 +198,22 @@ def _predicting(
             f"the model leaves {100.0 * left.unexplained:.0f} % of the deflection unexplained over "
             f"{left.duration:.2g} s: look for what else moves the joint",
         )
-    choice = choose_structure(climb, job.kept, auto, progress, thresholds)
+    choice = choose_structure(by_length, job.kept, auto, progress, thresholds)
     progress("predicting the held-out data")
     choice, validation = _preferred(choice, whole, recordings, thresholds)
     if not auto:
         return choice, validation
     if not choice.structure.joint.shapes <= choice.structure.absent:
         progress("the usual terms alone as a rival")
-        rival = choose_structure(climb, job.kept, False, progress, thresholds)
+        rival = choose_structure(by_length, job.kept, False, progress, thresholds)
         rival, other = _preferred(rival, whole, recordings, thresholds)
         leaner = len(choice.fitted.names) < len(rival.fitted.names)
         allowed = thresholds.generous_gain if leaner else 0.0  # what is leaner has paid already
         if misprediction(validation) >= misprediction(other) + allowed:
             choice, validation = rival, other
-    tried: Climb | None = None
-    while choice.climbed is not tried:
-        tried = choice.climbed
+    tried: FitsByLength | None = None
+    while choice.by_length is not tried:
+        tried = choice.by_length
         for find in _beside(choice, progress, thresholds):
             if (other := find(choice)) is None:
                 continue
@@ -227,28 +229,28 @@ def _predicting(
 
 def _beside(
     choice: Choice, progress: Progress, thresholds: Thresholds
-) -> Iterator[Callable[[Choice], Climb | None]]:
+) -> Iterator[Callable[[Choice], FitsByLength | None]]:
     """What to try where a choice leaves more than noise, each given what is chosen so far."""
-    climb, left = choice.climbed, choice.found
-    full = climb.found[-1]
+    by_length, left = choice.by_length, choice.found
+    full = by_length.found[-1]
     if full.structure.joint.remembered <= full.structure.absent:
-        yield lambda _: climb_remembering(climb, left, progress, thresholds)
+        yield lambda _: fit_with_hysteresis(by_length, left, progress, thresholds)
     for shape in SOUGHT:
         if not shape.is_in(full):
-            yield partial(_seeking, shape, climb, left, progress, thresholds)
-    yield lambda chosen: _gapped(climb, chosen, progress, thresholds)
+            yield partial(_seeking, shape, by_length, left, progress, thresholds)
+    yield lambda chosen: _gapped(by_length, chosen, progress, thresholds)
 
 
 def _seeking(
     shape: SoughtShape,
-    climb: Climb,
+    by_length: FitsByLength,
     left: Sequence[Fitted],
     progress: Progress,
     thresholds: Thresholds,
     chosen: Choice,
-) -> Climb | None:
-    """A climb with a shape whose constant is sought, unless it stands for play, a leaner term."""
-    found = climb_with(shape, climb, left, chosen.climbed.found, progress, thresholds)
+) -> FitsByLength | None:
+    """Fits with a shape whose constant is sought, unless it stands for play, a leaner term."""
+    found = fit_with_shape(shape, by_length, left, chosen.by_length.found, progress, thresholds)
     return None if found is None or is_slack(found.found[-1]) else found
 
 
@@ -262,12 +264,12 @@ def _least_gain(rival: float, chosen: float, thresholds: Thresholds) -> float:
 
 
 def _gapped(
-    climb: Climb, chosen: Choice, progress: Progress, thresholds: Thresholds
-) -> Climb | None:
-    """A climb with play, where what was chosen does not explain the log."""
+    by_length: FitsByLength, chosen: Choice, progress: Progress, thresholds: Thresholds
+) -> FitsByLength | None:
+    """Fits with play, where what was chosen does not explain the log."""
     if chosen.fitted.excess <= thresholds.sensor_excess:
         return None
-    return climb_gapped(climb, chosen.climbed.found, progress, thresholds)
+    return fit_with_play(by_length, chosen.by_length.found, progress, thresholds)
 
 
 def _preferred(

@@ -15,16 +15,16 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.identification.full_model.climbing import (
-    Climb,
-    climbed_like,
+from flexid.identification.full_model.fits_by_length import (
+    FitsByLength,
+    ending_with,
     explained_by,
     leaves_more,
     promised,
     turning,
     with_best_hold,
 )
-from flexid.identification.full_model.fitting import climb, fit_like, motion_at, onward
+from flexid.identification.full_model.fitting import fit_by_length, fit_like, longer_fits, motion_at
 from flexid.identification.full_model.model import Data, Fitted, Structure
 from flexid.identification.full_model.once_per_fit import once_per_fit
 from flexid.identification.preparation.joint import Joint
@@ -72,25 +72,25 @@ class SoughtShape:
         return bool(leading - fitted.structure.absent - fitted.at_bound.keys())
 
 
-def climb_with(
+def fit_with_shape(
     shape: SoughtShape,
-    climbed: Climb,
+    by_length: FitsByLength,
     leaner: Sequence[Fitted],
     chosen: Sequence[Fitted],
     progress: Progress,
     thresholds: Thresholds,
-) -> Climb | None:
+) -> FitsByLength | None:
     """Fit a joint with a term more where one without leaves more than noise.
 
     Returns none where the model without explains the log, the term does so hardly better, or
     something else does so better.
     """
-    full = climbed.found[-1].structure
-    before = turning((*climbed.found, *leaner), thresholds)
+    full = by_length.found[-1].structure
+    before = turning((*by_length.found, *leaner), thresholds)
     if before is None or shape.coefficients.isdisjoint(full.joint.shapes):
         return None
     progress(shape.words)
-    floor = thresholds.noise_floor(climbed.found[0].excess)
+    floor = thresholds.noise_floor(by_length.found[0].excess)
     for promise, structure in _promising(shape, before, full):
         if promise < thresholds.shape_promise:
             continue
@@ -99,34 +99,36 @@ def climb_with(
         )
         if first is not None:
             worse = leaves_more(first, chosen, thresholds)
-            return None if worse else _climbed_on(shape, first, climbed, thresholds)
+            return None if worse else _fit_longer(shape, first, by_length, thresholds)
     return None
 
 
-def climb_asked_for(
-    shape: SoughtShape, climbed: Climb, progress: Progress, thresholds: Thresholds
-) -> Climb:
+def fit_requested_shape(
+    shape: SoughtShape, by_length: FitsByLength, progress: Progress, thresholds: Thresholds
+) -> FitsByLength:
     """Fit a joint with a term more whatever it explains, since somebody asked for it."""
     progress(shape.words)
-    before = turning(climbed.found, thresholds) or climbed.found[-1]
-    promising = [*_promising(shape, before, climbed.found[-1].structure)]
+    before = turning(by_length.found, thresholds) or by_length.found[-1]
+    promising = [*_promising(shape, before, by_length.found[-1].structure)]
     if not promising:
         raise ConvergenceError(
             "prediction error", f"nothing moves that would show {shape.words}: drop the term"
         )
     _, structure = max(promising, key=itemgetter(0))
-    (first,) = climb(structure, before.data, before.by_name, [before.problem.segments])
-    return _climbed_on(shape, at_its_constant(shape, first), climbed, thresholds)
+    (first,) = fit_by_length(structure, before.data, before.by_name, [before.problem.segments])
+    return _fit_longer(shape, at_its_constant(shape, first), by_length, thresholds)
 
 
-def _climbed_on(shape: SoughtShape, first: Fitted, climbed: Climb, thresholds: Thresholds) -> Climb:
-    """A climb from a fit over some segments, with the constant and the hold that suit it."""
-    ladder = [s for s in climbed.ladder if len(s) <= len(first.problem.segments)]
-    found = [first, *onward(first, ladder)]
-    found = climbed_like(at_its_constant(shape, found[-1]), found, ladder)
-    held = with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
+def _fit_longer(
+    shape: SoughtShape, first: Fitted, by_length: FitsByLength, thresholds: Thresholds
+) -> FitsByLength:
+    """Fits over longer segments, with the constant and the hold that suit the log."""
+    divisions = [s for s in by_length.divisions if len(s) <= len(first.problem.segments)]
+    found = [first, *longer_fits(first, divisions)]
+    found = ending_with(at_its_constant(shape, found[-1]), found, divisions)
+    held = with_best_hold(found, divisions, by_length.holds, by_length.free_length, thresholds)
     # With another hold another constant may suit it.
-    found = climbed_like(at_its_constant(shape, held.found[-1]), [*held.found], ladder)
+    found = ending_with(at_its_constant(shape, held.found[-1]), [*held.found], divisions)
     return replace(held, found=tuple(found))
 
 

@@ -15,13 +15,13 @@ from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
 from flexid.estimators.segments import Segments
-from flexid.identification.full_model.beginning import FIRST_ITERATIONS, first_climb
+from flexid.identification.full_model.beginning import FIRST_ITERATIONS, first_fits
 from flexid.identification.full_model.fitting import (
-    climb,
+    fit_by_length,
     fit_like,
     lengths,
+    longer_fits,
     motion_at,
-    onward,
     with_steps_refined,
 )
 from flexid.identification.full_model.model import Data, Fitted, Structure
@@ -39,54 +39,54 @@ _TIED = "the log does not distinguish the holds; of these, the one that needs th
 
 
 @dataclass(frozen=True, eq=False)
-class Climb:
+class FitsByLength:
     """The full model without unusual terms, over segments of growing length."""
 
     found: tuple[Fitted, ...]  # from short segments to the longest that it follows
-    ladder: tuple[Segments, ...]  # all lengths
+    divisions: tuple[Segments, ...]  # all lengths
     free_length: bool  # whether the length of the segments is to be chosen
     holds: tuple[Hold, ...]  # behaviours of the input that there were to choose from
     hold_reason: str  # why the input was taken to behave as it does
     tied: tuple[Hold, ...] = ()  # other behaviours that the log cannot tell from this one
 
 
-def climb_full(
+def fit_full_model(
     base: Structure,
     data: Data,
     holds: Sequence[Hold],
     durations: tuple[float, ...],  # in s
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
-) -> Climb:
+) -> FitsByLength:
     """Fit the full model over segments of growing length."""
-    ladder = lengths(data, *durations)
+    divisions = lengths(data, *durations)
     progress("the full model")
-    short = [s for s in ladder if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
-    short = short or ladder[:1]
-    found = first_climb([_with_hold(base, hold) for hold in holds], data, short, thresholds)
+    short = [s for s in divisions if float(np.mean(s.lengths * s.sample_times)) <= _SHORT]
+    short = short or divisions[:1]
+    found = first_fits([_with_hold(base, hold) for hold in holds], data, short, thresholds)
     if found[-1].excess > thresholds.sensor_excess:
         best, *_ = best_hold(found[-1], holds, thresholds)
-        found = climbed_like(best, found, short)
+        found = ending_with(best, found, short)
     progress("the full model over longer segments")
     if len(found[-1].problem.segments) == len(short[-1]):
-        found = found + onward(found[-1], ladder)
+        found = found + longer_fits(found[-1], divisions)
     if len(holds) > 1:
         progress("how the input runs between its samples")
-    return with_best_hold(found, ladder, holds, not durations, thresholds)
+    return with_best_hold(found, divisions, holds, not durations, thresholds)
 
 
-def climb_remembering(
-    climbed: Climb,
+def fit_with_hysteresis(
+    by_length: FitsByLength,
     leaner: Sequence[Fitted],
     progress: Progress,
     thresholds: Thresholds = THRESHOLDS,
-) -> Climb | None:
+) -> FitsByLength | None:
     """Fit a joint with memory where one without leaves more than noise.
 
     Returns none where the model without explains the log, or one with memory hardly does so better.
     """
-    full = climbed.found[-1].structure
-    before = turning((*climbed.found, *leaner), thresholds)
+    full = by_length.found[-1].structure
+    before = turning((*by_length.found, *leaner), thresholds)
     if before is None or not full.joint.remembered:
         return None
     joint = full.joint
@@ -99,15 +99,17 @@ def climb_remembering(
         for share in _GRIPS
     ]
     promising = [(promised(before, structure, way), way) for way in ways]
-    floor = thresholds.noise_floor(climbed.found[0].excess)
+    floor = thresholds.noise_floor(by_length.found[0].excess)
     for promise, way in sorted(promising, key=itemgetter(0), reverse=True):
         if promise < thresholds.shape_promise:
             break
         first = explained_by(before, structure, way, floor, thresholds)
         if first is not None:
-            found = [first, *onward(first, climbed.ladder)]
-            ladder = [s for s in climbed.ladder if len(s) <= len(segments)]
-            return with_best_hold(found, ladder, climbed.holds, climbed.free_length, thresholds)
+            found = [first, *longer_fits(first, by_length.divisions)]
+            divisions = [s for s in by_length.divisions if len(s) <= len(segments)]
+            return with_best_hold(
+                found, divisions, by_length.holds, by_length.free_length, thresholds
+            )
     return None
 
 
@@ -136,7 +138,7 @@ def explained_by(
     """A wider fit, if its first steps take away most of what one without leaves beyond noise."""
     segments = [before.problem.segments]
     try:
-        (found,) = climb(
+        (found,) = fit_by_length(
             structure, before.data, way, segments, insist=False, iterations=FIRST_ITERATIONS
         )
     except ConvergenceError:
@@ -150,7 +152,9 @@ def explained_by(
     states = found.minimum.point.initial_states
     structure = found.structure
     try:
-        (found,) = climb(structure, before.data, found.by_name, segments, states, insist=False)
+        (found,) = fit_by_length(
+            structure, before.data, found.by_name, segments, states, insist=False
+        )
     except ConvergenceError:  # in steps that suit where it is now it may diverge
         return None
     # A friction that drives is no hysteresis: it stands for a gap, say.
@@ -177,21 +181,21 @@ def promised(fitted: Fitted, structure: Structure, way: Mapping[str, float]) -> 
 
 def with_best_hold(
     found: list[Fitted],
-    ladder: Sequence[Segments],
+    divisions: Sequence[Segments],
     holds: Sequence[Hold],
     free_length: bool,
     thresholds: Thresholds,
-) -> Climb:
-    """A climb with the hold that suits it best, over the same segments."""
+) -> FitsByLength:
+    """Fits with the hold that suits the log best, over the same segments."""
     if len(holds) == 1:
         refined = with_steps_refined(found)
-        return Climb(refined, tuple(ladder), free_length, tuple(holds), "as given")
+        return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), "as given")
     best, reason, tied = best_hold(found[-1], holds, thresholds)
     # A model that explains the log is best over its longest segments; the others do not matter.
     explained = best.excess <= thresholds.sensor_excess
-    found = [best] if explained and best is not found[-1] else climbed_like(best, found, ladder)
+    found = [best] if explained and best is not found[-1] else ending_with(best, found, divisions)
     refined = with_steps_refined(found)
-    return Climb(refined, tuple(ladder), free_length, tuple(holds), reason, tied)
+    return FitsByLength(refined, tuple(divisions), free_length, tuple(holds), reason, tied)
 
 
 def _with_hold(structure: Structure, hold: Hold) -> Structure:
@@ -211,25 +215,25 @@ def held_otherwise(fitted: Fitted, hold: Hold) -> Fitted | None:
     states = fitted.minimum.point.initial_states
     segments = [fitted.problem.segments]
     try:
-        (found,) = climb(_with_hold(structure, hold), fitted.data, start, segments, states)
+        (found,) = fit_by_length(_with_hold(structure, hold), fitted.data, start, segments, states)
     except ConvergenceError:
         return None
     # In as short steps as the fit, if it took any: their error would pass for a worse hold.
     return (fit_like(found.structure, found) or found) if fitted.data.refinement > 1 else found
 
 
-def climbed_like(best: Fitted, found: list[Fitted], ladder: Sequence[Segments]) -> list[Fitted]:
+def ending_with(best: Fitted, found: list[Fitted], divisions: Sequence[Segments]) -> list[Fitted]:
     """Fits over the same segments as others, with the structure of a fit to the last of them."""
     if best is found[-1]:
         return found
     states = found[0].minimum.point.initial_states
     most, least = len(found[0].problem.segments), len(best.problem.segments)
-    segments = [s for s in ladder if most >= len(s) >= least]
+    segments = [s for s in divisions if most >= len(s) >= least]
     try:
-        climbed = climb(best.structure, best.data, best.by_name, segments, states)
+        by_length = fit_by_length(best.structure, best.data, best.by_name, segments, states)
     except ConvergenceError:
         return [best]
-    return climbed if len(climbed[-1].problem.segments) == least else [*climbed, best]
+    return by_length if len(by_length[-1].problem.segments) == least else [*by_length, best]
 
 
 def best_hold(
