@@ -27,6 +27,7 @@ from flexid.estimators.innovations import (
     Sizes,
     _steady_covariance,
     _steady_gains,
+    _transition,
     fit_innovations,
 )
 from flexid.estimators.prediction_error import described
@@ -53,7 +54,7 @@ def motion(samples: Samples) -> SegmentedMotion:
 def observed(samples: Samples) -> SegmentedMotion:
     """The same with the gains for the truth."""
     problem = motion(samples)
-    gains = _steady_gains(problem, jacobian(), SAMPLE_TIME, SIZES)
+    gains = _steady_gains(problem, _transition(jacobian(), SAMPLE_TIME), SAMPLE_TIME, SIZES)
     own, disturbed, decay, whitening = (each[None] for each in gains[:4])
     always = np.array([len(samples)])
     observer = Observer(own, disturbed, decay, still(samples), whitening, always)

@@ -105,7 +105,11 @@ def answer(
         if exact is None:
             raise
         return exact
-    nearly = exact is not None and exact.fits.reported.unexplained <= thresholds.exact_share
+    nearly = (
+        exact is not None
+        and job.joint.kind != "rigid"  # which has no deflection to compare with
+        and exact.fits.reported.unexplained <= thresholds.exact_share
+    )
     if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
         return _judged(exact, exact.fits.choice.fitted, job, whole, recordings)
     return disturbed

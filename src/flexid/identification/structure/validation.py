@@ -1,7 +1,7 @@
 """How well the model alone predicts a stretch that was kept out of the fit, and for how long.
 
 The state at the start of a prediction is taken from the half second of data before it: the model is
-fitted to that with its initial states as the only unknowns, or an observer follows it, and the
+fitted to that with its initial states as the only unknowns, or an observer follows it; and the
 model runs on from there. Nothing of the stretch itself but the input is used.
 """
 
@@ -49,7 +49,6 @@ def validate(
     hardly moves in the held-out stretches, where a fit would test nothing.
     """
     joint, problem = fitted.structure.joint, fitted.problem
-    follow = follow or from_fitted_states
     return validate_with(joint, problem, fitted.values, data, starts, horizons, follow)
 
 
@@ -62,11 +61,15 @@ def validate_with(
     horizons: Sequence[float] = HORIZONS,
     follow: Follower | None = None,
 ) -> Validation:
-    """Predict the held-out end of each recording with given values, wherever they come from."""
-    follow = follow or from_fitted_states
+    """Predict the held-out end of each recording with given values, wherever they come from.
+
+    An observer knows where a motion is now, its disturbances among it, but forgets what was half a
+    second ago. So `follow` is for predictions that are no longer; a longer one begins from the
+    state that fits that time best.
+    """
     spreads = _spreads(joint, data, starts)
     ends = [[start] for start in starts]
-    runs = _predictions(joint, problem, values, data, ends, np.inf, follow)
+    runs = _predictions(joint, problem, values, data, ends, np.inf, from_fitted_states)
     fits = {}
     for horizon in horizons:
         origins = [
@@ -74,7 +77,8 @@ def validate_with(
             for recording, start in zip(data.samples, starts, strict=True)
         ]
         if all(origins):
-            predicted = _predictions(joint, problem, values, data, origins, horizon, follow)
+            begin = follow if follow and horizon <= _WARM_UP else from_fitted_states
+            predicted = _predictions(joint, problem, values, data, origins, horizon, begin)
             fits[horizon] = _percent(joint, predicted, spreads)
     return Validation(_percent(joint, runs, spreads), tuple(runs), fits)
 
