@@ -32,7 +32,7 @@ def test_a_motor_at_rest_is_no_rival_that_fails():
         compliance=replace(result.compliance, rigid_fit_percent={"motor_position": nan}),
         validation=replace(result.validation, fit_percent={"motor_position": nan}),
     )
-    line = "The same, joint rigid: motor_position not tested (at rest)"
+    line = "Rigid-joint model, free run: motor_position not tested (at rest)"
     assert line in prediction_lines(result)
 
 

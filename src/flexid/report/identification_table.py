@@ -40,7 +40,7 @@ def identification_parts(result: Identification) -> Iterator[Part]:
     yield from map(Text, prediction_lines(result))
     yield Text(f"Compliance: {compliance_line(result)}")
     if result.removed:
-        yield Text(f"Without: {', '.join(removed_lines(result))}.")
+        yield Text(f"Excluded terms: {', '.join(removed_lines(result))}.")
     yield Text()
     yield from map(Text, result.summary)
 
@@ -99,7 +99,7 @@ def prediction_lines(result: Identification) -> Iterator[str]:
     yield f"Free run over held-out data: {format_fits(result.validation.fit_percent)}"
     yield from _horizons(result.validation)
     if result.compliance.rigid_fit_percent:
-        yield f"The same, joint rigid: {_rival(result)}"
+        yield f"Rigid-joint model, free run: {_rival(result)}"
 
 
 def _rival(result: Identification) -> str:
@@ -149,7 +149,7 @@ def _at_most(parameter: ParameterEstimate) -> str:
     """How large something could be that the model does without."""
     largest = max(map(abs, parameter.interval))
     if not isfinite(largest):
-        return f"{parameter.name}, on which the log holds nothing"
+        return f"{parameter.name} (not determined by this log)"
     return f"{parameter.name} below {largest:.2g} {parameter.unit}"
 
 
@@ -181,4 +181,6 @@ def format_fits(fits: Mapping[str, float]) -> str:
 
 def format_fit(fit: float) -> str:
     """A free-run fit as text."""
-    return "not tested (at rest)" if isnan(fit) else f"{fit:.1f} %"
+    if isnan(fit):
+        return "not tested (at rest)"
+    return f"{fit:.1f} %" if fit > -1000.0 else "the model runs away"
