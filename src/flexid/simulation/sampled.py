@@ -196,7 +196,7 @@ def _run_called(
     x = tuple(loop.initial_state)
     drawn = sampling.noise(grid.count, len(x))
     noise = drawn if len(drawn) else np.zeros((grid.count, len(x)))
-    settings = kernel.as_settings(_observer_settings(loop, h))
+    settings = tuple(_observer_settings(loop, h).tolist())
     parameters = kernel.as_parameters(loop.parameters[np.newaxis], 0)
     substeps = _substeps(kernel, loop, h)
     current = kernel.first_state(loop.start_estimates)
