@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import Timing
-from flexid.identification.full_model.fitting import climb, lengths
+from flexid.identification.full_model.fitting import fit_by_length, lengths
 from flexid.identification.full_model.model import Data, Structure, data_of
 from flexid.identification.full_model.starting import least_squares_start, starts
 from flexid.identification.identify import identify
@@ -56,10 +56,10 @@ def ways(result: Identification, log: Log, part: Recording) -> dict[str, Values]
     for rate in RATES:
         values, _ = least_squares_start(structure, data, rate)
         found[f"{rate:.3g} 1/s"] = values
-    ladder = lengths(data)
-    for start in starts(structure, data, ladder[0]):
+    divisions = lengths(data)
+    for start in starts(structure, data, divisions[0]):
         try:
-            climbed = climb(structure, data, start, ladder)
+            fits = fit_by_length(structure, data, start, divisions)
             break
         except ConvergenceError as error:
             print(f"from one of the starts: {error}")
@@ -67,7 +67,7 @@ def ways(result: Identification, log: Log, part: Recording) -> dict[str, Values]
         return found
     recordings, _ = prepare([log], SHARE)
     whole = data_of(flexible(), recordings.whole, recordings.groups)
-    for fitted in climbed:
+    for fitted in fits:
         way = f"{float(f'{fitted.duration:.1g}'):g} s"
         found[way] = fitted.by_name
         fit = format_fits(validate(fitted, whole, recordings.starts).fit_percent)

@@ -1,5 +1,7 @@
 """Closed loops composed symbolically."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -145,7 +147,7 @@ def plain_rates(
         for row in observer.rows
         for p, update in zip(row.outputs, row.updates, strict=True)
     ]
-    return np.array([float(one.xreplace(numbers)) for one in (*rates, *moved)])
+    return np.array([float(cast(sp.Expr, one.xreplace(numbers))) for one in (*rates, *moved)])
 
 
 @pytest.mark.parametrize("second", ["x2 + x4", "2*x2", "x2 + x2**2"])

@@ -130,10 +130,11 @@ def test_slopes_and_low_pass_are_those_of_scipy(n):
     """Assert that what is written out here, for SciPy's package is slow to load, is the same."""
     walk = np.cumsum(np.random.default_rng(7).standard_normal((n, 2)), axis=0)
     window = min(31, (n - 1) | 1)
-    expected = savgol_filter(walk[:, 0], window, 2, deriv=1)
+    expected = np.asarray(savgol_filter(walk[:, 0], window, 2, deriv=1))
     np.testing.assert_allclose(_slope(walk[:, 0], window // 2), expected, rtol=0.0, atol=1e-12)
     found = _convolved(walk, 2)
-    reach = (len(fir := firwin(2 * min(_REACH * 2, n - 1) + 1, _EDGE / 2)) - 1) // 2
+    fir = np.asarray(firwin(2 * min(_REACH * 2, n - 1) + 1, _EDGE / 2))
+    reach = (len(fir) - 1) // 2
     before = 2.0 * walk[:1] - walk[reach:0:-1]
     after = 2.0 * walk[-1:] - walk[-2 : -reach - 2 : -1]
     whole = np.vstack((before, walk, after))

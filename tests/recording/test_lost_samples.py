@@ -17,6 +17,11 @@ def motion(noise: float, seed: int = 1) -> np.ndarray:
     return np.stack([link, motor]) + noise * rng.standard_normal((2, len(time)))
 
 
+def clock(count: int) -> np.ndarray:
+    """Times that are counted, in s."""
+    return STEP * np.arange(count, dtype=np.float64)
+
+
 def without(positions: np.ndarray, lost: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
     """The positions without some samples, and how many are missing after each that is left."""
     kept = np.delete(np.arange(positions.shape[1]), lost)
@@ -29,7 +34,7 @@ def test_lost_samples_are_found_where_they_are(seed: int):
     rng = np.random.default_rng(seed)
     lost = rng.choice(np.arange(10, 2990), 60, replace=False)
     positions, true = without(motion(1e-4, seed), lost)
-    found = lost_samples(positions, STEP * np.arange(len(positions[0])))
+    found = lost_samples(positions, clock(len(positions[0])))
     assert not found[true == 0].any()
     assert np.count_nonzero(found == true) > 0.99 * len(true)
     assert found.sum() > 0.8 * true.sum()
@@ -39,7 +44,7 @@ def test_lost_samples_are_found_where_they_are(seed: int):
 def test_nothing_is_found_where_nothing_is_lost(noise: float):
     """Assert that a motion, and one that stops dead and goes on, loses nothing."""
     positions = motion(noise)
-    time = STEP * np.arange(positions.shape[1])
+    time = clock(positions.shape[1])
     assert not lost_samples(list(positions), time).any()
     stopped = np.maximum(positions, 0.2)
     assert not lost_samples(list(stopped), time).any()
@@ -49,17 +54,17 @@ def test_repeated_samples_are_no_lost_ones():
     """Assert that a log whose samples are repeated as often as lost is left alone."""
     positions, _ = without(motion(1e-5), np.arange(100, 2900, 140))
     repeated = [np.insert(p, np.arange(50, 2900, 140), p[50:2900:140]) for p in positions]
-    assert not lost_samples(repeated, STEP * np.arange(len(repeated[0]))).any()
+    assert not lost_samples(repeated, clock(len(repeated[0]))).any()
 
 
 def test_a_clock_that_was_read_is_left_alone():
     """Assert that losses are not looked for where the time itself shows them."""
     positions, true = without(motion(1e-5), np.arange(100, 2900, 50))
-    read = STEP * np.concatenate(([0], np.cumsum(1 + true)))
+    read = clock(int(true.sum()) + len(true) + 1)[np.append(0, np.cumsum(1 + true))]
     assert not lost_samples(positions, read).any()
 
 
 def test_the_time_is_counted_on():
     """Assert that the time grows by the steps that were put back."""
-    time = counted_on(STEP * np.arange(4), np.array([0, 2, 0]))
-    np.testing.assert_allclose(time, STEP * np.arange(6), atol=1e-15)
+    time = counted_on(clock(4), np.array([0, 2, 0]))
+    np.testing.assert_allclose(time, clock(6), atol=1e-15)

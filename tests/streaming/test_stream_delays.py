@@ -26,7 +26,7 @@ def test_rows_are_those_of_the_aligned_recording(drive: float, link: float, from
     """Assert the same rows beyond the filter's beginning, in one block and in many."""
     samples = stream(2.0)
     recording = Recording(
-        H, 0.0, *samples[:, [LINK, MOTOR, TORQUE]].T.copy(), "N m",
+        H, 0.0, samples[:, LINK].copy(), samples[:, MOTOR].copy(), samples[:, TORQUE].copy(), "N m",
         link_from_deflection=from_deflection,
     )  # fmt: skip
     right = aligned(recording, Alignment("linear", delay(drive), delay(link), ""))
