@@ -61,7 +61,6 @@ JOBS = (
     Job("coverage", "--seeds 2"),
     Job("drifting", "--seeds 1"),
     Job("emps"),
-    Job("emps"),
     Job("ensemble"),
     Job("estimator_accuracy"),
     Job("filter_limits"),
