@@ -1,13 +1,8 @@
-"""What other tools get of a trial, how they are scored, and what the page says of it."""
-
-from math import inf
+"""What other tools get of a trial, and how they are scored."""
 
 import numpy as np
 import pytest
-from benchmarks.page_block import block_of
-from benchmarks.rivals.__main__ import merged
 from benchmarks.rivals.given import Answer, given
-from benchmarks.rivals.page import BLOCK, PAGE, RESULTS, render
 from benchmarks.rivals.tools import score
 from benchmarks.trials.generate import Trial
 
@@ -74,53 +69,3 @@ def test_scores_are_of_the_core():
         "joint_stiffness": True,
     }
     assert found["widest"] == 10.0
-
-
-def results(*records: dict) -> dict:
-    """Results of one tool on one family."""
-    about = {"tool": "mujoco", "family": "basic"}
-    run = {"command": "this", "date": "2000-01-01", "commit": "abc", "machine": "one"}
-    return {
-        "runs": [run | {"python": "3"}],
-        "versions": {"mujoco": "1.0"},
-        "records": [about | {"seed": seed} | r for seed, r in enumerate(records)],
-    }
-
-
-def test_failures_stand_on_the_page():
-    """Assert that a log without an answer, or with none that is a number, is not left out."""
-    errors = {"link_inertia": -0.25, "motor_inertia": 0.1}
-    inside = {"link_inertia": False, "motor_inertia": True}
-    block = render(
-        results(
-            {"errors": errors, "inside": inside, "widest": 0.5, "seconds": 3.0},
-            {"failed": "ValueError: no"},
-            {"errors": {"link_inertia": inf}, "seconds": 5.0},
-        )
-    )
-    assert "|MuJoCo sysid|0.25, failed, no number|" in block
-    assert "|MuJoCo sysid|1/2 ±0.5|" in block
-    assert "|MuJoCo sysid|4|" in block
-    assert "- MuJoCo sysid, basic 1: ValueError: no" in block
-
-
-def test_a_tool_without_intervals_says_so():
-    """Assert that no intervals are told from none that hold."""
-    block = render(results({"errors": {"link_inertia": 1.0}, "seconds": 3.0}))
-    assert "|MuJoCo sysid|gives none|" in block
-
-
-def test_a_later_record_counts():
-    """Assert that a tool which ran again on a log has its later answer, beside all others."""
-    old = results({"failed": "once"}, {"errors": {"link_inertia": 1.0}, "seconds": 3.0})
-    together = merged(old, results({"errors": {"link_inertia": 2.0}, "seconds": 3.0}))
-    assert [r["errors"]["link_inertia"] for r in together["records"]] == [2.0, 1.0]
-    assert len(together["runs"]) == 2
-
-
-def test_the_page_shows_the_results():
-    """Assert that the tables are those of the stored results."""
-    import json
-
-    stored = json.loads(RESULTS.read_text(encoding="utf-8"))
-    assert block_of(PAGE.read_text(encoding="utf-8"), BLOCK) == render(stored)

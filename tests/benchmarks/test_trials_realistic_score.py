@@ -3,8 +3,6 @@
 from math import isnan
 
 import pytest
-from benchmarks.trials.page import render, terminal
-from benchmarks.trials.realistic.page import TITLE
 from benchmarks.trials.realistic.score import score, scores
 from benchmarks.trials.score import Share
 
@@ -83,15 +81,3 @@ def test_all_families_are_scored_together_too():
     found = scores([record(), record(family="other")])
     assert [one.family for one in found] == ["some", "other", "all"]
     assert found[-1].logs == 2
-
-
-def test_the_page_has_a_section_of_its_own():
-    """Assert that realistic logs stand apart from the other families."""
-    about = {"command": "c", "date": "d", "commit": "e", "machine": "m", "python": "3.11"}
-    results = {"runs": [about], "records": [record(**estimates(2.2, 2.15, 2.25))]}
-    page = render(results)
-    assert f"### {TITLE}" in page
-    assert "|some|1|0|0.0 % of 1|" in page
-    assert "|some|0|link_inertia|2|2.2|2.15 to 2.25|" in page
-    assert "### Intervals" not in page
-    assert "some" in terminal(results)
