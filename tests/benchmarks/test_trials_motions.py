@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.trials.motions import Moves, Steps, draw_moves, draw_steps
+from benchmarks.trials.motions import Moves, Steps, draw_steps
 
 RESONANCE = 20.0  # rad/s
 
@@ -12,27 +12,6 @@ def test_a_step_lasts_until_the_next():
     steps = Steps(np.array([-0.2, 0.0, 0.5]), np.array([3.0, -1.0, 2.0]), "steps")
     times = np.array([-0.3, -0.2, -1e-9, 0.0, 0.499, 0.5, 9.0])
     np.testing.assert_array_equal(steps.at(times), [0.0, 3.0, 3.0, -1.0, -1.0, 2.0, 2.0])
-
-
-def test_steps_are_drawn_within_their_bounds():
-    """Assert lengths and levels of steps, the clock of what switches, and that both are drawn."""
-    rng, kinds = np.random.default_rng(0), set()
-    for i in range(40):
-        steps = draw_steps(rng, RESONANCE, -0.3, 12.0, jolted=i % 2 == 0)
-        kinds.add(steps.kind)
-        logged = steps.instants >= 0.0
-        spans, levels = np.diff(steps.instants[logged]), steps.levels[logged]
-        assert np.all(np.abs(levels) <= 1.0)
-        if steps.kind == "steps":
-            assert spans.min() >= 0.1
-            assert 1.0 < spans.max() <= 1.5
-            assert len(set(levels)) == len(levels)
-        else:
-            assert set(levels) == {-1.0, 1.0}
-            np.testing.assert_allclose(spans, spans[0])
-            assert 0.2 <= spans[0] * RESONANCE / np.pi <= 2.0
-        assert steps.instants[-1] > 10.5
-    assert kinds == {"steps", "binary"}
 
 
 def test_a_jolt_is_a_step_at_the_first_sample():
@@ -69,19 +48,3 @@ def test_the_speed_of_a_move_is_its_derivative(ramp):
     times, apart = np.linspace(0.0, 3.0, 3001), 1e-6
     differences = (moves.at(times + apart) - moves.at(times - apart)) / (2.0 * apart)
     np.testing.assert_allclose(moves.rate_at(times), differences, atol=1e-4)
-
-
-def test_moves_are_drawn_with_rests():
-    """Assert rests of 0.2 to 1 s, both kinds of moves, and that they last as long as the log."""
-    rng, ramps = np.random.default_rng(2), []
-    for _ in range(30):
-        moves = draw_moves(rng, -0.5, 15.0)
-        rests = moves.begins - np.append(-0.5, (moves.begins + moves.takes)[:-1])
-        assert rests.min() >= 0.2 - 1e-9
-        assert rests.max() <= 1.0 + 1e-9
-        assert np.all((moves.takes >= 0.3) & (moves.takes <= 1.5))
-        assert np.all(np.abs(moves.targets) <= 1.0)
-        assert moves.begins[-1] + moves.takes[-1] > 14.0
-        ramps.append(moves.ramp)
-    assert {ramp == 0.0 for ramp in ramps} == {True, False}
-    assert all(ramp == 0.0 or 0.15 <= ramp <= 0.5 for ramp in ramps)
