@@ -15,7 +15,6 @@ from flexid.arrays import FloatArray
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.recursive_least_squares import (
-    least_squares_observer,
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
@@ -31,7 +30,9 @@ def estimators() -> dict[str, OnlineEstimator]:
     return {
         "recursive least squares": recursive_least_squares(JOINT, SAMPLE_TIME),
         "observer, constant gain": parametric_observer(JOINT, gains, SAMPLE_TIME),
-        "observer, least-squares gain": least_squares_observer(JOINT, SAMPLE_TIME),
+        "observer, least-squares gain": recursive_least_squares(
+            JOINT, SAMPLE_TIME, velocities=True
+        ),
     }
 
 

@@ -15,8 +15,9 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import rigid_samples
-from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.physical import rigid_parameters
 from flexid.models.rigid_joint import rigid_joint
 from flexid.recording import Recording, read_log, with_velocities

@@ -59,7 +59,6 @@ _HOMES = {
     "Status": "estimators.online",
     "recursive_least_squares": "estimators.recursive_least_squares",
     "parametric_observer": "estimators.parametric_observer",
-    "least_squares_observer": "estimators.recursive_least_squares",
     # for python-control
     "plant_io_system": "library.python_control",
     "controller_io_system": "library.python_control",

@@ -15,9 +15,6 @@ from flexid.estimators.online import OnlineEstimator as OnlineEstimator
 from flexid.estimators.online import Status as Status
 from flexid.estimators.parametric_observer import parametric_observer as parametric_observer
 from flexid.estimators.recursive_least_squares import (
-    least_squares_observer as least_squares_observer,
-)
-from flexid.estimators.recursive_least_squares import (
     recursive_least_squares as recursive_least_squares,
 )
 from flexid.estimators.samples import Samples as Samples

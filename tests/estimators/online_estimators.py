@@ -10,7 +10,6 @@ from scipy.linalg import expm
 from flexid.estimators.online import OnlineEstimator
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
 from flexid.estimators.recursive_least_squares import (
-    least_squares_observer,
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
@@ -28,10 +27,16 @@ def _observer(system: ParametricSystem, hold: Hold) -> OnlineEstimator:
     return parametric_observer(system, gains, SAMPLE_TIME, hold)
 
 
+def _least_squares(velocities: bool, system: ParametricSystem, hold: Hold) -> OnlineEstimator:
+    return recursive_least_squares(system, SAMPLE_TIME, hold=hold, velocities=velocities)
+
+
 ONLINE: dict[str, Builder] = {
     "parametric observer": _observer,
     "recursive least squares": lambda s, hold: recursive_least_squares(s, SAMPLE_TIME, hold=hold),
-    "least-squares observer": lambda s, hold: least_squares_observer(s, SAMPLE_TIME, hold),
+    "least-squares observer": lambda s, hold: recursive_least_squares(
+        s, SAMPLE_TIME, hold=hold, velocities=True
+    ),
 }
 """Builders by name; each takes the model and the hold of its input."""
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
-from flexid.estimators.rowwise import RowwiseFit
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
@@ -19,7 +19,7 @@ OSCILLATOR = ParametricSystem(
 )
 
 
-BatchFit = RowwiseFit | PredictionErrorFit
+BatchFit = LeastSquaresFit | PredictionErrorFit
 Estimator = Callable[[Sequence[Samples], Unknowns], BatchFit]
 
 

@@ -10,9 +10,9 @@ from scipy.optimize import least_squares
 from flexid.errors import SettingError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import (
-    LeastSquaresFit,
     filtered_least_squares,
     filtered_signals,
 )

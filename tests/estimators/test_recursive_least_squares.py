@@ -12,7 +12,6 @@ from flexid.errors import SettingError
 from flexid.estimators.online import Status
 from flexid.estimators.recursive_least_squares import (
     LEAST_INFORMATION,
-    least_squares_observer,
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
@@ -56,7 +55,7 @@ def test_accuracy_and_speed_of_convergence():
 
 def test_velocities_give_the_figure_of_the_design():
     """Assert that least squares on velocity increments ends within 0.04 %, median of 10 seeds."""
-    estimator = least_squares_observer(JOINT, SAMPLE_TIME)
+    estimator = recursive_least_squares(JOINT, SAMPLE_TIME, velocities=True)
     last = [
         worst_error(
             estimator.replay(estimator.init(), estimator.pack(joint_samples(seed))).coefficients[-1]
@@ -161,7 +160,6 @@ def test_coulomb_friction_with_velocities_of_its_own():
         (SAMPLE_TIME, {"filter_rate": 0.0}, "filter rate"),
         (SAMPLE_TIME, {"memory_time": 1e-3}, "memory time"),
         (SAMPLE_TIME, {"memory_time": float("nan")}, "memory time"),
-        (SAMPLE_TIME, {"least_information": 1.5}, "least information"),
     ],
 )
 def test_settings_that_are_refused(sample_time, settings, message):

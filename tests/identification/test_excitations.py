@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_joint import TRUTH, log, made
 
-from flexid.estimators.rowwise import RowSums
+from flexid.estimators.rowwise import RowFit
 from flexid.estimators.samples import Samples
 from flexid.identification.estimation.excitations import (
     row_excitation,
@@ -134,13 +134,13 @@ def test_torques_that_all_but_cancel_say_what_they_leave(light):
     assert confounded == {"alpha1", "beta1"}
 
 
-def noisy_sine(noise: np.ndarray) -> RowSums:
+def noisy_sine(noise: np.ndarray) -> RowFit:
     """Sums of a link's row on one sine, its deflection three hundredths of it, and with noise."""
     sine = np.sin(0.01 * np.arange(4000))
     link, deflection = sine + noise[0], 0.03 * sine + noise[1]
     row = row_of({"theta1": link, "theta2": deflection}, sine)
     empty = np.empty((0, 0))
-    return RowSums("link", row.coefficients, row.gram, empty, 0.0, row.total_sum, (), row.count)
+    return RowFit("link", row.coefficients, row.gram, empty, row.total_sum, (), empty, sine, sine)
 
 
 def test_noise_is_no_motion():

@@ -17,8 +17,8 @@ KERNELS = [
     ("segmented_motion", "motion_kernel", JOINT.system),
     ("segmented_motion", "motion_kernel", JOINT.extended),
     ("segmented_motion", "motion_kernel", STIFF.system),
-    ("row_signals", "_kernel", JOINT.smooth),
-    ("row_signals", "_kernel", STIFF.smooth),
+    ("state_variable_filter", "_kernel", JOINT.smooth),
+    ("state_variable_filter", "_kernel", STIFF.smooth),
     ("parametric_observer", "_kernel", JOINT.smooth),
 ]
 """Of what `flexid identify` has to compile for a usual drive: module, function, model."""

@@ -27,7 +27,6 @@ from flexid.derivation.sensitivities import sensitivity_functions
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.parametric_observer import parametric_observer
 from flexid.estimators.recursive_least_squares import (
-    least_squares_observer,
     recursive_least_squares,
 )
 from flexid.estimators.samples import Samples
@@ -152,7 +151,7 @@ CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
         ROWS | {"filtered_rows"},
     ),
     "least-squares observer": (
-        lambda: estimate(least_squares_observer(JOINT, H)),
+        lambda: estimate(recursive_least_squares(JOINT, H, velocities=True)),
         ROWS | {"velocity_rows"},
     ),
     "guard of a stream": (watch_a_stream, {"stream_guard"}),

@@ -5,12 +5,15 @@ enough to be independent of one another, their scores give the right one (`clust
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexid.arrays import FloatArray
 from flexid.estimators.cluster_covariance import covariance_root, unbiased, unbiasing
+from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.symmetric import eigen
 
 BLOCK_DURATION = 1.0
@@ -67,14 +70,7 @@ def block_influences(
     inverse: FloatArray,  # (k, k)
     blocks: Sequence[int],
 ) -> tuple[FloatArray, FloatArray]:
-    """How far each block's scores move the coefficients of least squares.
-
-    With L the influences of all coefficients, those of other rows over the same blocks among them,
-    L Lᵀ is their covariance.
-
-    Returns shape (k, n_blocks): Zero for a coefficient of which the blocks show nothing.
-    degrees_of_freedom : array, shape (k,) Of each variance; 0 where there is none.
-    """
+    """As `influences_of`, of the data; zero where no coefficient is sought."""
     edges = np.concatenate(([0], np.cumsum(blocks, dtype=np.int64)))
     parts = [slice(first, stop) for first, stop in pairwise(edges)]
     k, count = len(inverse), len(parts)
@@ -82,7 +78,20 @@ def block_influences(
         return np.zeros((k, count)), np.zeros(k)
     normal = np.array([regressor[:, part] @ regressor[:, part].T for part in parts])
     scores = np.array([regressor[:, part] @ residual[part] for part in parts])
-    # As `cluster_influences` for blocks that have no unknowns of their own, all of them at once.
+    return influences_of(normal, scores, inverse)
+
+
+def influences_of(
+    normal: FloatArray,  # (n_blocks, k, k)
+    scores: FloatArray,  # (n_blocks, k)
+    inverse: FloatArray,  # (k, k)
+) -> tuple[FloatArray, FloatArray]:
+    """How far each block's scores move the coefficients of least squares, shape (k, n_blocks).
+
+    With L the influences of all coefficients, those of other rows over the same blocks among them,
+    L Lᵀ is their covariance. Second are the degrees of freedom of each variance, 0 where the blocks
+    show nothing. As `cluster_influences` for blocks without unknowns of their own, all at once.
+    """
     half = covariance_root(inverse)[0]
     leverages, directions = eigen(half.T @ normal @ half)
     moved = half @ directions
@@ -95,3 +104,62 @@ def block_influences(
     squares, across = np.sum(own**2, axis=0), np.sum(own * common, axis=0)
     gram = np.einsum("bci,bcj->cij", rows, rows, optimize=True)
     return unbiased(influences, inverse, shown, squares, across, gram)
+
+
+def covariance_of(influences: FloatArray, unknown: NDArray[np.bool_]) -> FloatArray:
+    """Covariance, shape (n, n), with infinite variance of what is unknown, shape (n,)."""
+    covariance = influences @ influences.T
+    covariance[unknown, :] = covariance[:, unknown] = 0.0
+    covariance[unknown, unknown] = np.inf
+    return covariance
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Normal equations that an online estimator has kept, block by block."""
+
+    lengths: FloatArray  # (n_blocks,): samples in each block
+    weights: FloatArray  # (n_blocks,): weight of each block, 1 if nothing is forgotten
+    # (n_blocks, n_rows, k, k): σ r rᵀ of every row, which may have fewer than k coefficients
+    matrices: FloatArray
+    vectors: FloatArray  # (n_blocks, n_rows, k): σ r y
+
+    @property
+    def fading(self) -> float:
+        """Degrees of freedom in fading weights over those in weights of blocks that count alike.
+
+        A block of weight w adds w² to the variance but w to the information; blocks whose weights
+        fade like an exponential tell half as much of the spread as the information suggests.
+        """
+        w, n = self.weights, self.lengths
+        alike = np.sum(w * n) ** 2 / np.sum(w**2 * n**2)
+        return float(np.sum(w**2 * n) ** 2 / np.sum(w**4 * n**2) / alike)
+
+    def covariance(
+        self,
+        rows: Sequence[slice],
+        values: FloatArray,  # (n_coefficients,)
+    ) -> tuple[FloatArray, FloatArray]:
+        """Covariance of an estimate, and degrees of freedom for Student's t, 0 where unknown.
+
+        Infinite variance where there are no more blocks than coefficients, or where the data leave
+        a coefficient open.
+        """
+        count = len(self.weights)
+        influences = np.zeros((len(values), count))
+        freedom = np.zeros(len(values))
+        for place, part in enumerate(rows):
+            k = part.stop - part.start
+            if count <= k:
+                continue
+            matrices, vectors = self.matrices[:, place, :k, :k], self.vectors[:, place, :k]
+            normal = self.weights[:, None, None] * matrices
+            scores = self.weights[:, None] * (vectors - matrices @ values[part])
+            total = normal.sum(axis=0)
+            inverse, free = scaled_inverse(total, np.sqrt(np.diag(total)))
+            try:
+                influences[part], degrees = influences_of(normal, scores, inverse)
+            except np.linalg.LinAlgError:  # of numbers that no drive has
+                continue
+            freedom[part] = np.where(free, 0.0, degrees * self.fading)
+        return covariance_of(influences, freedom == 0.0), freedom

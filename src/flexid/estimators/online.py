@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from types import ModuleType
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -55,72 +55,9 @@ class History:
     state: FloatArray
 
 
-class OnlineEstimator(Protocol):
-    """What every online estimator offers."""
-
-    @property
-    def system(self) -> ParametricSystem:
-        """The model."""
-        ...
-
-    def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """State before the first sample.
-
-        Parameters
-        ----------
-        values : mapping of str to float, optional
-            Initial estimates by coefficient.
-        """
-        ...
-
-    def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """New state and info (innovations, `Status`) after one sample.
-
-        Parameters
-        ----------
-        state : array
-            From `init`, `step` or a replay; not changed.
-        sample : array
-            One row of what `pack` makes.
-        """
-        ...
-
-    def replay(self, state: FloatArray, samples: FloatArray) -> History:
-        """Take in many samples, exactly as `step` would one by one.
-
-        Parameters
-        ----------
-        state : array
-            From `init`, `step` or an earlier replay; not changed.
-        samples : array, shape (n, sample size)
-            What `pack` makes.
-        """
-        ...
-
-    def coefficients(self, state: FloatArray) -> FloatArray:
-        """Estimates in a state, in the order of the model's coefficients.
-
-        Parameters
-        ----------
-        state : array
-            From `init`, `step` or a replay.
-        """
-        ...
-
-    def pack(self, samples: Samples) -> FloatArray:
-        """Samples as this estimator takes them, one per row.
-
-        Parameters
-        ----------
-        samples : Samples
-            Of a log, as `flexid.samples` gives them.
-        """
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class CompiledEstimator:
-    """An online estimator whose step is one compiled function."""
+class OnlineEstimator:
+    """What every online estimator offers; its step is one compiled function."""
 
     system: ParametricSystem  # the model
     sample_time: float  # time between samples in s
@@ -132,17 +69,49 @@ class CompiledEstimator:
     _first_coefficient: ClassVar[int] = 0
 
     def init(self, values: Mapping[str, float] | None = None) -> FloatArray:
-        """State before the first sample."""
+        """State before the first sample.
+
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            Initial estimates by coefficient; 0 where none is given.
+        """
+        names = self.system.coefficients
+        start = np.zeros(len(names))
+        for name, value in (values or {}).items():
+            if name not in names:
+                raise SettingError(
+                    "initial estimates", f"{name!r} is not a coefficient: give {', '.join(names)}"
+                )
+            if not np.isfinite(value):
+                raise SettingError("initial estimates", f"must be finite, got {value} for {name!r}")
+            start[names.index(name)] = value
         state = self._first_state.copy()
-        state[self._coefficients] = start_values(self.system, values)
+        state[self._coefficients] = start
         return state
 
     def step(self, state: FloatArray, sample: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Take in one sample."""
+        """New state and info (innovations, `Status`) after one sample.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or a replay; not changed.
+        sample : array
+            One row of what `pack` makes.
+        """
         return self._kernel.step(state, sample, self._settings)
 
     def replay(self, state: FloatArray, samples: FloatArray) -> History:
-        """Take in many samples, exactly as `step` would one by one."""
+        """Take in many samples, exactly as `step` would one by one.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or an earlier replay; not changed.
+        samples : array, shape (n, sample size)
+            What `pack` makes.
+        """
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         coefficients = np.empty((len(samples), len(self.system.coefficients)))
         infos = np.empty((len(samples), len(self.system.rows) + 1))
@@ -150,7 +119,13 @@ class CompiledEstimator:
         return History(coefficients, infos[:, :-1], infos[:, -1], last)
 
     def coefficients(self, state: FloatArray) -> FloatArray:
-        """Estimates in a state, shape (n_coefficients,)."""
+        """Estimates in a state, in the order of the model's coefficients.
+
+        Parameters
+        ----------
+        state : array
+            From `init`, `step` or a replay.
+        """
         return state[self._coefficients].copy()
 
     @property
@@ -159,8 +134,16 @@ class CompiledEstimator:
         return slice(first, first + len(self.system.coefficients))
 
     def pack(self, samples: Samples) -> FloatArray:
-        """Samples as `step` and `replay` take them, one per row."""
-        return packed(samples) if self.needs_velocities else packed_positions(samples)
+        """Samples as this estimator takes them, one per row.
+
+        Parameters
+        ----------
+        samples : Samples
+            Of a log, as `flexid.samples` gives them.
+        """
+        if self.needs_velocities:
+            return packed(samples)
+        return np.ascontiguousarray(np.concatenate((samples.positions, samples.inputs), axis=1))
 
 
 def packed(samples: Samples) -> FloatArray:
@@ -169,26 +152,6 @@ def packed(samples: Samples) -> FloatArray:
         raise SettingError("velocities", "this estimator needs them: derive velocities first")
     states = np.stack((samples.positions, samples.velocities), axis=2).reshape(len(samples), -1)
     return np.ascontiguousarray(np.concatenate((states, samples.inputs), axis=1))
-
-
-def packed_positions(samples: Samples) -> FloatArray:
-    """Samples without velocities, shape (n, n_rows + n_inputs)."""
-    return np.ascontiguousarray(np.concatenate((samples.positions, samples.inputs), axis=1))
-
-
-def start_values(system: ParametricSystem, values: Mapping[str, float] | None) -> FloatArray:
-    """Initial estimates in the system's order, 0 where none is given."""
-    names = system.coefficients
-    start = np.zeros(len(names))
-    for name, value in (values or {}).items():
-        if name not in names:
-            raise SettingError(
-                "initial estimates", f"{name!r} is not a coefficient: give {', '.join(names)}"
-            )
-        if not np.isfinite(value):
-            raise SettingError("initial estimates", f"must be finite, got {value} for {name!r}")
-        start[names.index(name)] = value
-    return start
 
 
 def checked_sample_time(sample_time: float) -> float:
@@ -203,9 +166,3 @@ def fading_factor(memory_time: float, sample_time: float) -> float:
     if not memory_time > 10.0 * sample_time:
         raise SettingError("memory time", f"must be longer than ten samples, got {memory_time} s")
     return float(np.exp(-sample_time / memory_time))
-
-
-def row_starts(system: ParametricSystem) -> str:
-    """Line of a kernel's source that says where the coefficients of each row begin."""
-    starts = (0, *(part.stop for _, part in system.row_slices()))
-    return f"ROW_STARTS = {starts}\n"

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.online import CompiledEstimator, checked_sample_time, packed
+from flexid.estimators.online import OnlineEstimator, checked_sample_time, packed
 from flexid.estimators.samples import Samples
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
@@ -23,7 +23,7 @@ from flexid.recording.recording import Hold
 
 
 @dataclass(frozen=True, eq=False)
-class ParametricObserver(CompiledEstimator):
+class ParametricObserver(OnlineEstimator):
     """The observer with its gains; made by `parametric_observer`.
 
     The innovation of a row is the change of its velocity over the interval less its prediction, in

@@ -17,11 +17,11 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.cluster_covariance import cluster_influences
 from flexid.estimators.gauss_newton import Minimum, approach, minimise, output_weights
 from flexid.estimators.integration_error import refinement
-from flexid.estimators.rowwise import RowwiseFit
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
-from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns, unknowns_of
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -95,7 +95,7 @@ class PredictionErrorFit:
 def prediction_error(
     recordings: Sequence[Samples],
     system: ParametricSystem,
-    start: Mapping[str, float] | RowwiseFit,
+    start: Mapping[str, float] | LeastSquaresFit,
     segment_duration: float = 1.0,
     hold: Hold = "linear",
     use_velocities: bool = False,
@@ -109,7 +109,7 @@ def prediction_error(
         One or more contiguous recordings of motion.
     system : ParametricSystem
         The model; its constants have the values declared in it.
-    start : RowwiseFit or mapping of str to float
+    start : LeastSquaresFit or mapping of str to float
         Where to start: a least-squares fit of the same record, or a value for each unknown. The
         second is fitted from least squares as well, which must not explain the record better.
     segment_duration : float, optional
@@ -201,8 +201,8 @@ def _best_fit(problem: SegmentedMotion, values: FloatArray) -> tuple[SegmentedMo
     return problem, found, iterations
 
 
-def _start_values(unknowns: Unknowns, start: Mapping[str, float] | RowwiseFit) -> FloatArray:
-    if isinstance(start, RowwiseFit):
+def _start_values(unknowns: Unknowns, start: Mapping[str, float] | LeastSquaresFit) -> FloatArray:
+    if isinstance(start, LeastSquaresFit):
         if start.names != unknowns.names:
             raise SettingError(
                 "start", "it is a fit of another model or of other unknowns: fit these first"
@@ -250,7 +250,7 @@ def _infinite(covariance: FloatArray, free: np.ndarray) -> FloatArray:
     return covariance
 
 
-def _compare(unknowns: Unknowns, values: FloatArray, check: RowwiseFit) -> None:
+def _compare(unknowns: Unknowns, values: FloatArray, check: LeastSquaresFit) -> None:
     """Refuse values that least squares of the same record contradicts."""
     deviations = check.standard_deviations
     effects = [

@@ -16,13 +16,8 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
-from flexid.estimators.block_covariance import Blocks, block_covariance
-from flexid.estimators.online import (
-    CompiledEstimator,
-    checked_sample_time,
-    fading_factor,
-    row_starts,
-)
+from flexid.estimators.block_sandwich import Blocks
+from flexid.estimators.online import OnlineEstimator, checked_sample_time, fading_factor
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
@@ -61,8 +56,8 @@ class Law:
 
 
 @dataclass(frozen=True, eq=False)
-class RecursiveLeastSquares(CompiledEstimator):
-    """Recursive least squares of a model; made by the functions of this module.
+class RecursiveLeastSquares(OnlineEstimator):
+    """Recursive least squares of a model; made by `recursive_least_squares`.
 
     The innovations are in the unit of the row's left-hand side, an acceleration.
     """
@@ -107,7 +102,7 @@ class RecursiveLeastSquares(CompiledEstimator):
         weights = self._settings[kernel.FORGETTING] ** (clock - ends)
         blocks = Blocks(lengths, weights, *self._equations(stored))
         rows = [part for _, part in self.system.row_slices()]
-        return block_covariance(rows, self.coefficients(state), blocks)
+        return blocks.covariance(rows, self.coefficients(state))
 
     def information(self, state: FloatArray) -> list[FloatArray]:
         """Σ r rᵀ of each row, faded: what its singular values say of excitation, see (A4)."""
@@ -153,19 +148,19 @@ def recursive_least_squares(
     filter_rate: float = 20.0,
     hold: Hold = "linear",
     memory_time: float = np.inf,
-    least_information: float = LEAST_INFORMATION,
+    velocities: bool = False,
 ) -> RecursiveLeastSquares:
-    """Recursive least squares on positions, through the filter λ²/(s + λ)².
+    """Recursive least squares on positions through the filter λ²/(s + λ)², or on velocities.
 
-    Without forgetting it ends where `filtered_least_squares` does. What the filter remembers from
-    before the first sample is estimated beside the coefficients until it has decayed.
+    On positions it ends, without forgetting, where `filtered_least_squares` does. What the filter
+    remembers from before the first sample is estimated until it has decayed.
 
     Parameters
     ----------
     system : ParametricSystem
-        The model. Regressors that are nonlinear in a velocity see the slope of a straight line
-        fitted to the positions about a sample, 0.25/λ to either side, and then the estimates are
-        that much later.
+        The model. Without measured velocities, regressors that are nonlinear in a velocity see the
+        slope of a straight line fitted to the positions about a sample, 0.25/λ to either side, and
+        then the estimates are that much later.
     sample_time : float
         Time between samples in s.
     filter_rate : float, optional
@@ -174,8 +169,10 @@ def recursive_least_squares(
         Whether the inputs run linearly between samples or are constant until the next one.
     memory_time : float, optional
         Time in s after which a sample weighs 1/e as much; infinite: nothing is forgotten.
-    least_information : float, optional
-        Part of the largest information of each coefficient that is never forgotten.
+    velocities : bool, optional
+        Samples hold measured velocities, and there is no filter: the paper's observer with the
+        inverse of the information as its gain. Over an interval the integral of r v' is r̄ Δv, so
+        it needs no acceleration and no closed form of the immersion.
 
     Returns
     -------
@@ -187,92 +184,37 @@ def recursive_least_squares(
         If a setting is out of its range.
     """
     h = checked_sample_time(sample_time)
-    if not (np.isfinite(filter_rate) and filter_rate > 0.0):
-        raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
-    per_constant = 1.0 / (filter_rate * h)
-    half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
-    plain = _filtered_kernel(system, 0)
-    kernel = _filtered_kernel(system, half) if plain.VELOCITY_NEEDED else plain
-    law = _law(h, memory_time, least_information, _INDEPENDENCE * per_constant)
-    law += [np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)]
-    rows = [h, float(hold == "zero"), np.exp(-1.0 / per_constant)]
-    return _built(system, h, hold, False, kernel, law + rows)
+    if velocities:
+        kernel, rows = _velocity_kernel(system), [h, float(hold == "zero")]
+        shortest_block, memory, fewest = _SHORTEST_BLOCK / h, 0.0, np.ceil(_SHORTEST_BLOCK / h)
+    else:
+        if not (np.isfinite(filter_rate) and filter_rate > 0.0):
+            raise SettingError("filter rate", f"must be above 0 1/s, got {filter_rate}")
+        per_constant = 1.0 / (filter_rate * h)
+        half = max(1, min(_LONGEST_HALF_WINDOW, round(_VELOCITY_WINDOW * per_constant)))
+        plain = _filtered_kernel(system, 0)
+        kernel = _filtered_kernel(system, half) if plain.VELOCITY_NEEDED else plain
+        rows = [h, float(hold == "zero"), np.exp(-1.0 / per_constant)]
+        shortest_block = _INDEPENDENCE * per_constant
+        memory, fewest = np.ceil(_MEMORY * per_constant), np.ceil(_SETTLED * per_constant)
+    fading = fading_factor(memory_time, h)
+    longest_block = max(shortest_block, memory_time / h / _BLOCKS_PER_MEMORY)
+    law = [fading, LEAST_INFORMATION, longest_block, memory, fewest]
+    settings = np.array([*law, *rows, *system.constants.values()], dtype=np.float64)
+    state = np.zeros(kernel.STATE_SIZE)
+    state[kernel.COUNTS_AT + kernel.BLOCK_LENGTH] = shortest_block
+    return RecursiveLeastSquares(system, h, hold, velocities, kernel, settings, state)
 
 
-def least_squares_observer(
-    system: ParametricSystem,
-    sample_time: float,
-    hold: Hold = "linear",
-    memory_time: float = np.inf,
-    least_information: float = LEAST_INFORMATION,
-) -> RecursiveLeastSquares:
-    """The parametric observer with least-squares gain: recursive least squares on velocities.
-
-    The gain of Huang (2003), eqs. (2)-(3) becomes the inverse of the information. Over a sampling
-    interval the integral of r v' is r̄ Δv, as in `parametric_observer`: no acceleration, no closed
-    form of the immersion, and no rate of the input where its gain is unknown.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-    sample_time : float
-        Time between samples in s.
-    hold : {"linear", "zero"}, optional
-        Whether the inputs run linearly between samples or are constant until the next one.
-    memory_time : float, optional
-        Time in s after which a sample weighs 1/e as much; infinite: nothing is forgotten.
-    least_information : float, optional
-        Part of the largest information of each coefficient that is never forgotten.
-
-    Returns
-    -------
-    RecursiveLeastSquares
-        It takes samples with velocities.
-
-    Raises
-    ------
-    SettingError
-        If a setting is out of its range.
-    """
-
+def _velocity_kernel(system: ParametricSystem) -> ModuleType:
     def build() -> str:
         from flexid.derivation.model_functions import model_functions
 
         source = model_functions(system, "Parametric observer with least-squares gain")
         return source + _sizes(system)
 
-    h = checked_sample_time(sample_time)
     templates = _templates("velocity_rows")
-    kernel = load_kernel("least_squares_observer", [system.digest], build, templates)
-    law = _law(h, memory_time, least_information, _SHORTEST_BLOCK / h)
-    law += [0.0, np.ceil(_SHORTEST_BLOCK / h)]
-    return _built(system, h, hold, True, kernel, [*law, h, float(hold == "zero")])
-
-
-def _law(h: float, memory_time: float, least_information: float, block: float) -> list[float]:
-    """Settings of the law, length of the first blocks last."""
-    if not 0.0 < least_information < 1.0:
-        raise SettingError(
-            "least information", f"must lie between 0 and 1, got {least_information}"
-        )
-    longest = max(block, memory_time / h / _BLOCKS_PER_MEMORY)
-    return [fading_factor(memory_time, h), least_information, longest, block]
-
-
-def _built(
-    system: ParametricSystem,
-    h: float,
-    hold: Hold,
-    needs_velocities: bool,
-    kernel: ModuleType,
-    settings: list[float],
-) -> RecursiveLeastSquares:
-    state = np.zeros(kernel.STATE_SIZE)
-    state[kernel.COUNTS_AT + kernel.BLOCK_LENGTH] = settings.pop(3)
-    settings += system.constants.values()
-    array = np.array(settings, dtype=np.float64)
-    return RecursiveLeastSquares(system, h, hold, needs_velocities, kernel, array, state)
+    return load_kernel("least_squares_observer", [system.digest], build, templates)
 
 
 def _filtered_kernel(system: ParametricSystem, half_window: int) -> ModuleType:
@@ -288,7 +230,9 @@ def _filtered_kernel(system: ParametricSystem, half_window: int) -> ModuleType:
 
 
 def _sizes(system: ParametricSystem) -> str:
-    return "\n\n" + row_starts(system) + f"N_BLOCKS = {N_BLOCKS}\n"
+    """Lines of a kernel's source: where the coefficients of each row begin, kept blocks."""
+    starts = (0, *(part.stop for _, part in system.row_slices()))
+    return f"\n\nROW_STARTS = {starts}\nN_BLOCKS = {N_BLOCKS}\n"
 
 
 def _templates(rows: str) -> tuple[str, ...]:

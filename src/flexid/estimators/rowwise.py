@@ -1,6 +1,5 @@
 """Least squares row by row, with a covariance that runs across the rows."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,46 +7,45 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from flexid.arrays import FloatArray
-from flexid.estimators.block_sandwich import block_influences
+from flexid.estimators.block_sandwich import block_influences, covariance_of
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.unknowns import Unknowns
-from flexid.recording.recording import Hold
 
 
 @dataclass(frozen=True, eq=False)
-class RowSums:
-    """Least squares of one row, without the data that it was fitted to."""
+class RowFit:
+    """Least squares of one row."""
 
     name: str  # name of the row
     coefficients: tuple[str, ...]  # names of what is sought in it, k of them; none if all is fixed
     gram: FloatArray  # (k, k): rᵀR of the regressors R as they were fitted
     inverse: FloatArray  # (k, k): its inverse on the directions that the data determine
-    residual_sum: float  # sums of squares of the residual and of the left-hand side
-    total_sum: float  # sums of squares of the residual and of the left-hand side
+    total_sum: float  # sum of squares of the left-hand side
     # coefficients that the data leave free: their variance is infinite
     undetermined: tuple[str, ...]
-    count: int  # equations that were fitted
-
-
-@dataclass(frozen=True, eq=False)
-class RowFit(RowSums):
-    """Least squares of one row; as `RowSums`, and what was fitted."""
-
     regressors: FloatArray  # (k, n_equations): r, all recordings in turn
-    # (n_equations,): what was fitted, less what is known or fixed; and its fit
-    left_hand_side: FloatArray
-    fitted: FloatArray  # (n_equations,): what was fitted, less what is known or fixed; and its fit
+    left_hand_side: FloatArray  # (n_equations,): what was fitted, less what is known or fixed
+    fitted: FloatArray  # (n_equations,): its fit
+
+    @property
+    def count(self) -> int:
+        """Equations that were fitted."""
+        return len(self.left_hand_side)
+
+    @property
+    def residual_sum(self) -> float:
+        """Sum of squares of what the fit leaves."""
+        return float(np.sum((self.left_hand_side - self.fitted) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
-class RowwiseFit:
+class LeastSquaresFit:
     """What is sought in all rows, with its covariance."""
 
     names: tuple[str, ...]  # what is sought, row by row
     values: FloatArray  # (n,): their values, in the system's units
     rows: tuple[RowFit, ...]  # the rows' own results
     blocks: tuple[int, ...]  # equations in each block of the covariance, independent of one another
-    hold: Hold  # hold of the inputs
 
     @property
     def covariance(self) -> FloatArray:
@@ -82,22 +80,11 @@ class RowwiseFit:
             )
             for row in self.rows
         ]
-        return covariance_of_rows(self.rows, found)
-
-
-def covariance_of_rows(
-    rows: Sequence[RowSums], found: Sequence[tuple[FloatArray, FloatArray]]
-) -> tuple[FloatArray, tuple[float, ...]]:
-    """Covariance of all rows together, and the degrees of freedom of each variance."""
-    influences = np.concatenate([influences for influences, _ in found])
-    freedom = np.concatenate([freedom for _, freedom in found])
-    covariance = influences @ influences.T
-    names = [name for row in rows for name in row.coefficients]
-    undetermined = {c for row in rows for c in row.undetermined}
-    free = (freedom == 0.0) | np.array([name in undetermined for name in names])
-    covariance[free, :] = covariance[:, free] = 0.0
-    covariance[free, free] = np.inf
-    return covariance, tuple(freedom.tolist())
+        influences = np.concatenate([influences for influences, _ in found])
+        freedom = np.concatenate([freedom for _, freedom in found])
+        undetermined = {c for row in self.rows for c in row.undetermined}
+        free = np.array([name in undetermined for name in self.names])
+        return covariance_of(influences, (freedom == 0.0) | free), tuple(freedom.tolist())
 
 
 def fit_rows(
@@ -134,10 +121,8 @@ def _fit_row(
         coefficients,
         gram,
         inverse,
-        float(np.sum((left_hand_side - fitted) ** 2)),
         float(np.sum(left_hand_side**2)),
         tuple(c for c, is_free in zip(coefficients, free, strict=True) if is_free),
-        len(left_hand_side),
         regressors,
         left_hand_side,
         fitted,

@@ -7,7 +7,7 @@ pole z; both sides are projected on what these cannot explain, and p follows by 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,26 +15,14 @@ from numpy.typing import NDArray
 from flexid.arrays import FloatArray
 from flexid.errors import SettingError
 from flexid.estimators.block_sandwich import block_lengths
-from flexid.estimators.row_signals import (
-    check_velocities,
-    fill_row_signals,
-    sought_signals,
-    wanted_signals,
-)
-from flexid.estimators.rowwise import RowwiseFit, fit_rows
+from flexid.estimators.rowwise import LeastSquaresFit, fit_rows
 from flexid.estimators.samples import Samples
-from flexid.estimators.unknowns import Unknowns, unknowns_of
+from flexid.estimators.unknowns import FIXED, Unknowns, unknowns_of
+from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
 
 _MEMORY = 40.0  # time constants of the filter after which its past has vanished: exp(-40) = 4e-18
-
-
-@dataclass(frozen=True, eq=False)
-class LeastSquaresFit(RowwiseFit):
-    """As `RowwiseFit`, of filtered accelerations."""
-
-    filter_rate: float  # λ in 1/s
 
 
 def filtered_least_squares(
@@ -76,17 +64,17 @@ def filtered_least_squares(
     unknowns = unknowns_of(system, len(recordings), unknowns)
     usable = [place for place, recording in enumerate(recordings) if len(recording) > 4]
     used = [recordings[place] for place in usable]
-    check_velocities(recordings, usable, unknowns)
-    wanted = wanted_signals(unknowns, usable)
+    _check_velocities(recordings, usable, unknowns)
+    wanted = _wanted_signals(unknowns, usable)
     signals = filtered_signals(used, system, filter_rate, hold, wanted)
     lengths = [len(recording) - 2 for recording in used]
-    regressors, left_hand_sides = sought_signals(signals, unknowns, usable, lengths)
+    regressors, left_hand_sides = _sought_signals(signals, unknowns, usable, lengths)
     most = max(len(unknowns.names_of(row)) for row in system.rows)
     blocks = block_lengths(
         lengths, [recording.sample_time for recording in used], filter_rate, most
     )
     values, rows = fit_rows(unknowns, regressors, left_hand_sides)
-    return LeastSquaresFit(unknowns.names, values, rows, tuple(blocks), hold, float(filter_rate))
+    return LeastSquaresFit(unknowns.names, values, rows, tuple(blocks))
 
 
 def filtered_signals(
@@ -103,25 +91,93 @@ def filtered_signals(
     taken as zero where there are none.
     """
     equations = [len(recording) - 2 for recording in recordings]
+    kernel = _kernel(system)
+    if wanted is None:
+        wanted = np.arange(kernel.N_SIGNALS, dtype=np.int64)
+    constants = np.array(list(system.constants.values()), dtype=np.float64)
     # Memory that nothing is written to takes no room: signals that are not wanted cost nothing.
     signals = np.zeros((len(system.coefficients) + len(system.rows), sum(equations)))
     first = 0
     for recording, count in zip(recordings, equations, strict=True):
-        pole = float(np.exp(-filter_rate * recording.sample_time))
-        fill_row_signals(signals, first, recording, system, hold, pole, wanted)
-        past = min(count, memory(filter_rate, recording.sample_time))
-        project_out_past(signals[:, first : first + past], pole)
+        h = float(recording.sample_time)
+        pole = float(np.exp(-filter_rate * h))
+        none = np.zeros_like(recording.positions)
+        velocities = none if recording.velocities is None else recording.velocities
+        record = tuple(
+            np.ascontiguousarray(column, dtype=np.float64)
+            for column in (recording.positions, velocities, recording.inputs)
+        )
+        kernel.filter_recording(record, constants, h, pole, hold == "zero", wanted, signals, first)
+        past = min(count, int(np.ceil(_MEMORY / (filter_rate * h))) + 2)
+        _project_out_past(signals[:, first : first + past], pole)
         first += count
     return signals
 
 
-def memory(filter_rate: float, sample_time: float) -> int:
-    """Equations after which the filter has forgotten, to rounding, what was before them."""
-    return int(np.ceil(_MEMORY / (filter_rate * sample_time))) + 2
-
-
-def project_out_past(signals: FloatArray, pole: float) -> None:
+def _project_out_past(signals: FloatArray, pole: float) -> None:
     """Remove from each signal, in place, what the filter may remember: z^i and i z^i."""
     i = np.arange(signals.shape[1])
     past, _ = np.linalg.qr(np.column_stack((pole**i, i * pole**i)))
     signals -= (signals @ past) @ past.T
+
+
+def _check_velocities(
+    recordings: Sequence[Samples], usable: Sequence[int], unknowns: Unknowns
+) -> None:
+    """Refuse a recording without velocities where a term that is not switched off needs one."""
+    needed = _kernel(unknowns.system).VELOCITY_NEEDED
+    for place in usable:
+        if recordings[place].velocities is not None:
+            continue
+        absent = unknowns.absent(place)
+        for name in needed:
+            if name not in absent:
+                raise SettingError(
+                    "velocities",
+                    f"the regressor of {name!r} is nonlinear in a velocity but there are none: "
+                    f"derive velocities first, or drop the term",
+                )
+
+
+def _wanted_signals(unknowns: Unknowns, usable: Sequence[int]) -> NDArray[np.int64]:
+    """Places of the signals of least squares: left-hand sides, and regressors that are on."""
+    system = unknowns.system
+    absent = [unknowns.absent(place) for place in usable] or [frozenset()]
+    off = frozenset.intersection(*absent)
+    coefficients = [i for i, name in enumerate(system.coefficients) if name not in off]
+    rows = [len(system.coefficients) + j for j in range(len(system.rows))]
+    return np.array(coefficients + rows, dtype=np.int64)
+
+
+def _sought_signals(
+    signals: FloatArray, unknowns: Unknowns, usable: Sequence[int], lengths: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Regressors of what is sought, and left-hand sides less what is fixed."""
+    system = unknowns.system
+    n_coefficients = len(system.coefficients)
+    regressors = np.zeros((len(unknowns.names), signals.shape[1]))
+    left_hand_sides = signals[n_coefficients:].copy()
+    stop = 0
+    for place, length in zip(usable, lengths, strict=True):
+        equations = slice(stop, stop + length)
+        stop = equations.stop
+        columns = unknowns.columns(place)
+        sought = columns != FIXED
+        regressors[columns[sought], equations] = signals[:n_coefficients][sought, equations]
+        fixed = unknowns.coefficients(np.zeros(len(unknowns.names)), place)
+        for row, (_, part) in enumerate(system.row_slices()):
+            # A term that is off stays out even where its regressor is not finite.
+            for coefficient in part.start + np.flatnonzero(fixed[part]):
+                left_hand_sides[row, equations] -= (
+                    fixed[coefficient] * signals[coefficient, equations]
+                )
+    return regressors, left_hand_sides
+
+
+def _kernel(system: ParametricSystem) -> ModuleType:
+    def build() -> str:
+        from flexid.derivation.regressor_classes import filter_functions
+
+        return filter_functions(system, "State-variable filter on positions")
+
+    return load_kernel("state_variable_filter", [system.digest], build, ["state_variable_filter"])

@@ -44,17 +44,12 @@ class EstimatorSettings:
     def twin(self, system: ParametricSystem) -> "RecursiveLeastSquares | ParametricObserver":
         """The same estimator in Python."""
         from flexid.estimators.parametric_observer import parametric_observer
-        from flexid.estimators.recursive_least_squares import (
-            least_squares_observer,
-            recursive_least_squares,
-        )
+        from flexid.estimators.recursive_least_squares import recursive_least_squares
 
         h, hold, memory = self.sample_time, self.hold, self.memory_time
         if self.gains:
             return parametric_observer(system, self.gains, h, hold)
-        if self.velocities:
-            return least_squares_observer(system, h, hold, memory)
-        return recursive_least_squares(system, h, self.filter_rate, hold, memory)
+        return recursive_least_squares(system, h, self.filter_rate, hold, memory, self.velocities)
 
     @property
     def summary(self) -> str:

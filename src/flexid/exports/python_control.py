@@ -17,7 +17,7 @@ from flexid.arrays import FloatArray
 from flexid.control.controller import REFERENCE_NAMES, Controller
 from flexid.control.references import Reference
 from flexid.errors import SettingError
-from flexid.estimators.online import CompiledEstimator
+from flexid.estimators.online import OnlineEstimator
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.free_run import free_run_kernel
@@ -212,7 +212,7 @@ def observer_start(
     return np.array([estimates.get(c, 0.0) for c in system.coefficients]) - np.array(offset)
 
 
-def estimator(online: CompiledEstimator, name: str = "estimator") -> "NonlinearIOSystem":
+def estimator(online: OnlineEstimator, name: str = "estimator") -> "NonlinearIOSystem":
     """An online estimator as a system in discrete time."""
     control = python_control()
     system = online.system

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexid.estimators.channel_timing import INPUT
-from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.identification.estimation.answers import Answer, answer
 from flexid.identification.estimation.excitations import row_excitation, row_sizes
 from flexid.identification.estimation.final_fits import FinalFits

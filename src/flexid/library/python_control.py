@@ -13,7 +13,7 @@ from flexid.library.options import as_mapping
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
-    from flexid.estimators.online import CompiledEstimator
+    from flexid.estimators.online import OnlineEstimator
     from flexid.exports.python_control import LoopSystem
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.simulate import SimulatedRun
@@ -66,7 +66,7 @@ def plant_io_system(
 
 @entrance
 def estimator_io_system(
-    estimator: "CompiledEstimator", *, name: str = "estimator"
+    estimator: "OnlineEstimator", *, name: str = "estimator"
 ) -> "NonlinearIOSystem":
     """An online estimator as a system of python-control, in discrete time.
 
@@ -90,9 +90,9 @@ def estimator_io_system(
     ArgumentError
         If an option is unknown or of a wrong type.
     """
-    from flexid.estimators.online import CompiledEstimator
+    from flexid.estimators.online import OnlineEstimator
 
-    if not isinstance(estimator, CompiledEstimator):
+    if not isinstance(estimator, OnlineEstimator):
         raise ArgumentError(
             "estimator_io_system",
             "estimator",

@@ -19,10 +19,10 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.innovations import Innovations, Sizes, fit_innovations, predicting
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.segments import Segments, divide
-from flexid.estimators.state_variable_filter import LeastSquaresFit
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.estimation.band import (
     PER_PERIOD,

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexid.analysis.excitation import Excitation, excitation_of_gram
 from flexid.arrays import FloatArray
-from flexid.estimators.rowwise import RowSums
+from flexid.estimators.rowwise import RowFit
 from flexid.symmetric import eigen
 
 # By the spring, which acts on both rows, with how it is curved and damped.
@@ -24,7 +24,7 @@ _LEAST_MOTION = (
 )
 
 
-def row_excitation(row: RowSums, known: Collection[str]) -> Excitation:
+def row_excitation(row: RowFit, known: Collection[str]) -> Excitation:
     """Excitation of a row beside what is known of it.
 
     Where a constant is sought beside the spring, the deflection counts from its mean: where the
@@ -61,7 +61,7 @@ def _from_its_mean(names: Sequence[str], gram: FloatArray) -> _Centred:
 
 
 def unexcited(
-    rows: Iterable[RowSums], values: Mapping[str, float], lost_share: float
+    rows: Iterable[RowFit], values: Mapping[str, float], lost_share: float
 ) -> frozenset[str]:
     """Coefficients with a part in a direction that the motion does not excite.
 
@@ -78,12 +78,12 @@ def unexcited(
     return frozenset(found | _COUPLED if found else found)
 
 
-def without_noise(row: RowSums, noisier: RowSums) -> RowSums:
+def without_noise(row: RowFit, noisier: RowFit) -> RowFit:
     """A row whose Gram matrix is that of the motion alone."""
     return replace(row, gram=row.gram - _NOISE_PART * (noisier.gram - row.gram))
 
 
-def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, frozenset[str]]:
+def worst_share(row: RowFit, values: Mapping[str, float]) -> tuple[float, frozenset[str]]:
     """How much of a row's acceleration the worst combination of its coefficients makes.
 
     Each coefficient counts by its own size, or by what moves the row as much as it does move, if
@@ -106,7 +106,7 @@ def worst_share(row: RowSums, values: Mapping[str, float]) -> tuple[float, froze
     return float(np.sqrt(max(squares[0], 0.0))), confounded
 
 
-def row_sizes(rows: Sequence[RowSums]) -> dict[str, float]:
+def row_sizes(rows: Sequence[RowFit]) -> dict[str, float]:
     """Root mean square of each coefficient's regressor over that of its row's acceleration."""
     sizes = {}
     for row in rows:

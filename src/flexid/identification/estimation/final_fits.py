@@ -7,7 +7,7 @@ from typing import Literal
 
 from flexid.errors import ConvergenceError
 from flexid.estimators.channel_timing import INPUT
-from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.identification.estimation.absence import hidden_covariance
 from flexid.identification.estimation.excitations import row_sizes, unexcited, without_noise
 from flexid.identification.estimation.measured_input import error_of, widened_by

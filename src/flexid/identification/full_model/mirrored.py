@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.identification.full_model.model import Structure, data_of
 from flexid.identification.full_model.starting import least_squares_start
 from flexid.recording.recording import Recording

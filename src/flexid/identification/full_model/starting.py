@@ -13,9 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from flexid.arrays import FloatArray
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.estimators.scaled_inverse import scaled_inverse
 from flexid.estimators.segments import Segments, first_states
-from flexid.estimators.state_variable_filter import LeastSquaresFit, filtered_least_squares
+from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.estimators.unknowns import Unknowns
 from flexid.identification.full_model.fitting import motion_at
 from flexid.identification.full_model.model import Data, Structure

@@ -9,11 +9,10 @@ import numpy as np
 
 from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
-from flexid.estimators.row_signals import fill_row_signals, wanted_signals
 from flexid.estimators.samples import Samples
 from flexid.estimators.segmented_motion import motion_kernel, segments_kernel
+from flexid.estimators.state_variable_filter import filtered_signals
 from flexid.estimators.threads import cores
-from flexid.estimators.unknowns import Unknowns
 from flexid.identification.preparation.joint import flexible, rigid
 from flexid.kernels.store import is_compiled
 
@@ -42,10 +41,8 @@ def compile_what_comes_later() -> None:
     joint, stiff = flexible(), rigid()
     motion_kernel(joint.extended)
     motion_kernel(stiff.system)
-    record, lone = _record(2), _record(1)
-    signals = np.empty((len(stiff.smooth.coefficients) + 1, len(lone)))
-    wanted = wanted_signals(Unknowns(stiff.smooth), [0])
-    fill_row_signals(signals, 0, lone, stiff.smooth, "zero", 0.5, wanted)
+    filtered_signals([_record(1)], stiff.smooth, 20.0, "zero")
+    record = _record(2)
     gains = suggest_gains(record, joint.smooth)
     observer = parametric_observer(joint.smooth, gains, record.sample_time, "zero")
     observer.replay(observer.init(), packed(record))

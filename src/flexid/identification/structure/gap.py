@@ -14,7 +14,7 @@ import numpy as np
 
 from flexid.arrays import FloatArray
 from flexid.errors import ConvergenceError
-from flexid.estimators.state_variable_filter import LeastSquaresFit
+from flexid.estimators.rowwise import LeastSquaresFit
 from flexid.identification.full_model.beginning import FIRST_ITERATIONS
 from flexid.identification.full_model.fits_by_length import (
     FitsByLength,
