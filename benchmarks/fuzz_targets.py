@@ -184,18 +184,16 @@ def _streams() -> dict[str, Callable[[], Target]]:
     from flexid.streaming.checkpoint import read_session, save_session
     from flexid.streaming.options import WatchOptions
     from flexid.streaming.session import Session
-    from flexid.streaming.text_stream import LineReader, stream_columns
+    from flexid.streaming.text_stream import TextStream
 
     def watch(path: Path) -> None:
         """Watch a text that comes in parts."""
-        reader, raw = LineReader("stream"), path.read_bytes()
+        stream, raw = TextStream("stream"), path.read_bytes()
         session = Session(WatchOptions(0.005))
         for start in range(0, len(raw) + 1, 5_000):
-            cells = reader.cells(raw[start : start + 5_000], ended=start + 5_000 > len(raw))
-            if cells is not None and reader.layout is not None:
-                columns = stream_columns("stream", reader.layout, None)
-                if len(columns.weights) == 4:  # time, both positions, input
-                    session.feed(columns.samples(cells))
+            samples = stream.samples(raw[start : start + 5_000], ended=start + 5_000 > len(raw))
+            if samples is not None and samples.shape[1] == 4:  # time, both positions, input
+                session.feed(samples)
         save_session(session, path.with_suffix(".session"))
 
     def replay(path: Path) -> None:

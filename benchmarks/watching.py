@@ -26,7 +26,7 @@ from flexid.streaming.commissioned import departures
 from flexid.streaming.health import LIMITS, Health
 from flexid.streaming.options import USUAL_TERMS, WatchOptions
 from flexid.streaming.session import Session
-from flexid.streaming.text_stream import LineReader, stream_columns
+from flexid.streaming.text_stream import TextStream
 
 _FIRST_SEED = 5000  # beyond those of the blind trials
 
@@ -141,14 +141,13 @@ def rates() -> Iterator[tuple[str, float]]:
     for _, link, motor, torque in samples[:single].tolist():
         watch.feed(link_position=link, motor_position=motor, motor_torque=torque)
     yield "one by one, to flexid.watch", 1e6 * (time.perf_counter() - begun) / single
-    session, lines, columns = Session(WatchOptions(h)), LineReader("text"), None
+    session, text = Session(WatchOptions(h)), TextStream("text")
     begun = time.perf_counter()
     for first in range(0, len(raw), 40_000):  # a tenth of a second
-        cells = lines.cells(raw[first : first + 40_000])
-        if cells is None or lines.layout is None:
+        samples = text.samples(raw[first : first + 40_000])
+        if samples is None:
             continue
-        columns = columns or stream_columns("text", lines.layout, None)
-        session.feed(columns.samples(cells))
+        session.feed(samples)
         assert session.health.health is not Health.SENSOR_FAULT
     yield "text, with the health ten times a second", 1e6 * (time.perf_counter() - begun) / n
 

@@ -12,12 +12,14 @@ import polars as pl
 import pytest
 from joint_log import assert_words, csv_text, joint_columns, read_columns, refused
 
+from flexid.arrays import FloatArray
 from flexid.recording import Log, read_log
 from flexid.recording.clock import Clock
-from flexid.recording.columns import read_channels
+from flexid.recording.columns import channels_of, recipes_of
 from flexid.recording.frame import table_of_arrays, table_of_frame
 from flexid.recording.read import log_of_table
 from flexid.recording.series import tables_of_file
+from flexid.recording.table import Table
 from flexid.streaming.incoming import Replay
 
 COUNT, STEP = 400, timedelta(microseconds=200)  # 5 kHz: 1.7e9 s as a number would be 0.1 % off
@@ -69,10 +71,10 @@ def in_parts(folder: Path, column: pl.Series, cells: dict[str, list[float]], ste
     log = read_log(path)
     assert log.warnings == ()
     assert log.recordings[0].sample_time == pytest.approx(step, rel=1e-10)
-    clock = Clock()
-    parts = [read_channels(table, None, clock)[0] for table in tables_of_file(path, None, 90)]
-    assert len(parts) > 3
-    time = np.concatenate([channels["time"].values for channels in parts])
+    clock, tables = Clock(), [*tables_of_file(path, None, 90)]
+    recipes, _ = recipes_of(tables[0], None)
+    assert len(tables) > 3
+    time = np.concatenate([channels_of(t, recipes, clock)["time"].values for t in tables])
     np.testing.assert_allclose(time, step * np.arange(COUNT), rtol=0.0, atol=1e-12)
 
 
@@ -345,12 +347,19 @@ def test_a_log_that_is_played_again_counts_from_1970(tmp_path: Path):
     assert samples[:, 0] == pytest.approx([t.timestamp() for t in MOMENTS], abs=1e-6)
 
 
+def streamed(clock: Clock, *stamps: str) -> FloatArray:
+    """Times of a part of a stream."""
+    frame = pl.DataFrame({"time": stamps}, schema={"time": pl.String})
+    found = clock.stamped(Table("stream", "", 1, "line", frame, "", mark=""), "time")
+    assert found is not None
+    return found
+
+
 def test_times_of_day_of_a_stream():
     """Assert that late ones stay in their day, on either side of midnight."""
     clock = Clock(since_1970=True)
-    first = clock.of_cells([b"23:59:59.5", b"00:00:00.5", b"23:59:59.75", b"", b"1:2", b"0:00:01"])
-    second = clock.of_cells([b"00:00:01.5"])
-    found = np.concatenate((first, second)) - 86_400.0
+    stamps = ["23:59:59.5", "00:00:00.5", "23:59:59.75", "", "1:2", "0:00:01"]
+    found = np.concatenate((streamed(clock, *stamps), streamed(clock, "00:00:01.5"))) - 86_400.0
     np.testing.assert_array_equal(found, [-0.5, 0.5, -0.25, np.nan, np.nan, 1.0, 1.5])
 
 
@@ -366,7 +375,7 @@ def test_stamps_after_empty_cells(tmp_path: Path):
     """Assert that the first one is looked for: in a log the cell is named, in a stream left out."""
     words = "line 2.*the cell is empty.*remove the row$"
     assert_words(words, refused(read, tmp_path, ["", " ", *ISO[2:]]))
-    found = Clock(since_1970=True).of_cells([b"", b" ", b"00:00:01.5"])
+    found = streamed(Clock(since_1970=True), "", " ", "00:00:01.5")
     np.testing.assert_array_equal(found, [np.nan, np.nan, 1.5])
 
 

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from flexid.errors import RecordingError
-from flexid.recording.layout import Layout
 from flexid.recording.read import read_log
-from flexid.streaming.text_rows import RowReader
-from flexid.streaming.text_stream import LineReader, sample_time_of, stream_columns
+from flexid.streaming.text_stream import TextStream, sample_time_of
 
 HEADER = "time [ms],motor current [A],link_position [deg],motor_position [rad]"
 ROWS = [
@@ -23,13 +21,13 @@ ROWS = [
 
 def samples_of(text: str, parts: int = 1, column_map=None, header=None) -> np.ndarray:
     """Samples of a text that comes in some parts."""
-    reader, found = LineReader("stream", header), []
+    stream, found = TextStream("stream", column_map, header=header), []
     raw = text.encode()
     edges = np.linspace(0, len(raw), parts + 1).astype(int)
     for first, stop in pairwise(edges):
-        cells = reader.cells(raw[first:stop], ended=stop == len(raw))
-        if cells is not None and reader.layout is not None:
-            found.append(stream_columns("stream", reader.layout, column_map).samples(cells))
+        samples = stream.samples(raw[first:stop], ended=stop == len(raw))
+        if samples is not None:
+            found.append(samples)
     return np.concatenate(found)
 
 
@@ -123,23 +121,24 @@ def test_a_stream_that_begins_without_time(cell: str, parts: int):
 
 def test_a_clock_goes_on_apart():
     """Assert that a text is read on from another one's time of day, and does not change it."""
-    reader = RowReader(Layout(("time", "x"), ",", 1, 2, 0, stamped=(0,)))
-    assert reader.numbers([b"23:00:00,1"])[0, 0] == 82_800
-    later = reader.again().numbers([b"07:00:00,1", b"15:00:00,1", b"23:00:00,1"])
+    first = TextStream("stream", fewest=4)
+    begun = first.samples(b"time,motor_position,motor_torque\n" + 3 * b"23:00:00,1,2\n")
+    assert begun is not None
+    assert begun[:, 0].tolist() == 3 * [82_800]
+    later = first.next().samples(b"07:00:00,1,2\n15:00:00,1,2\n23:00:00,1,2\n", ended=True)
+    assert later is not None
     assert later[:, 0].tolist() == [111_600, 140_400, 169_200]
-    assert reader.numbers([b"23:30:00,1"])[0, 0] == 84_600
+    more = first.samples(b"23:30:00,1,2\n")
+    assert more is not None
+    assert more[0, 0] == 84_600
 
 
 def test_a_stamp_is_no_number():
     """Assert that a stream with too many stamps where numbers should be is refused as a log is."""
     bad = ["10:00:00.5"] * 80 + ["N/A"] * 30
     rows = [row[: row.rindex(",") + 1] + cell for row, cell in zip(ROWS, bad, strict=False)]
-    reader = LineReader("stream")
-    reader.cells("\n".join([HEADER, *ROWS[:90], *rows, ""]).encode())
-    assert reader.layout is not None
-    columns = stream_columns("stream", reader.layout, None)
     with pytest.raises(RecordingError, match=r"line 92, column 'motor_position .*10:00:00.5"):
-        reader.check_head(columns, None)
+        samples_of("\n".join([HEADER, *ROWS[:90], *rows, ""]))
 
 
 def test_a_line_that_is_no_row_is_a_sample_without_numbers():
@@ -182,13 +181,13 @@ def test_columns_that_do_not_do(first: str, given: str | None, words: str):
 
 def test_a_line_without_an_end():
     """Assert that memory is bounded, and that the lines before it are read."""
-    reader = LineReader("stream", fewest=4)
-    lines = b"time,motor_torque\n0,1\n1,2\n2,3\n"
-    cells = reader.cells(lines + b"1" * 1_000_001)
-    assert cells is not None
-    assert cells.tolist() == [[0.0, 1.0], [1.0, 2.0], [2.0, 3.0]]
+    stream = TextStream("stream", fewest=4)
+    lines = b"time,motor_position,motor_torque\n0,0,1\n1,0,2\n2,0,3\n"
+    samples = stream.samples(lines + b"1" * 1_000_001)
+    assert samples is not None
+    assert samples.tolist() == [[0.0, 0.0, 1.0], [1.0, 0.0, 2.0], [2.0, 0.0, 3.0]]
     with pytest.raises(RecordingError, match="more than 1000000 bytes"):
-        reader.cells(b"1")
+        stream.samples(b"1")
 
 
 @pytest.mark.parametrize(
@@ -204,13 +203,13 @@ def test_what_is_no_text(encoded, words: str):
     """Assert that bytes of no text are refused as those, and not as a header."""
     raw = encoded("\n".join([HEADER, *ROWS]).encode()) + b"\n" * 4
     with pytest.raises(RecordingError, match=words):
-        LineReader("stream").cells(raw, ended=True)
+        TextStream("stream").samples(raw, ended=True)
 
 
 def test_too_little():
     """Assert that a stream that ends at once is said to."""
     with pytest.raises(RecordingError, match="ended before"):
-        LineReader("stream").cells(b"time,motor_torque\n1,2\n", ended=True)
+        TextStream("stream").samples(b"time,motor_torque\n1,2\n", ended=True)
 
 
 def test_sample_time():

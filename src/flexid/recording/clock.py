@@ -8,6 +8,8 @@ are numbers that count from long ago, as integers or as decimals.
 from __future__ import annotations
 
 import re
+from collections import Counter
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexid.errors import RecordingError
+from flexid.recording.table import is_number
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import polars
     from numpy.typing import NDArray
 
@@ -108,31 +109,56 @@ class Clock:
         self._origin: int | None = None  # tick from which time stamps are counted
         self._origins: dict[str, Any] = {}  # by column, the number from which others are counted
         self._form: _Form | None = None
+        self._is_known = False  # whether the time is stamps of this form, or no stamps
+        self._keeps_form = False
         self._last: int | None = None  # tick of the last time of day
         self._days = 0  # midnights since the first one
 
+    def again(self, *, is_same: bool = False) -> Clock:
+        """A clock that goes on in another text, or in one without a header: it has the same form.
+
+        This one is not changed by that.
+        """
+        found = copy(self)
+        found._is_known, found._keeps_form = is_same and self._form is None, is_same
+        return found
+
     def stamped(self, table: Table, header: str) -> FloatArray | None:
-        """Seconds of a column of time stamps; None where it holds anything else."""
+        """Seconds of a column of time stamps; None where it holds anything else.
+
+        Of a stream NaN stands where a cell is none.
+        """
         import polars as pl
 
         column = table.frame[header]
         dtype = column.dtype
         if dtype == pl.String:
-            self._form = self._form or _first_form(column)
+            if not self._is_known:
+                self._take_form(column, is_stream=table.mark is not None)
             if self._form is None:
                 return None
-            ticks = self._form.ticks(column)
-            self._check(table, header, ticks)
-            found = ticks.to_numpy()
-            return self._seconds(found if self._form.date else self._over_midnight(found), 10**9)
-        if not isinstance(dtype, pl.Datetime | pl.Duration | pl.Time):
+            ticks, per_second, is_of_day = self._form.ticks(column), 10**9, not self._form.date
+        elif isinstance(dtype, pl.Datetime | pl.Duration | pl.Time):
+            ticks, is_of_day = column.to_physical(), isinstance(dtype, pl.Time)
+            per_second = 10**9 if isinstance(dtype, pl.Time) else _PER_SECOND[dtype.time_unit]
+        else:
             return None
-        ticks = column.to_physical()
-        self._check(table, header, ticks)
-        found = ticks.to_numpy()
-        if isinstance(dtype, pl.Time):
-            return self._seconds(self._over_midnight(found), 10**9)
-        return self._seconds(found, _PER_SECOND[dtype.time_unit])
+        if table.mark is None:
+            self._check(table, header, ticks)
+        seconds = np.full(len(ticks), np.nan)
+        found = ticks.drop_nulls().to_numpy()
+        found = self._over_midnight(found) if is_of_day else found
+        seconds[ticks.is_not_null().to_numpy()] = self._seconds(found, per_second)
+        return seconds
+
+    def _take_form(self, column: polars.Series, *, is_stream: bool) -> None:
+        """Decide how the stamps are written: as the first cell; of a stream, as most."""
+        found = (_usual_form if is_stream else _first_form)(column)
+        if found is None and self._keeps_form:
+            return
+        if found != self._form:
+            self._form, self._last, self._days = found, None, 0
+        self._is_known = found is not None or is_stream
 
     def numbers(self, table: Table, header: str, scale: float) -> FloatArray:
         """Numbers of a column of so many s each, from the first one on where that is long ago."""
@@ -150,22 +176,6 @@ class Clock:
         if not origin:
             return table.numbers(header)
         return np.require((exact - origin).cast(pl.Float64).to_numpy(), np.float64, "W")
-
-    def of_cells(self, cells: Sequence[bytes]) -> FloatArray:
-        """Seconds of some time stamps as they came; NaN where one is none."""
-        import polars as pl
-
-        column = pl.Series("time", [cell.decode("utf-8", "replace") for cell in cells], pl.String)
-        seconds = np.full(len(cells), np.nan)
-        self._form = self._form or _first_form(column)
-        if self._form is None:
-            return seconds
-        ticks = self._form.ticks(column)
-        is_one = ticks.is_not_null().to_numpy()
-        found = ticks.drop_nulls().to_numpy()
-        found = found if self._form.date else self._over_midnight(found)
-        seconds[is_one] = self._seconds(found, 10**9)
-        return seconds
 
     def _seconds(self, ticks: NDArray[np.int64], per_second: int) -> FloatArray:
         """Ticks as s since the first of all, exact where they are not centuries apart."""
@@ -214,6 +224,17 @@ def _first_form(column: polars.Series) -> _Form | None:
         if cell is not None and cell.strip():
             return _Form.of(cell.strip())
     return None
+
+
+def _usual_form(column: polars.Series) -> _Form | None:
+    """How most cells are written that are time stamps, if these are more than the numbers.
+
+    A stream may be joined in the midst of a stamp, or begin before its clock is set.
+    """
+    cells = [cell for cell in column if cell is not None]
+    forms = Counter(form for form in map(_Form.of, cells) if form is not None)
+    is_stamped = forms.total() > sum(map(is_number, cells))
+    return max(forms, key=lambda form: forms[form]) if is_stamped else None
 
 
 def _exact(table: Table, header: str) -> polars.Series | None:

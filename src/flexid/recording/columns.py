@@ -62,23 +62,29 @@ class _Plan:
 
 
 def read_channels(
-    table: Table, columns: MapSource | None, clock: Clock | None = None
+    table: Table, columns: MapSource | None
 ) -> tuple[dict[str, Channel], tuple[str, ...]]:
     """Channels of a table in SI units by canonical name, and warnings."""
-    recipes, warnings = _recipes(table, columns)
-    clock = clock or Clock()
-    return {name: made(table, name, recipe, clock) for name, recipe in recipes.items()}, warnings
+    recipes, warnings = recipes_of(table, columns)
+    return channels_of(table, recipes, Clock()), warnings
+
+
+def channels_of(table: Table, recipes: Mapping[str, Recipe], clock: Clock) -> dict[str, Channel]:
+    """Channels of a table, or of a part of one, by recipes of its names."""
+    return {name: made(table, name, recipe, clock) for name, recipe in recipes.items()}
 
 
 def sources(
     table: Table, columns: MapSource | None
 ) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
     """Headers that each channel is read from, and warnings, from the names alone."""
-    recipes, warnings = _recipes(table, columns)
+    recipes, warnings = recipes_of(table, columns)
     return {name: (*recipe.weights,) for name, recipe in recipes.items()}, warnings
 
 
-def _recipes(table: Table, columns: MapSource | None) -> tuple[dict[str, Recipe], tuple[str, ...]]:
+def recipes_of(
+    table: Table, columns: MapSource | None
+) -> tuple[dict[str, Recipe], tuple[str, ...]]:
     """How each channel that is read is made, and warnings."""
     column_map = None
     if columns is not None:

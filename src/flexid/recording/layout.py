@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from flexid.errors import RecordingError
 from flexid.recording.clock import is_stamp
 from flexid.recording.names import split_header
-from flexid.recording.table import EXAMPLE
+from flexid.recording.table import EXAMPLE, is_number
 from flexid.recording.units import is_usual
 
 SEPARATORS = "\t;|,"  # in the order in which a row of numbers is split: a comma may be a decimal's
@@ -18,9 +18,6 @@ BLANK = " "  # the separator where columns are separated by any number of blanks
 COMMENTS = ("#", "%", "//")
 LONGEST_PREAMBLE = 1_000  # lines that may stand before the numbers, of a megabyte in all
 LONGEST_LINE = 1_000_000  # bytes
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
-
-
 _DATE_AND_BLANKS = re.compile(r"\s*[\d./-]{8,10} \d\d?:\d\d:[\d.,]{2,20}\S{0,9}\s+[+-]?[\d.]")
 
 
@@ -34,7 +31,6 @@ class Layout:
     first_line: int  # of the values
     start: int  # where that line begins, in bytes
     skipped: tuple[int, int] | tuple[()] = ()  # lines of a preamble that is no comment
-    stamped: tuple[int, ...] = ()  # columns of time stamps; of a stream alone
 
 
 @dataclass(frozen=True)
@@ -47,11 +43,6 @@ class _Line:
     @property
     def is_comment(self) -> bool:
         return self.text.lstrip(' "').startswith(COMMENTS)
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell is a number, with a decimal point or a decimal comma, finite or not."""
-    return _NUMBER.fullmatch(cell.strip()) is not None
 
 
 def layout_of(file: str, text: bytes) -> Layout:

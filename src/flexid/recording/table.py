@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import polars
+    from numpy.typing import NDArray
 
     from flexid.arrays import FloatArray
 
@@ -31,7 +32,43 @@ _GROUPED = (  # 1'234.5, 1 234,5, 1,234.5, 1.234,5
 )
 _DATE = r"\d{4}[-/]\d\d|\d{8}T|\d\d?[-:./]\d\d?[-:./]\d\d|\d+:\d\d|\d+ days? "
 _FORTRAN = r"^([^a-zA-Z]*\d)[dD]([+-]?\d+)$"  # 1.5D-03
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.I)
 _TIME_REMEDY = f"the time may be seconds, or stamps such as {EXAMPLE}"
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a decimal point or a decimal comma, finite or not."""
+    return _NUMBER.fullmatch(cell.strip()) is not None
+
+
+def decimal_mark(frame: polars.DataFrame) -> str:
+    """The decimal mark of cells that are text; empty where no number shows it.
+
+    A point decides, before any comma; a comma that may stand between thousands decides nothing.
+    """
+    points, commas = _marks(frame)
+    return "." if points.any() else "," if commas.any() else ""
+
+
+def first_mark(frame: polars.DataFrame) -> int:
+    """The first row whose numbers show their decimal mark; the number of rows if none does."""
+    shown = np.logical_or(*_marks(frame))
+    return int(np.argmax(shown)) if shown.any() else frame.height
+
+
+def _marks(frame: polars.DataFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """In which rows a number has a decimal point, and a comma that is surely a decimal's."""
+    import polars as pl
+
+    points, commas = np.zeros((2, frame.height), dtype=np.bool_)
+    for column in frame:
+        if column.dtype == pl.String:
+            text = column.str.strip_chars().fill_null("")
+            points |= text.str.contains(DECIMAL_POINT).to_numpy()
+            if text.str.contains(",", literal=True).any():
+                comma = text.str.contains(DECIMAL_COMMA) & ~text.str.contains(THOUSANDS)
+                commas |= comma.to_numpy()
+    return points, commas
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +84,8 @@ class Table:
     warnings: tuple[str, ...] = ()  # what was not read of it
     short: Mapping[str, str] = field(default_factory=dict)  # ends of paths that name a channel
     kinds: Mapping[str, str] = field(default_factory=dict)  # type and length of what it holds
+    # of a part of a stream, whose cells may be no numbers: its decimal mark, as far as it is known
+    mark: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -69,7 +108,10 @@ class Table:
         return f"{self.row_word} {self.first_row + index}, column {name!r}"
 
     def numbers(self, name: str) -> FloatArray:
-        """A column as finite numbers, shape (n,); raise with the first cell that is none."""
+        """A column as finite numbers, shape (n,); raise with the first cell that is none.
+
+        Of a stream such a cell is NaN, or as it stands there.
+        """
         import polars as pl
 
         column = self.frame[name]
@@ -79,41 +121,39 @@ class Table:
         if self.row_word == "row" and not column.dtype.is_numeric():
             raise self._not_numeric(name, f"values of type {column.dtype}")
         column = column.str.strip_chars() if is_text else column
+        if self.mark == ",":  # a point stands between thousands
+            column = column.str.replace(".", "?", literal=True)
         numbers = column.cast(pl.Float64, strict=False)
         if is_text and numbers.null_count() > column.null_count():
             column = column.str.replace(_FORTRAN, "${1}e$2")
             if self.has_decimal_commas:
                 column = column.str.replace(",", ".", literal=True)
             numbers = column.cast(pl.Float64, strict=False)
-        values = numbers.to_numpy()
+        values = np.require(numbers.to_numpy(), np.float64, "W")
+        if self.mark is not None:
+            return values
         with np.errstate(all="ignore"):  # of numbers too large to be added
             total = values.sum()
         # It is finite only if all numbers are, and faster than asking each.
         if not (np.isfinite(total) or np.isfinite(values).all()):
-            bad = np.flatnonzero(~np.isfinite(values))
-            index, more = int(bad[0]), len(bad) - 1
-            cell = self.frame[name][index]
-            reason = _bad_cell(cell)
-            if isinstance(cell, str) and cell.strip() == name:
-                reason = "the header stands here once more: remove the line"
-            if more and reason.endswith("remove the row"):
-                reason += f", and {more} more of the column that are no numbers"
-            raise RecordingError(self.file, self.place(index, name), reason)
-        return np.require(values, np.float64, "W")
+            raise self._no_number(name, np.flatnonzero(~np.isfinite(values)))
+        return values
 
     @cached_property
     def has_decimal_commas(self) -> bool:
-        """Whether the numbers of a text have decimal commas.
+        """Whether the numbers of a text have decimal commas."""
+        return (decimal_mark(self.frame) if self.mark is None else self.mark) == ","
 
-        No number has a point then, and some commas cannot stand between thousands.
-        """
-        import polars as pl
-
-        texts = [c.str.strip_chars() for c in self.frame if c.dtype == pl.String]
-        if any(text.str.contains(DECIMAL_POINT).any() for text in texts):
-            return False
-        commas = [text.filter(text.str.contains(DECIMAL_COMMA)) for text in texts]
-        return not all(text.str.contains(THOUSANDS).all() for text in commas)
+    def _no_number(self, name: str, bad: NDArray[np.intp]) -> RecordingError:
+        """What is wrong with the first of some cells."""
+        index, more = int(bad[0]), len(bad) - 1
+        cell = self.frame[name][index]
+        reason = _bad_cell(cell)
+        if isinstance(cell, str) and cell.strip() == name:
+            reason = "the header stands here once more: remove the line"
+        if more and reason.endswith("remove the row"):
+            reason += f", and {more} more of the column that are no numbers"
+        return RecordingError(self.file, self.place(index, name), reason)
 
     def _not_numeric(self, name: str, found: str) -> RecordingError:
         remedy = "floating-point numbers"

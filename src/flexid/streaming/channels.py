@@ -29,8 +29,8 @@ class StreamChannels:
 
 def chosen_channels(
     source: str, channels: Mapping[str, Channel], warnings: tuple[str, ...], model: str = "auto"
-) -> tuple[list[Channel], StreamChannels]:
-    """The channels of a sample, in its order: time, positions, input."""
+) -> tuple[list[str], StreamChannels]:
+    """The names of a sample's channels, in its order: time, positions, input; what they are."""
     drive = next((name for name in INPUTS if name in channels), None)
     link = next((name for name in ("deflection", "link_position") if name in channels), None)
     kind = model
@@ -47,12 +47,11 @@ def chosen_channels(
         raise RecordingError(
             source, "link position", "is not among the columns: send it too, or --model rigid"
         )
-    names = ["time", "motor_position"] if kind == "rigid" else ["time", link, "motor_position"]
+    names = ["time", "" if kind == "rigid" else link, "motor_position"]
     names += [drive] * (kind != "link")
-    chosen = [channels[name] for name in names if name is not None]
     unit = channels[drive].unit if drive is not None and kind != "link" else ""
     from_deflection = kind != "rigid" and link == "deflection"
     gear = channels["motor_position"].origin.gear_ratio
     turn = TURN / abs(gear) if gear else 0.0
     meant = StreamChannels(kind, unit, from_deflection, warnings, turn)  # type: ignore[arg-type]
-    return chosen, meant
+    return [name for name in names if name], meant

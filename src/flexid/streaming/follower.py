@@ -18,7 +18,7 @@ from flexid.streaming.options import WatchOptions, options_of_stream, wanted_kin
 from flexid.streaming.read_before import ReadBefore
 from flexid.streaming.session import Session
 from flexid.streaming.sources import Datagrams, open_source
-from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, LineReader, sample_time_of
+from flexid.streaming.text_stream import HEAD_LINES, LINES_FOR_LAYOUT, TextStream, sample_time_of
 
 _SAME = 1e-3  # relative difference of sample times of one stream
 
@@ -104,8 +104,10 @@ class Follower:
             )
         known = self._chosen.get("sample_time") is not None
         fewest = LINES_FOR_LAYOUT if known else HEAD_LINES
-        lines = LineReader(source.name, self._header, fewest)
-        return TextSamples(source, lines, self._map, self._kind)
+        text = TextStream(
+            source.name, self._map, model=self._kind, header=self._header, fewest=fewest
+        )
+        return TextSamples(source, text)
 
     def turns(self, every: float) -> Generator[bool]:
         """Take in what comes, until the source ends."""

@@ -1,7 +1,6 @@
 """Samples as they come: from lines of text, or from a whole log that is played again."""
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -13,18 +12,12 @@ from flexid.files import shown
 from flexid.readers.formats import format_of
 from flexid.recording.clock import Clock
 from flexid.recording.column_map import MapSource
-from flexid.recording.columns import read_channels
+from flexid.recording.columns import channels_of, recipes_of
 from flexid.recording.series import tables_of_file
 from flexid.streaming.channels import StreamChannels, chosen_channels
 from flexid.streaming.pace import LONGEST_WAIT, Pace
 from flexid.streaming.sources import TURN, Source
-from flexid.streaming.text_stream import (
-    LINES_FOR_LAYOUT,
-    LineReader,
-    StreamColumns,
-    TextBefore,
-    stream_columns,
-)
+from flexid.streaming.text_stream import TextStream
 
 BLOCK = 65_536
 """Rows of a log that are read at once."""
@@ -65,26 +58,21 @@ class Incoming(Protocol):
 class TextSamples:
     """Samples from lines of text."""
 
-    def __init__(
-        self,
-        source: Source,
-        lines: LineReader,
-        column_map: MapSource | None,
-        model: str = "auto",
-    ) -> None:
+    def __init__(self, source: Source, text: TextStream) -> None:
         self.name = source.name
-        self._source, self._lines, self._map = source, lines, column_map
-        self._model = model
-        self._columns: StreamColumns | None = None
+        self._source, self._text = source, text
         self._ended = False
-        self.channels: StreamChannels | None = None
-        """What the header says."""
         self.warnings: tuple[str, ...] = ()
 
     @property
     def begins(self) -> bool:
         """Whether the source does."""
         return self._source.begins
+
+    @property
+    def channels(self) -> StreamChannels | None:
+        """What the header says."""
+        return self._text.channels
 
     def read(self, *, last: bool) -> FloatArray | None:
         """Samples of the lines that came."""
@@ -99,58 +87,28 @@ class TextSamples:
                 f"it cannot be read on ({error.strerror}): check the disk or the connection",
             ) from error
         if self.begins:
-            self._begin_anew()
+            self._warn("it was rewritten, and is read from its beginning")
+            self._warn_of_rest()
+            self._text = self._text.next()
         self._ended = data is None or last
-        cells = self._lines.cells(data or b"", ended=self._ended)
+        samples = self._text.samples(data or b"", ended=self._ended)
         if data is None:
             self._warn_of_rest()
-        if cells is None:
-            if self._lines.left_out:
-                self._warn(
-                    f"{self.name}: it ended before another header and three samples, "
-                    f"and what came is left out"
-                )
-            return np.empty((0, 0))
-        if self._columns is None:
-            assert self._lines.layout is not None
-            self._columns = stream_columns(self.name, self._lines.layout, self._map, self._model)
-            self._check_same(self._columns.channels)
-            self._lines.check_head(self._columns, self._map)
-            self.channels = self._columns.channels
-        return self._columns.samples(cells)
-
-    def _begin_anew(self) -> None:
-        """Expect a header again, or more rows of numbers."""
-        self._warn(f"{self.name}: it was rewritten, and is read from its beginning")
-        self._warn_of_rest()
-        old = self._lines
-        fewest = min(old.fewest, LINES_FOR_LAYOUT) if old.rows else old.fewest
-        before = old.before
-        if old.rows is not None and self._columns is not None:
-            before = TextBefore(old.rows, self._columns.used)
-        self._lines = LineReader(self.name, old.header, fewest, before)
-        self._columns = None
+        if self._text.left_out:
+            self._warn(
+                "it ended before another header and three samples, and what came is left out"
+            )
+        return np.empty((0, 0)) if samples is None else samples
 
     def _warn_of_rest(self) -> None:
-        if self._lines.rest.strip():
+        if self._text.rest.strip():
             self._warn(
-                f"{self.name}: its last line has no end, so it may be half a sample, and is left "
-                f"out: end each line"
+                "its last line has no end, so it may be half a sample, and is left out: end each "
+                "line"
             )
 
-    def _warn(self, sentence: str) -> None:
-        self.warnings = tuple(dict.fromkeys((*self.warnings, sentence)))
-
-    def _check_same(self, now: StreamChannels) -> None:
-        """Raise where another text of the same source holds something else."""
-        was = self.channels
-        if was is not None and replace(was, warnings=()) != replace(now, warnings=()):
-            raise RecordingError(
-                self.name,
-                "",
-                f"it was rewritten with {now.words} where there was {was.words}: watch it as "
-                f"another stream",
-            )
+    def _warn(self, what: str) -> None:
+        self.warnings = tuple(dict.fromkeys((*self.warnings, f"{self.name}: {what}")))
 
     def close(self) -> None:
         """Close the source."""
@@ -169,14 +127,16 @@ class Replay:
         self, path: Path, column_map: MapSource | None, *, at_once: bool, model: str = "auto"
     ) -> None:
         self.name = shown(path)
-        self._map, self._model, self._at_once = column_map, model, at_once
+        self._at_once = at_once
         self._tables = tables_of_file(path, column_map, BLOCK)
         table = next(self._tables)
         self._clock = Clock(since_1970=True)
-        channels, warnings = read_channels(table, column_map, self._clock)
+        recipes, warnings = recipes_of(table, column_map)
+        channels = channels_of(table, recipes, self._clock)
         self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
-        chosen, self.channels = chosen_channels(self.name, channels, self.warnings, model)
-        self._samples: FloatArray = np.column_stack([channel.values for channel in chosen])
+        names, self.channels = chosen_channels(self.name, channels, self.warnings, model)
+        self._recipes = {name: recipes[name] for name in names}
+        self._samples: FloatArray = np.column_stack([channels[name].values for name in names])
         self._pace = Pace()
         self._due = self._paced()
         self._begun = time.monotonic()
@@ -201,10 +161,9 @@ class Replay:
         table = next(self._tables, None)
         if table is None:
             return False
-        channels, _ = read_channels(table, self._map, self._clock)
         self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
-        chosen, _ = chosen_channels(self.name, channels, (), self._model)
-        self._samples = np.column_stack([channel.values for channel in chosen])
+        channels = channels_of(table, self._recipes, self._clock)
+        self._samples = np.column_stack([channel.values for channel in channels.values()])
         self._due = self._paced()
         self._taken = 0
         return True

@@ -1,34 +1,44 @@
 """From bytes as they come to samples in SI units: lines of numbers, with columns as in a log.
 
 Header, units, separators and column maps are those of a log's text; the stream's first lines decide
-on them, and on the sample time. A line that is no row of numbers becomes a sample without any,
-which is counted.
+on them, and on the sample time. A cell that is no number makes a sample without that number, which
+is counted.
 """
 
-from dataclasses import dataclass, field, replace
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
-from flexid.recording.channel import Channel
-from flexid.recording.clock import is_stamp
-from flexid.recording.column_map import MapSource
-from flexid.recording.columns import read_channels
+from flexid.recording.clock import Clock, is_stamp
+from flexid.recording.columns import channels_of, read_channels, recipes_of
 from flexid.recording.layout import (
     BLANK,
+    COMMENTS,
     LONGEST_LINE,
     Layout,
     header_separator,
-    is_number,
     layout_of,
     split,
 )
 from flexid.recording.sampling import GAP, LONGEST_SAMPLE_TIME, SHORTEST_SAMPLE_TIME
-from flexid.recording.table import EXAMPLE, Table
+from flexid.recording.table import Table, decimal_mark, first_mark, is_number
 from flexid.recording.text import UTF_16, as_utf_8, read_text
 from flexid.streaming.channels import StreamChannels, chosen_channels
-from flexid.streaming.text_rows import RowReader, mark_of, stamped_in
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import polars
+
+    from flexid.arrays import FloatArray
+    from flexid.recording.channel import Channel
+    from flexid.recording.column_map import MapSource
+    from flexid.recording.si_channels import Recipe
 
 HEAD_LINES = 200
 """Lines at the beginning from which layout and sample time are taken."""
@@ -39,154 +49,188 @@ LINES_FOR_LAYOUT = 8
 FEWEST_LINES = 4
 """The fewest of them: a header and three samples, where the stream has ended."""
 
+_COMMENTS = tuple(mark.encode() for mark in COMMENTS)
+_EMPTY = r"(?i)^\s*([+-]*nan)?\s*$"
 
-@dataclass(frozen=True, eq=False)
-class StreamColumns:
-    """What a stream's columns are: samples are ``weights @ cells + offsets``."""
 
-    # (n_values, n_columns): in SI units; the values are time, positions and input
-    weights: FloatArray
-    offsets: FloatArray  # (n_values,)
-    channels: StreamChannels  # what the values are
+class _Rows:
+    """Lines of numbers as samples, by what the columns are; another text may go on so."""
+
+    def __init__(self, source: str, layout: Layout, clock: Clock) -> None:
+        self._source, self._layout, self._clock = source, layout, clock
+        self.mark = ""
+        """Of decimals; empty until a number shows it, and then of what follows."""
+        self.recipes: dict[str, Recipe] = {}
+        """Of the channels of a sample, in its order."""
+
+    def again(self) -> _Rows:
+        """What reads another text that is written in the same way."""
+        rows = copy(self)
+        rows._clock = self._clock.again(is_same=True)
+        return rows
 
     @property
-    def used(self) -> list[int]:
-        """The columns of which any value is made."""
-        return np.flatnonzero(self.weights.any(axis=0)).tolist()
+    def clock(self) -> Clock:
+        """A clock that goes on in another text, with a header of its own."""
+        return self._clock.again()
 
-    def samples(self, cells: FloatArray) -> FloatArray:
-        """Samples, shape (n, n_values), from cells, shape (n, n_columns)."""
-        samples = np.empty((len(cells), len(self.weights)))
-        with np.errstate(all="ignore"):  # of numbers that no drive has, which the guard refuses
-            for place, weights in enumerate(self.weights):
-                used = weights != 0.0  # a bad cell elsewhere does no harm
-                samples[:, place] = cells[:, used] @ weights[used] + self.offsets[place]
-        return samples
+    def samples(self, lines: list[bytes]) -> FloatArray:
+        """Samples of lines that are not empty nor comments, shape (n, n_channels)."""
+        frame = self.frame(lines)
+        row = frame.height if self.mark else first_mark(frame)
+        before = self.stacked(self.channels(self.table(frame[:row])))
+        if row == frame.height:
+            return before
+        self.mark = decimal_mark(frame[row : row + 1])
+        return np.concatenate((before, self.stacked(self.channels(self.table(frame[row:])))))
+
+    def stacked(self, channels: Mapping[str, Channel]) -> FloatArray:
+        """Channels as samples."""
+        return np.column_stack([channels[name].values for name in self.recipes])
+
+    def channels(self, table: Table) -> dict[str, Channel]:
+        """Channels of some cells; NaN where a cell is no number."""
+        return channels_of(table, self.recipes, self._clock)
+
+    def table(self, frame: polars.DataFrame) -> Table:
+        """Some cells, as columns of the stream."""
+        header, first = f"line {self._layout.header_line}", self._layout.first_line
+        return Table(self._source, header, first, "line", frame, "", mark=self.mark)
+
+    def frame(self, lines: list[bytes]) -> polars.DataFrame:
+        """Cells of lines that are not empty nor comments; a line that is no row has none."""
+        import polars as pl
+
+        names = self._layout.names
+        rows = [self._cells(line) for line in lines if _may_be_row(line)]
+        columns = zip(*rows, strict=True) if rows else [()] * len(names)
+        return pl.DataFrame(
+            [pl.Series(name, cells, pl.String) for name, cells in zip(names, columns, strict=True)]
+        )
+
+    def _cells(self, line: bytes) -> Sequence[str | None]:
+        separator, count = self._layout.separator, len(self._layout.names)
+        text = line.decode("utf-8", "replace").rstrip("\r\n").replace("\N{MINUS SIGN}", "-")
+        if '"' in text:
+            cells = [cell.strip('"') for cell in split(text, separator)]
+        else:
+            cells = text.split(None if separator == BLANK else separator)
+        return cells if len(cells) == count else [None] * count
+
+    def most_are_rows(self, table: Table, channels: Mapping[str, Channel]) -> bool:
+        """Whether half of some lines or more have numbers, or nothing, in the columns that count.
+
+        Numbers that are not finite are such: something else is wrong there.
+        """
+        fitting = np.ones(table.frame.height, dtype=np.bool_)
+        for name, recipe in self.recipes.items():
+            cells = [table.frame[header] for header in recipe.weights]
+            empty = [cell.str.contains(_EMPTY).fill_null(False).to_numpy() for cell in cells]
+            fitting &= ~np.isnan(channels[name].values) | np.any(empty, axis=0)
+        return bool(2 * np.count_nonzero(fitting) >= len(fitting))
 
 
-def stream_columns(
-    source: str, layout: Layout, column_map: MapSource | None, model: str = "auto"
-) -> StreamColumns:
-    """Decide what the columns of a stream are, exactly as for a log."""
-    import polars as pl
+class TextStream:
+    """Samples from bytes as they come."""
 
-    names = layout.names
-    stamps = {names[column] for column in layout.stamped}
-    frame = pl.DataFrame({name: [EXAMPLE if name in stamps else "0"] for name in names})
-    table = Table(source, f"line {layout.header_line}", layout.first_line, "line", frame, "")
-    channels, warnings = read_channels(table, column_map)
-    chosen, meant = chosen_channels(source, channels, warnings, model)
-    return StreamColumns(
-        np.array([_weights(channel, names) for channel in chosen]),
-        np.array([channel.origin.offset for channel in chosen]),
-        meant,
-    )
+    def __init__(
+        self,
+        source: str,  # for messages
+        column_map: MapSource | None = None,
+        *,
+        model: str = "auto",  # of the joint
+        header: str | None = None,  # names of columns, where the stream does not begin with them
+        fewest: int = HEAD_LINES,  # lines that are waited for before the layout is decided
+        before: TextStream | None = None,  # the text that this one follows
+    ) -> None:
+        self._source, self._map, self._model, self._header = source, column_map, model, header
+        self._before: _Rows | None = None if before is None else before.rows or before._before
+        self._fewest = fewest
+        self.rows: _Rows | None = None
+        """What reads the rows, as soon as it is known what the columns are."""
+        self.channels: StreamChannels | None = None
+        """What the values of a sample are, as soon as that is known."""
+        self.left_out = 0
+        """Lines at the end that were too few to say what their columns are."""
+        self.rest = b""
+        """The line that has not ended yet."""
+        if before is not None:
+            self.channels = before.channels
+        self._first = [] if header is None else [header.strip(" \r\n").encode()]
 
+    def next(self) -> TextStream:
+        """What reads a text that follows this one, with a header or without."""
+        fewest = min(self._fewest, LINES_FOR_LAYOUT) if self.rows else self._fewest
+        return TextStream(
+            self._source,
+            self._map,
+            model=self._model,
+            header=self._header,
+            fewest=fewest,
+            before=self,
+        )
 
-def _weights(channel: Channel, names: tuple[str, ...]) -> list[float]:
-    origin = channel.origin
-    return [origin.factor * origin.columns.get(name, 0.0) for name in names]
-
-
-@dataclass(frozen=True)
-class TextBefore:
-    """The text that another one follows, maybe without a header of its own."""
-
-    rows: RowReader  # what read it
-    used: list[int]  # columns that have to hold numbers
-
-
-@dataclass
-class LineReader:
-    """Cells from bytes as they come."""
-
-    source: str  # for messages
-    header: str | None = None  # names of the columns, where the stream does not begin with them
-    fewest: int = HEAD_LINES  # lines that are waited for before the layout is decided
-    before: TextBefore | None = None  # the text that this one follows
-    rows: RowReader | None = None  # what reads them, as soon as there is a layout
-    left_out: int = 0  # lines at the end that were too few to say what their columns are
-    head: bytes = b""  # the lines by which that was decided, as text in UTF-8
-    _rest: bytes = b""
-    _first: list[bytes] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        if self.header is not None:
-            self._first.append(self.header.strip(" \r\n").encode())
-
-    def cells(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
-        """Cells of the lines that are complete, shape (n, n_columns); None until there is a layout.
+    def samples(self, data: bytes, *, ended: bool = False) -> FloatArray | None:
+        """Samples of complete lines, shape (n, n_values); None until the columns are known.
 
         A text that follows another and ends too soon has none: see `left_out`.
         """
-        if len(self._rest) > LONGEST_LINE:
+        if len(self.rest) > LONGEST_LINE:
             raise RecordingError(
-                self.source,
+                self._source,
                 "",
                 f"a line has more than {LONGEST_LINE} bytes: send one line for each sample",
             )
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if ended and self._rest.endswith(b"\r"):
-            lines.append(self._rest)
-            self._rest = b""
-        if self.rows is None:
-            self._first += lines
-            if len(self._first) < self.fewest and not ended:
-                return None
-            if len(self._first) < FEWEST_LINES and not self._goes_on_with(self._first):
-                if self.before is not None:
-                    self.left_out = len(self._first)
-                    return None
-                raise RecordingError(
-                    self.source, "", "it ended before a header and three samples had come"
-                )
-            lines, self._first = self._first, []
-            self.rows, lines = self._begun(lines)
-        return self.rows.numbers(lines)
+        *lines, self.rest = (self.rest + data).split(b"\n")
+        if ended and self.rest.endswith(b"\r"):
+            lines.append(self.rest)
+            self.rest = b""
+        if self.rows is not None:
+            return self.rows.samples(lines)
+        self._first += lines
+        if len(self._first) < self._fewest and not ended:
+            return None
+        if self._before is not None and self._goes_on(self._before):
+            self.rows = self._before.again()
+            return self.rows.samples(self._first)
+        if len(self._first) >= FEWEST_LINES:
+            return self._begun(self._first)
+        if self._before is None:
+            raise RecordingError(
+                self._source, "", "it ended before a header and three samples had come"
+            )
+        self.left_out = len(self._first)
+        return None
 
-    @property
-    def layout(self) -> Layout | None:
-        """Names and their place, as soon as they are known."""
-        return None if self.rows is None else self.rows.layout
-
-    def check_head(self, columns: StreamColumns, column_map: MapSource | None) -> None:
-        """Raise as for a log, where most of the first lines are no rows of numbers."""
-        rows = self.rows
-        if rows is None or not self.head:
-            return
-        lines = self.head[rows.layout.start :].split(b"\n")
-        if not rows.most_are_rows(lines, columns.used):
-            layout, frame = read_text(self.source, self.head)
-            place = f"line {layout.header_line}"
-            table = Table(self.source, place, layout.first_line, "line", frame, "")
-            read_channels(table, column_map)
-        self.head = b""
-
-    @property
-    def rest(self) -> bytes:
-        """The line that has not ended yet."""
-        return self._rest
-
-    def _begun(self, lines: list[bytes]) -> tuple[RowReader, list[bytes]]:
-        """What reads the rows, by the first lines, and those of them that hold numbers."""
-        if self.before is not None and self._goes_on_with(lines):
-            return self.before.rows.again(), lines
-        if self.header is not None:
-            self._check_own_header(self.header, lines[1])
-            if _is_part(*lines[1:3], header=self.header):
+    def _begun(self, lines: list[bytes]) -> FloatArray:
+        """Decide by the first lines what the columns are, and read the samples among them."""
+        if self._header is not None:
+            self._check_own_header(self._header, lines[1])
+            if _is_part(*lines[1:3], header=self._header):
                 del lines[1]
         text = b"\n".join(lines) + b"\n"
         if text.startswith(UTF_16):
-            raise RecordingError(self.source, "", "the text is in UTF-16: send it in UTF-8")
-        text = as_utf_8(self.source, text)
-        layout = layout_of(self.source, text)
+            raise RecordingError(self._source, "", "the text is in UTF-16: send it in UTF-8")
+        text = as_utf_8(self._source, text)
+        layout = layout_of(self._source, text)
         # The rest of them may come now or later: nothing may depend on that.
-        self.head = b"\n".join(text.split(b"\n")[: self.fewest]) + b"\n"
-        first = self.head[layout.start :].split(b"\n")
-        layout = replace(layout, stamped=stamped_in(first, layout))
-        before = None if self.before is None else self.before.rows
-        rows = RowReader(layout, mark_of(first, layout), before)
-        return rows, text[layout.start :].split(b"\n")
+        head = b"\n".join(text.split(b"\n")[: self._fewest]) + b"\n"
+        clock = Clock(since_1970=True) if self._before is None else self._before.clock
+        self.rows = rows = _Rows(self._source, layout, clock)
+        frame = rows.frame(head[layout.start :].split(b"\n"))
+        rows.mark = decimal_mark(frame)
+        table = rows.table(frame)
+        rows.recipes, warnings = recipes_of(table, self._map)
+        channels = rows.channels(table)
+        names, meant = chosen_channels(self._source, channels, warnings, self._model)
+        self._check_same(meant)
+        self.channels = meant
+        rows.recipes = {name: rows.recipes[name] for name in names}
+        if not rows.most_are_rows(table, channels):
+            self._refuse(head)
+        return np.concatenate(
+            (rows.stacked(channels), rows.samples(text[len(head) :].split(b"\n")))
+        )
 
     def _check_own_header(self, header: str, first: bytes) -> None:
         """Raise where the stream begins with names, though others are given."""
@@ -195,18 +239,39 @@ class LineReader:
         numbers = sum(is_number(name) or is_stamp(name) or not name for name in names)
         if len(names) == len(split(header, separator)) and not numbers:
             raise RecordingError(
-                self.source,
+                self._source,
                 "line 1",
                 f"it begins with column names of its own, {', '.join(names)}, and others are given "
                 f"as its header: leave the header out, or give the names in a column map",
             )
 
-    def _goes_on_with(self, lines: list[bytes]) -> bool:
-        """Whether lines begin with a row of the text before: with no names where numbers stood."""
-        if self.before is None:
-            return False
-        first = self.before.rows.again().numbers(lines[: self.fewest])[:1, self.before.used]
+    def _check_same(self, now: StreamChannels) -> None:
+        """Raise where the text before of the same source holds something else."""
+        was = self.channels
+        if was is not None and replace(was, warnings=()) != replace(now, warnings=()):
+            raise RecordingError(
+                self._source,
+                "",
+                f"it was rewritten with {now.words} where there was {was.words}: watch it as "
+                f"another stream",
+            )
+
+    def _refuse(self, head: bytes) -> None:
+        """Raise as for a log, as most of the first lines are no rows of numbers."""
+        layout, frame = read_text(self._source, head)
+        header = f"line {layout.header_line}"
+        read_channels(Table(self._source, header, layout.first_line, "line", frame, ""), self._map)
+
+    def _goes_on(self, before: _Rows) -> bool:
+        """Whether it begins with a row of the text before: with no names where numbers stood."""
+        first = before.again().samples(self._first[: self._fewest])[:1]
         return bool(first.size and np.isfinite(first).all())
+
+
+def _may_be_row(line: bytes) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    stripped = line.strip()
+    return bool(stripped) and not stripped.startswith(_COMMENTS)
 
 
 def _is_part(line: bytes, following: bytes, *, header: str) -> bool:
