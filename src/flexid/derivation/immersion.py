@@ -39,23 +39,9 @@ _ABSOLUTE = 1e-13  # of the usual size of r: what is left where two terms cancel
 def immersion(
     regressor: sp.Expr, velocity: sp.Symbol, constants: Sequence[sp.Symbol] = ()
 ) -> tuple[sp.Expr, Kind]:
-    """Integrate a regressor over the velocity of its row, from zero.
+    """b = ∫₀^v r dξ, Huang (2003), eq. (2): a closed form, or an unevaluated integral.
 
-    Parameters
-    ----------
-    regressor : sympy.Expr
-        The basis function r.
-    velocity : sympy.Symbol
-        The row's velocity v.
-    constants : sequence of sympy.Symbol, optional
-        Symbols that stand for fixed numbers and may be taken to differ from zero.
-
-    Returns
-    -------
-    immersion : sympy.Expr
-        b = ∫₀^v r dξ, Huang (2003), eq. (2); an unevaluated `sympy.Integral` for quadrature.
-    kind : str
-        ``"closed form"`` or ``"quadrature"``.
+    The constants stand for fixed numbers and may be taken to differ from zero.
     """
     closed = _closed_form(regressor, velocity, constants)
     if closed is not None and _agrees(closed, regressor, velocity):

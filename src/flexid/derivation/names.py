@@ -8,13 +8,7 @@ from flexid.derivation.symbolic import symbol
 
 
 class FreshNames:
-    """Hands out names, each once, with underscores appended until they are free.
-
-    Parameters
-    ----------
-    taken : collection of str
-        Names already in use.
-    """
+    """Hands out names, each once, with underscores appended until they are free."""
 
     def __init__(self, taken: Collection[str]) -> None:
         self._taken = set(taken)

@@ -22,34 +22,16 @@ from flexid.models.parametric_system import ParametricSystem
 
 @dataclass(frozen=True)
 class ObserverRow:
-    """The observer of one row; every tuple has one entry per coefficient of the row.
-
-    Parameters
-    ----------
-    row : SymbolicRow
-        The row it belongs to.
-    gain : sympy.Symbol
-        c, a positive number.
-    immersion : tuple of sympy.Expr
-        b, where necessary an unevaluated integral.
-    kinds : tuple of str
-        ``"closed form"`` or ``"quadrature"``: how each b is evaluated.
-    cancelling : tuple of sympy.Expr
-        C.
-    intermediate : tuple of sympy.Symbol
-        The observer's states y.
-    estimates, errors : tuple of sympy.Symbol
-        p̂ and p̃ = p̂ - p.
-    """
+    """The observer of one row; every tuple has one entry per coefficient of the row."""
 
     row: SymbolicRow
-    gain: sp.Symbol
-    immersion: tuple[sp.Expr, ...]
-    kinds: tuple[Kind, ...]
-    cancelling: tuple[sp.Expr, ...]
-    intermediate: tuple[sp.Symbol, ...]
-    estimates: tuple[sp.Symbol, ...]
-    errors: tuple[sp.Symbol, ...]
+    gain: sp.Symbol  # c, a positive number
+    immersion: tuple[sp.Expr, ...]  # b, where necessary an unevaluated integral
+    kinds: tuple[Kind, ...]  # how each b is evaluated
+    cancelling: tuple[sp.Expr, ...]  # C
+    intermediate: tuple[sp.Symbol, ...]  # the observer's states y
+    estimates: tuple[sp.Symbol, ...]  # p̂
+    errors: tuple[sp.Symbol, ...]  # p̃ = p̂ - p
 
     @property
     def prediction(self) -> sp.Expr:
@@ -72,21 +54,11 @@ class ObserverRow:
 
 @dataclass(frozen=True)
 class SymbolicObserver:
-    """The parametric observer of a model.
-
-    Parameters
-    ----------
-    symbolic : SymbolicSystem
-        The model.
-    rows : tuple of ObserverRow
-        One per row of the model.
-    rates : tuple of sympy.Symbol
-        Symbols of the inputs' rates of change, one per input, whether needed or not.
-    """
+    """The parametric observer of a model."""
 
     symbolic: SymbolicSystem
     rows: tuple[ObserverRow, ...]
-    rates: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Symbol, ...]  # of the inputs, one each, whether needed or not
 
     @property
     def input_rates(self) -> tuple[sp.Symbol, ...]:
@@ -113,23 +85,8 @@ class SymbolicObserver:
 def derive_observer(system: ParametricSystem) -> SymbolicObserver:
     """Derive the observer of Huang (2003), eqs. (2)-(3), for a model.
 
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model.
-
-    Returns
-    -------
-    SymbolicObserver
-        Gains are named c1, c2, … and states y1, y2, … for the first row, z1, … for the second,
-        w1, … for the third; an underscore is appended where the model uses such a name itself.
-
-    Raises
-    ------
-    AccelerationError
-        If a regressor depends on the velocity of another row.
-    ModelError
-        If a regressor jumps with a coordinate or an input, or has no value at rest.
+    Gains are named c1, c2, ... and states y1, y2, ... for the first row, z1, ... for the second,
+    w1, ... for the third; an underscore is appended where the model uses such a name itself.
     """
     symbolic = symbolic_system(system)
     names = FreshNames([*system.variables, *system.coefficients])
@@ -142,18 +99,7 @@ def derive_observer(system: ParametricSystem) -> SymbolicObserver:
 
 
 def check_acceleration_free(symbolic: SymbolicSystem) -> None:
-    """Raise `AccelerationError` unless the observer can be built from states and inputs.
-
-    Parameters
-    ----------
-    symbolic : SymbolicSystem
-        The model.
-
-    Raises
-    ------
-    AccelerationError
-        If a regressor depends on the velocity of another row.
-    """
+    """Raise `AccelerationError` unless the observer can be built from states and inputs."""
     for row in symbolic.rows:
         for coefficient, regressor in zip(row.coefficients, row.regressor, strict=True):
             _without_other_velocities(symbolic, row, str(coefficient), regressor)
@@ -163,17 +109,6 @@ def error_dynamics(observer: SymbolicObserver) -> tuple[tuple[sp.Expr, ...], ...
     """Differentiate the estimates along the model, eq. (1), and insert the update laws.
 
     Nothing of the design is presupposed: b is differentiated anew, by every state and input.
-
-    Parameters
-    ----------
-    observer : SymbolicObserver
-        The observer.
-
-    Returns
-    -------
-    tuple of tuple of sympy.Expr
-        p̃' per row and coefficient, in x, u, the true coefficients and the `errors`; by
-        Huang (2003), eq. (7) it equals -c r rᵀp̃.
     """
     symbolic = observer.symbolic
     moving = [*symbolic.states, *symbolic.inputs]

@@ -16,29 +16,14 @@ from flexid.derivation.observer import ObserverRow, SymbolicObserver
 
 @dataclass(frozen=True)
 class PrintableRow:
-    """The equations of one row.
-
-    Parameters
-    ----------
-    name : str
-        Name of the row.
-    gain : sympy.Symbol
-        c.
-    estimates : tuple of (sympy.Symbol, sympy.Symbol, sympy.Expr)
-        p̂, y and c b of ``p̂ = y + c b``.
-    abbreviation : sympy.Symbol
-        s.
-    meaning : sympy.Expr
-        What s stands for.
-    updates : tuple of (sympy.Symbol, sympy.Expr, sympy.Expr)
-        y, the product of regressor and prediction, and C, of ``y' = -c [product + C]``.
-    """
+    """The equations of one row."""
 
     name: str
-    gain: sp.Symbol
-    estimates: tuple[tuple[sp.Symbol, sp.Symbol, sp.Expr], ...]
-    abbreviation: sp.Symbol
-    meaning: sp.Expr
+    gain: sp.Symbol  # c
+    estimates: tuple[tuple[sp.Symbol, sp.Symbol, sp.Expr], ...]  # p̂, y and c b of ``p̂ = y + c b``
+    abbreviation: sp.Symbol  # s
+    meaning: sp.Expr  # what s stands for
+    # y, the product of regressor and prediction, and C, of ``y' = -c [product + C]``
     updates: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...]
 
 
@@ -153,20 +138,7 @@ def integrals_among(
 def split_integrals(
     expressions: Sequence[sp.Expr],
 ) -> tuple[dict[sp.Symbol, sp.Integral], list[sp.Expr]]:
-    """Replace the unevaluated integrals in expressions by symbols ``_q0``, ``_q1``, ….
-
-    Parameters
-    ----------
-    expressions : sequence of sympy.Expr
-        Expressions with integrals from 0 to a velocity.
-
-    Returns
-    -------
-    integrals : dict of sympy.Symbol to sympy.Integral
-        What each symbol stands for.
-    expressions : list of sympy.Expr
-        Free of integrals.
-    """
+    """Replace the unevaluated integrals in expressions by symbols ``_q0``, ``_q1``, …."""
     found = sorted({i for e in expressions for i in e.atoms(sp.Integral)}, key=sp.default_sort_key)
     names = {i: sp.Symbol(f"_q{n}", real=True) for n, i in enumerate(found)}
     plain = [cast(sp.Expr, e.xreplace(names)) for e in expressions]

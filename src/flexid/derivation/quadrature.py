@@ -21,20 +21,7 @@ NODES_PER_PANEL = 8
 def graded_rule(
     panels: int = PANELS, nodes_per_panel: int = NODES_PER_PANEL
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nodes and weights on [0, 1], dense towards 0.
-
-    Parameters
-    ----------
-    panels : int, optional
-        Number of panels; their ends are 2⁻ᵏ.
-    nodes_per_panel : int, optional
-        Gauss-Legendre nodes on each panel.
-
-    Returns
-    -------
-    nodes, weights : ndarray, shape (panels * nodes_per_panel,)
-        ∫₀^v r(ξ) dξ ≈ v Σ weights · r(v · nodes).
-    """
+    """Nodes and weights on [0, 1], dense towards 0: ∫₀^v r dξ ≈ v Σ weights r(v nodes)."""
     ends = np.concatenate([[0.0], 2.0 ** np.arange(1 - panels, 1)])
     nodes, weights = np.polynomial.legendre.leggauss(nodes_per_panel)
     starts, widths = ends[:-1, None], np.diff(ends)[:, None]

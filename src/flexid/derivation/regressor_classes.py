@@ -19,24 +19,13 @@ from flexid.models.parametric_system import ParametricSystem
 
 @dataclass(frozen=True)
 class RegressorParts:
-    """The three parts of a regressor, or of a known part.
+    """The three parts of a regressor, or of a known part."""
 
-    Parameters
-    ----------
-    memoryless : sympy.Expr
-        g(q, u), a function of positions, inputs and constants alone.
-    velocity_factors : tuple of sympy.Expr
-        a_j, one per row: functions of constants alone, which multiply that row's velocity.
-    remainder : sympy.Expr
-        n(q, v, u), whatever else depends on velocities.
-    depends_on_input : bool
-        Whether an input occurs, so that its hold between samples matters.
-    """
-
-    memoryless: sp.Expr
+    memoryless: sp.Expr  # g(q, u), a function of positions, inputs and constants alone
+    # a_j, one per row: functions of constants alone, which multiply that row's velocity
     velocity_factors: tuple[sp.Expr, ...]
-    remainder: sp.Expr
-    depends_on_input: bool
+    remainder: sp.Expr  # n(q, v, u), whatever else depends on velocities
+    depends_on_input: bool  # whether an input occurs, so that its hold between samples matters
 
 
 def split_regressor(expression: sp.Expr, symbolic: SymbolicSystem) -> RegressorParts:

@@ -51,33 +51,12 @@ _CHEAP = (sp.sin, sp.cos, sp.Abs, sp.sign)  # functions that are no calls
 def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     """Header, ``WIDTH``, ``DRY`` and the functions of the state and of its derivatives.
 
-    Parameters
-    ----------
-    system : ParametricSystem
-        Any model.
-    purpose : str
-        First words of the module's docstring.
-
-    Returns
-    -------
-    str
-        A module with the sizes of the model. ``DRY[j]`` holds the places of the coefficients of
-        row j that multiply its mode, and `KNOWN` if its known part does.
-
-        ``state_rates(x, u, m, p, c, dx)`` fills dx = x'; m[j] is the mode of row j. ``remember(x,
-        start, p)`` sets the memories of x from its positions and from all that was at the start
-        of a step. ``corners(x, p, c, k)`` fills k with what is zero at each of the ``N_CORNERS``
-        corners, and with 1 where its term is off.
-
-        ``slopes(x, u, du, m, p, c, at, delay, a, r)`` fills a = ∂f/∂x and r = ∂f/∂p of the rows
-        and memories. at[i] is the column of coefficient i, or 0 if it has none: nothing is read
-        there; `delay` is that of the inputs' delay. ``memory_slopes(x, start, p, at, a, r)`` does
-        the same for what ``remember`` sets.
-
-        ``vary(z, n, step, a, r, b, q)`` brings the first n columns of z but the state itself over
-        a step in s: a and r of each of the four stages, b and q of the memories at the three later
-        stages and at the end. All arrays of columns have `WIDTH` of them and are flat, so that
-        where a row of them begins is known when it is compiled.
+    ``DRY[j]`` holds the places of the coefficients of row j that multiply its mode, and `KNOWN` if
+    its known part does. ``corners`` fills _k with 1 where the term of a corner is off.
+    _at[i] is the column of coefficient i, or 0 if it has none: nothing is read there; _delay is
+    that of the inputs' delay. ``vary`` takes _a and _r of each of the four stages, _b and _q of the
+    memories at the three later stages and at the end. All arrays of columns have `WIDTH` of them
+    and are flat, so that where a row of them begins is known when it is compiled.
     """
     symbolic = _with_modes(symbolic_system(system))
     parts = (
@@ -331,12 +310,8 @@ def _vary(symbolic: SymbolicSystem) -> str:
 def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] = ()) -> str:
     """Source of ``vary``: four stages of one column, so that a loop has nothing inside.
 
-    Parameters
-    ----------
-    patterns : sequence of sequence of int
-        Places of the states that the acceleration of each row depends on.
-    paths : sequence of sequence of int, optional
-        Places of the positions that the path of each memory goes with.
+    The acceleration of each row depends on the states at the places of its pattern; the path of
+    each memory goes with the positions at its places.
     """
     rows, memories = len(patterns), len(paths)
     size = 2 * rows + memories

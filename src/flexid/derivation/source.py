@@ -61,22 +61,7 @@ def print_scalar(expression: sp.Basic) -> str:
 def assignments(
     targets: Sequence[str], expressions: Sequence[sp.Expr], indent: str = "    "
 ) -> str:
-    """Lines that assign expressions to targets, with common subexpressions computed once.
-
-    Parameters
-    ----------
-    targets : sequence of str
-        Left-hand sides, for example ``"dx[0]"``.
-    expressions : sequence of sympy.Expr
-        Right-hand sides.
-    indent : str, optional
-        Put before every line.
-
-    Returns
-    -------
-    str
-        Source, one assignment per line; a lone ``pass`` if there is nothing to assign.
-    """
+    """Lines that assign expressions to targets, with common subexpressions computed once."""
     # A leading underscore marks the generator's own names; declarations cannot have one.
     names = sp.numbered_symbols("_e", real=True)
     temporaries, reduced = sp.cse(list(expressions), symbols=names, optimizations="basic")

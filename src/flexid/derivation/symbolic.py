@@ -27,26 +27,7 @@ def symbol(name: str) -> sp.Symbol:
 
 
 def to_sympy(expression: str, names: Collection[str], place: str = "expression") -> sp.Expr:
-    """Read a text expression into SymPy without evaluating any text.
-
-    Parameters
-    ----------
-    expression : str
-        The text.
-    names : collection of str
-        Names that may occur; each becomes a real symbol.
-    place : str, optional
-        Where the text stands, for the error message.
-
-    Returns
-    -------
-    sympy.Expr
-
-    Raises
-    ------
-    ExpressionError
-        If the text leaves the whitelist, or has no finite real value anywhere, as 1/0 and sqrt(-1).
-    """
+    """Read a text expression into SymPy without evaluating any text; place is for messages."""
     folded = fold(expression, names, _SymPyAlgebra(), place)
     roots = folded.atoms(sp.Pow)
     if folded.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I) or any(r.is_real is False for r in roots):

@@ -30,17 +30,10 @@ _TOGETHER = 8  # columns that one instruction may take
 
 @dataclass(frozen=True)
 class SymbolicBalance:
-    """A torque balance in symbols.
-
-    Parameters
-    ----------
-    balance : TorqueBalance
-        The declaration.
-    columns : tuple of dict
-        φ of each parameter: torque by the place of its row; what is missing is zero.
-    """
+    """A torque balance in symbols."""
 
     balance: TorqueBalance
+    # φ of each parameter: torque by the place of its row; what is missing is zero
     columns: tuple[dict[int, sp.Expr], ...]
 
     @property
@@ -121,17 +114,8 @@ def _of_body(term: BodyTerm, balance: TorqueBalance) -> dict[int, sp.Expr]:
 def balance_functions(balance: TorqueBalance) -> str:
     """Header and functions of a torque balance, for the templates of the prediction error.
 
-    Parameters
-    ----------
-    balance : TorqueBalance
-        Any.
-
-    Returns
-    -------
-    str
-        A module with ``DRY``, ``state_rates``, ``slopes`` and ``vary`` as those of
-        `flexid.derivation.sensitivities.sensitivity_functions`, and ``columns(x, u, m, c, a, f)``,
-        which fills f[row, k] = φ_k at the accelerations a.
+    Beside those of `sensitivity_functions` there is ``columns(x, u, m, c, a, f)``, which fills
+    f[row, k] = φ_k at the accelerations a.
     """
     symbolic = symbolic_balance(balance)
     mass = _Mass.of(symbolic)

@@ -230,18 +230,10 @@ def estimator(online: OnlineEstimator, name: str = "estimator") -> "NonlinearIOS
 
 @dataclass(frozen=True, eq=False)
 class LoopSystem:
-    """A closed loop for python-control.
+    """A closed loop for python-control."""
 
-    Parameters
-    ----------
-    system : InterconnectedSystem
-        Reference, controller, plant and observer, joined by name; it has no inputs.
-    start : array
-        Its state at the start.
-    """
-
-    system: "InterconnectedSystem"
-    start: FloatArray
+    system: "InterconnectedSystem"  # parts joined by name; it has no inputs
+    start: FloatArray  # its state at the start
 
 
 def closed_loop(loop: ClosedLoop) -> LoopSystem:

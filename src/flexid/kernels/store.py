@@ -53,26 +53,11 @@ def load_kernel(
     build: Callable[[], str] | None,
     templates: Sequence[str] = (),
 ) -> ModuleType:
-    """Import a kernel, building its source first if it is not on disk yet.
+    """Import a kernel with compiled functions, building its source first if it is not on disk yet.
 
-    Parameters
-    ----------
-    task : str
-        What the kernel does; the first part of its file name.
-    declarations : sequence of str
-        Digests of the declarations that the kernel is generated from, and whatever else decides
-        what ``build`` returns.
-    build : callable or None
-        Returns the generated part of the source, if there is one. Called only when the file is
-        missing, so that symbolic algebra costs nothing in later processes.
-    templates : sequence of str, optional
-        Names of the templates that follow it, in this order.
-
-    Returns
-    -------
-    module
-        With compiled functions, cached on disk by numba. Any number of processes may load and
-        compile the same kernel at once: a lock beside it lets one at a time write.
+    The declarations are digests of what it is generated from. Symbolic algebra costs nothing in
+    later processes: `build` is called only when its text is missing. The templates follow that, in
+    order. Any number of processes may load and compile the same kernel at once.
     """
     directory = cache_directory()
     asked = (str(directory), _generator_digest(), task, *declarations, "", *templates)

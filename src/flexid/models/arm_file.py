@@ -41,13 +41,7 @@ class _File(BaseModel):
 
 
 def read_arm(path: Path) -> PlanarArm:
-    """Read an arm.
-
-    Raises
-    ------
-    ModelError
-        If the file is missing, is no TOML, or holds something that no arm has.
-    """
+    """Read an arm."""
     file = shown(path)
 
     def refuse(key: str, reason: str) -> ModelError:

@@ -63,29 +63,7 @@ _OPERATORS: dict[type[ast.operator], str] = {
 
 
 def fold(expression: str, names: Collection[str], algebra: Algebra[T], place: str) -> T:
-    """Read an expression and give it the meaning of an algebra.
-
-    Parameters
-    ----------
-    expression : str
-        For example ``"-sin(x1) + 2*x2**2"``.
-    names : collection of str
-        The names that may occur.
-    algebra : Algebra
-        Meaning of the parts.
-    place : str
-        Where the text stands, for the error message.
-
-    Returns
-    -------
-    T
-        The folded value.
-
-    Raises
-    ------
-    ExpressionError
-        If the text is no expression or leaves the whitelist.
-    """
+    """Read an expression and give it the meaning of an algebra."""
     if len(expression) > _MAX_LENGTH:
         raise ExpressionError(expression, f"is longer than {_MAX_LENGTH} characters", place)
     try:
@@ -108,22 +86,7 @@ def check_expression(expression: str, names: Collection[str], place: str) -> Non
 
 
 def evaluate(expression: str, values: Mapping[str, float], place: str) -> float:
-    """Value of an expression.
-
-    Parameters
-    ----------
-    expression : str
-        For example ``"k**2*inertia"``.
-    values : mapping of str to float
-        The names that may occur.
-    place : str
-        Where the text stands, for the error message.
-
-    Raises
-    ------
-    ExpressionError
-        If the text is no expression, leaves the whitelist, or has no finite value.
-    """
+    """Value of an expression."""
     try:
         value = fold(expression, values, _Numbers(values), place)
     except (ArithmeticError, ValueError):

@@ -40,19 +40,11 @@ class PhysicalParameter(Protocol):
 
 @dataclass(frozen=True)
 class Product:
-    """A product of powers of coefficients: the usual physical parameter.
-
-    Parameters
-    ----------
-    name, unit : str
-        Name and SI unit; ``{input}`` in the unit stands for the unit of the input.
-    exponents : mapping of str to int
-        Coefficient name to exponent.
-    """
+    """A product of powers of coefficients: the usual physical parameter."""
 
     name: str
-    unit: str
-    exponents: Mapping[str, int]
+    unit: str  # in SI; ``{input}`` stands for the unit of the input
+    exponents: Mapping[str, int]  # by coefficient
 
     @property
     def coefficients(self) -> tuple[str, ...]:
@@ -82,28 +74,15 @@ class Product:
 
 @dataclass(frozen=True)
 class Directional:
-    """A friction in one direction: an even and an odd coefficient, added or taken, times a product.
-
-    Parameters
-    ----------
-    name, unit : str
-        Name and SI unit.
-    odd, even : str
-        The coefficient that changes its sign with the direction, and the one that does not.
-    sign : float
-        Of the even one.
-    exponents : mapping of str to int
-        The product, of other coefficients.
-    beside : tuple of str, optional
-        Coefficients without which a model does not distinguish the directions.
-    """
+    """A friction in one direction: (odd ± even coefficient) times a product."""
 
     name: str
     unit: str
-    odd: str
+    odd: str  # the coefficient whose force changes its sign with the direction
     even: str
-    sign: float
-    exponents: Mapping[str, int] = field(default_factory=dict)
+    sign: float  # of the even one
+    exponents: Mapping[str, int] = field(default_factory=dict)  # the product, of other coefficients
+    # coefficients without which a model does not distinguish the directions
     beside: tuple[str, ...] = ()
 
     @property
@@ -133,23 +112,13 @@ class Directional:
 
 @dataclass(frozen=True)
 class Amplitude:
-    """Amplitude of ``sine sin x + cosine cos x`` times a product, as that of a tilted gravity.
-
-    Parameters
-    ----------
-    name, unit : str
-        Name and SI unit.
-    sine, cosine : str
-        The two coefficients.
-    exponents : mapping of str to int
-        The product, of other coefficients.
-    """
+    """Amplitude of ``sine sin x + cosine cos x`` times a product, as that of a tilted gravity."""
 
     name: str
     unit: str
     sine: str
     cosine: str
-    exponents: Mapping[str, int] = field(default_factory=dict)
+    exponents: Mapping[str, int] = field(default_factory=dict)  # the product, of other coefficients
 
     @property
     def _factor(self) -> Product:
@@ -184,13 +153,6 @@ class ZeroAngle:
     """The angle in rad at which ``sine sin x + cosine cos x`` passes zero, rising.
 
     For gravity this is the encoder's reading where the link hangs straight down.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter.
-    sine, cosine : str
-        The two coefficients.
     """
 
     name: str

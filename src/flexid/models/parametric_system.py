@@ -69,20 +69,11 @@ class Memory:
     positive F and s, since of its power F h w it stores and loses
 
         F h w = d/dt (F h²/(2 s)) + F |w| h².
-
-    Parameters
-    ----------
-    name : str
-        Name of h in expressions.
-    path : str
-        Coordinates of rows, or a difference of two.
-    grip : str
-        Name of the coefficient s, in 1/rad.
     """
 
-    name: str
-    path: str
-    grip: str
+    name: str  # name of h in expressions
+    path: str  # coordinates of rows, or a difference of two
+    grip: str  # name of the coefficient s, in 1/rad
 
 
 def check_name(model: str, name: str) -> None:
@@ -212,16 +203,6 @@ class ParametricSystem:
         """Return the same system with other values of some constants.
 
         Nothing is checked anew, since the names stay: thousands of runs differ in values alone.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            By the constant's name.
-
-        Raises
-        ------
-        ModelError
-            If the system has no such constant.
         """
         for name in values:
             if name not in self.constants:

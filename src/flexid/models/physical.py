@@ -168,18 +168,9 @@ def physical_parameters(
 ) -> tuple[PhysicalParameter, ...]:
     """Physical parameters of the flexible joint that a set of coefficients determines.
 
-    Parameters
-    ----------
-    coefficients : collection of str
-        Names of all coefficients whose value is estimated or known.
-    input_is_torque : bool
-        Whether the input is a torque in N m. If not, only ratios are known.
-
-    Returns
-    -------
-    tuple of PhysicalParameter
-        With ``gravity_cosine`` among the terms, gravity is the amplitude of both its parts, and
-        ``gravity_angle`` the link encoder's reading where the link hangs straight down.
+    If the input is no torque in N m, only ratios are known. With ``gravity_cosine`` among the
+    terms, gravity is the amplitude of both its parts, and ``gravity_angle`` the link encoder's
+    reading where the link hangs straight down.
     """
     return _determined(_WITH_TORQUE if input_is_torque else _RATIOS, coefficients)
 
@@ -236,18 +227,7 @@ JOINT_PARAMETERS = tuple(
 
 
 def joint_coefficients(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Coefficients of a flexible joint from whatever physical parameters it has.
-
-    Parameters
-    ----------
-    parameters : mapping of str to float
-        Values by the names of `JOINT_PARAMETERS`, in SI units; both inertias among them.
-
-    Returns
-    -------
-    dict
-        Every coefficient that the parameters give, and beta1.  # Huang (2003), below eq. (4)
-    """
+    """Coefficients of a flexible joint from physical parameters, both inertias among them."""
     link = {
         c: parameters[n] / parameters["link_inertia"] for c, n in _LINK.items() if n in parameters
     }
@@ -267,24 +247,6 @@ def lumped_coefficients(
 ) -> dict[str, float]:
     """Coefficients of the paper's flexible joint from its physical parameters.
 
-    Parameters
-    ----------
-    gravity_torque : float
-        mgl in N m.
-    link_inertia, motor_inertia : float
-        Jl and Jr in kg m².
-    joint_stiffness : float
-        ke in N m/rad.
-    motor_viscous_friction : float
-        μ in N m s/rad.
-
-    Returns
-    -------
-    dict
-        theta1, theta2, alpha1, alpha2 and beta1.  # Huang (2003), below eq. (4)
-
-    Examples
-    --------
     >>> table1 = lumped_coefficients(
     ...     gravity_torque=5, link_inertia=1, joint_stiffness=100, motor_inertia=0.25,
     ...     motor_viscous_friction=0.1,

@@ -29,21 +29,12 @@ JOINT_TERMS = (
 
 @dataclass(frozen=True)
 class PlanarArm:
-    """A planar serial arm: what is known of it before the log is read.
+    """A planar serial arm: what is known of it before the log is read."""
 
-    Parameters
-    ----------
-    lengths : tuple of float
-        Distance in m from each joint to the next; of the last link, any.
-    gravity : tuple of float
-        Acceleration in m/s² along link 1 at q1 = 0, and across it towards positive angles.
-    source : str, optional
-        Where this was read, for messages.
-    """
-
-    lengths: tuple[float, ...]
+    lengths: tuple[float, ...]  # distance in m from each joint to the next; of the last link, any
+    # acceleration in m/s² along link 1 at q1 = 0, and across it towards positive angles
     gravity: tuple[float, float] = (0.0, 0.0)
-    source: str = "arm"
+    source: str = "arm"  # where this was read, for messages
 
     @property
     def joints(self) -> int:

@@ -17,21 +17,6 @@ from flexid.models.parametric_system import ParametricSystem
 def row_alone(system: ParametricSystem, name: str) -> ParametricSystem:
     """One row of a system, with the states of the other rows as inputs.
 
-    Parameters
-    ----------
-    system : ParametricSystem
-        Several rows.
-    name : str
-        The row.
-
-    Returns
-    -------
-    ParametricSystem
-        Its inputs are the states of the other rows, whether it uses them or not, then those of
-        the system's inputs that it uses.
-
-    Examples
-    --------
     >>> from flexid.models.flexible_joint import flexible_joint
     >>> row_alone(flexible_joint(), "link").inputs
     ('x3', 'x4')

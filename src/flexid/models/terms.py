@@ -55,22 +55,7 @@ def declared_row(
 def model_constants(
     regressors: Mapping[str, str], known: Mapping[str, float], coulomb_velocity: float
 ) -> dict[str, float]:
-    """Values of the constants that a model's expressions use: what is known, and the smoothing.
-
-    Parameters
-    ----------
-    regressors : mapping of str to str
-        Those of all rows.
-    known : mapping of str to float
-        Coefficients whose value is known.
-    coulomb_velocity : float
-        In rad/s; a constant of the model only if Coulomb friction is a term of it.
-
-    Raises
-    ------
-    SettingError
-        If a known coefficient is none of the model's, or the velocity is not positive.
-    """
+    """Values of the constants that a model's expressions use: what is known, and the smoothing."""
     for coefficient in known:
         if coefficient not in regressors:
             raise SettingError(

@@ -20,106 +20,52 @@ Place = Literal["link", "motor", "spring", "input"]
 
 @dataclass(frozen=True)
 class JointTerm:
-    """A torque that every joint has.
+    """A torque that every joint has."""
 
-    Parameters
-    ----------
-    name : str
-        Of its parameter; that of joint 2 is the name and ``_2``.
-    place : {"link", "motor", "spring", "input"}
-        Where it acts. A spring acts on both sides.
-    expression : str
-        Torque per unit of the parameter, opposed to the motion: a function of the position ``q``,
-        the velocity ``v`` and the acceleration ``a`` of its side, of which the spring has
-        differences, motor less link; of an input, of ``u``.
-    unit : str
-        Of the parameter.
-    sign : int, optional
-        1 if no joint has it negative.
-    start : float, optional
-        Value where the log shows nothing of it.
-    meaning : str, optional
-        What the parameter is, for the manual.
-    """
-
-    name: str
-    place: Place
+    name: str  # of its parameter; that of joint 2 is the name and ``_2``
+    place: Place  # where it acts. A spring acts on both sides
+    # torque per unit of the parameter, opposed to the motion: a function of q, v and a of its side,
+    # of which the spring has differences, motor less link; of an input, of u
     expression: str
-    unit: str
-    sign: int = 0
-    start: float = 0.0
-    meaning: str = ""
+    unit: str  # of the parameter
+    sign: int = 0  # 1 if no joint has it negative
+    start: float = 0.0  # value where the log shows nothing of it
+    meaning: str = ""  # what the parameter is, for the manual
 
 
 @dataclass(frozen=True)
 class BodyTerm:
-    """A parameter of the bodies that the links carry, declared by its energies.
+    """A parameter of the bodies that the links carry, declared by its energies."""
 
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-    joint : int
-        Number of the joint in whose table it stands.
-    kinetic, potential : str
-        Energy per unit of the parameter: functions of the links' angles ``q1`` ... and speeds
-        ``v1`` ..., the motors' speeds ``w1`` ..., and the constants.
-    unit : str
-        Of the parameter.
-    sign : int, optional
-        1 if it is never negative.
-    meaning : str, optional
-        What the parameter is, for the manual.
-    """
-
-    name: str
-    joint: int
+    name: str  # of the parameter
+    joint: int  # number of the joint in whose table it stands
+    # energies per unit of the parameter: functions of the links' angles q1 ... and speeds v1 ...,
+    # the motors' speeds w1 ..., and the constants
     kinetic: str
     potential: str
-    unit: str
-    sign: int = 0
-    meaning: str = ""
+    unit: str  # of the parameter
+    sign: int = 0  # 1 if it is never negative
+    meaning: str = ""  # what the parameter is, for the manual
 
 
 @dataclass(frozen=True)
 class BalanceRow:
-    """The balance of one coordinate.
+    """The balance of one coordinate."""
 
-    Parameters
-    ----------
-    name : str
-        Such as ``link_1``.
-    coordinate, velocity : str
-        Their names.
-    """
-
-    name: str
+    name: str  # such as link_1
     coordinate: str
     velocity: str
 
 
 @dataclass(frozen=True)
 class TorqueBalance:
-    """Balances of n joints: of link 1, motor 1, link 2, motor 2, and so on.
-
-    Parameters
-    ----------
-    name : str
-        Of the model.
-    joints : int
-        How many.
-    joint_terms : tuple of JointTerm
-        What every joint has.
-    body_terms : tuple of BodyTerm
-        What couples them.
-    constants : mapping of str to float
-        What is known, by name: lengths and gravity. The values are no part of the equations.
-    """
+    """Balances of n joints: of link 1, motor 1, link 2, motor 2, and so on."""
 
     name: str
     joints: int
-    joint_terms: tuple[JointTerm, ...]
-    body_terms: tuple[BodyTerm, ...]
+    joint_terms: tuple[JointTerm, ...]  # what every joint has
+    body_terms: tuple[BodyTerm, ...]  # what couples them
+    # what is known, by name: lengths and gravity. The values are no part of the equations
     constants: Mapping[str, float] = field(default_factory=dict)
 
     def placed(self) -> Iterator[tuple[str, int, JointTerm | BodyTerm]]:

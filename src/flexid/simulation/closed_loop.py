@@ -23,48 +23,17 @@ _LONGEST_STEP = 1.0
 
 def simulate(
     loop: ClosedLoop,
-    duration: float,
-    sample_time: float = 1e-3,
-    relative_tolerance: float = 1e-6,
-    absolute_tolerance: float | None = None,
-    maximum_steps: int = 1_000_000,
+    duration: float,  # in s; the run ends at the last sample within it
+    sample_time: float = 1e-3,  # in s, of the result; the integrator chooses its own steps
+    relative_tolerance: float = 1e-6,  # per step, of each coordinate and each parameter error
+    absolute_tolerance: float | None = None,  # in SI units; a thousandth of the relative one
+    maximum_steps: int = 1_000_000,  # accepted and rejected, after which the run is given up
     stiff: bool = True,
 ) -> Run:
-    """Simulate a closed loop in continuous time.
+    """Simulate a closed loop in continuous time, sampled from 0 on; `SimulationError` if it fails.
 
-    Parameters
-    ----------
-    loop : ClosedLoop
-        What to simulate.
-    duration : float
-        In s; the run ends at the last sample within it.
-    sample_time : float, optional
-        Distance of the samples of the result in s; the integrator chooses its own steps.
-    relative_tolerance : float, optional
-        Error allowed per step in each coordinate and each parameter error, relative to its value.
-    absolute_tolerance : float, optional
-        The same in absolute terms, in SI units; a thousandth of the relative one by default.
-    maximum_steps : int, optional
-        Steps, accepted and rejected, after which the run is given up.
-    stiff : bool, optional
-        Integrate by Rodas5P, good for any gain. Without it an explicit method is used: several
-        times faster where no pole is faster than what is to be followed, as under PD control, and
-        hopeless at high gain.
-
-    Returns
-    -------
-    Run
-        Sampled from 0 on.
-
-    Raises
-    ------
-    SimulationError
-        If the run cannot meet its tolerance, with the time it reached: the loop diverges or is
-        stiffer than the steps allow.
-    SettingError
-        If a duration, sample time or tolerance is not positive.
-    AccelerationError
-        If the observer of the model needs an acceleration; a sampled loop does not.
+    By Rodas5P, good for any gain. Loops that are not stiff, as under PD control, are several times
+    faster by an explicit method, which is hopeless at high gain.
     """
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
     grid = SampleGrid(duration, sample_time)

@@ -92,31 +92,6 @@ def simulate_ensemble(
 
     Measures are taken at the integrator's accepted steps, where they are most accurate: means over
     time by the trapezoidal rule, peaks and settling times to within a step.
-
-    Parameters
-    ----------
-    loops : sequence of ClosedLoop
-        At least one; all of one declaration.
-    duration : float
-        In s; a run ends at the last sample within it.
-    sample_time : float, optional
-        Of `simulate` in s; here it decides nothing but the end.
-    relative_tolerance, absolute_tolerance, maximum_steps, stiff : optional
-        As for `simulate`.
-    workers : int, optional
-        Threads.
-
-    Returns
-    -------
-    Ensemble
-        A run that `simulate` refuses is a row with its status.
-
-    Raises
-    ------
-    SettingError
-        If there is no loop, loops differ in more than values, or a setting is not positive.
-    AccelerationError
-        If the observer of the model needs an acceleration; a sampled loop does not.
     """
     _check(loops, workers)
     tolerance = Tolerance(relative_tolerance, absolute_tolerance, maximum_steps)
@@ -154,28 +129,6 @@ def simulate_sampled_ensemble(
 
     Measures are taken at the samples: means over all of them, peaks and settling times among them.
     States and tracking error are the true ones, the inputs those that the plant received.
-
-    Parameters
-    ----------
-    loops : sequence of ClosedLoop
-        At least one; all of one declaration.
-    duration : float
-        In s; a run ends at the last sample within it.
-    samplings : sequence of Sampling
-        One per loop.
-    workers : int, optional
-        Threads.
-
-    Returns
-    -------
-    Ensemble
-        A run that `simulate_sampled` refuses is a row with its status.
-
-    Raises
-    ------
-    SettingError
-        If there is no loop, loops differ in more than values, there are not as many samplings, or
-        the duration is not positive.
     """
     _check(loops, workers)
     if len(samplings) != len(loops):

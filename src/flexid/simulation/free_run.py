@@ -17,38 +17,12 @@ from flexid.simulation.substeps import HELD_INPUT, runge_kutta_substeps
 def free_run(
     system: ParametricSystem,
     coefficients: Mapping[str, float],
-    initial_state: ArrayLike,
-    inputs: ArrayLike,
-    sample_time: float,
-    hold: Hold = "linear",
+    initial_state: ArrayLike,  # (n_states,)
+    inputs: ArrayLike,  # (n,) or (n, n_inputs)
+    sample_time: float,  # s
+    hold: Hold = "linear",  # or "zero"
 ) -> NDArray[np.float64]:
-    """Simulate the model from an initial state with a recorded input only.
-
-    Parameters
-    ----------
-    system : ParametricSystem
-        The model; its constants have the values declared in it.
-    coefficients : mapping of str to float
-        A value for each of the system's coefficients.
-    initial_state : (n_states,) array_like
-        State at the first sample.
-    inputs : (n,) or (n, n_inputs) array_like
-        The recorded input.
-    sample_time : float
-        Seconds between samples.
-    hold : {"zero", "linear"}, optional
-        Behaviour of the input between samples.
-
-    Returns
-    -------
-    (n, n_states) ndarray
-        The states at the samples.
-
-    Raises
-    ------
-    SimulationError
-        If the motion grows beyond all bounds, or the model is far too fast for the sample time.
-    """
+    """States (n, n_states) of the model alone, from an initial state under a recorded input."""
     u = np.ascontiguousarray(inputs, dtype=float).reshape(len(np.asarray(inputs)), -1)
     x0 = np.asarray(initial_state, dtype=float)
     return FreeRunner.near(system, coefficients, x0, u[0], sample_time, hold).run(x0, u)

@@ -65,29 +65,9 @@ def simulate_sampled(
 ) -> Run:
     """Simulate a closed loop with a sampled controller and a sampled observer.
 
-    Parameters
-    ----------
-    loop : ClosedLoop
-        What to simulate.
-    duration : float
-        In s; the run ends at the last sample within it.
-    sampling : Sampling, optional
-        Sample time, limits and sensors; ideal at 1 kHz by default.
-    law : callable, optional
-        Takes the place of the loop's controller, at the price of speed: a Python call per sample.
-
-    Returns
-    -------
-    Run
-        With the true and the measured states. The statistics count the samples
-        at which the input was limited.
-
-    Raises
-    ------
-    SimulationError
-        If the loop diverges.
-    SettingError
-        If the duration is not positive.
+    The run has the true and the measured states; its statistics count the samples at which the
+    input was limited. A law in Python takes the place of the loop's controller, at the price of
+    speed: a Python call per sample.
     """
     sampling = sampling or Sampling()
     grid = SampleGrid(duration, sampling.sample_time)
