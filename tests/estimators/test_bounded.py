@@ -7,7 +7,6 @@ import pytest
 from noisy_joint import TRUTH, VALUES, joint_samples
 from scipy.optimize import least_squares
 
-from flexid.errors import SettingError
 from flexid.estimators.bounded import bounded_fit
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
 from flexid.estimators.rowwise import LeastSquaresFit
@@ -132,18 +131,3 @@ def test_bounds_hold_in_every_group():
 
     _, at_bound = bounded_fit(fit_with, unknowns, bounds)
     assert at_bound == {"push[1]": 0.4, "push[2]": 0.4}
-
-
-@pytest.mark.parametrize(
-    ("bounds", "place"),
-    [
-        ({"gamma": (0.0, 1.0)}, "gamma"),
-        ({"theta1": (2.0, 1.0)}, "theta1"),
-        ({"theta1": (np.nan, 1.0)}, "theta1"),
-        (dict.fromkeys(TRUTH, (1000000.0, 10000000.0)), "every coefficient"),
-    ],
-)
-def test_bounds_that_cannot_be_kept(bounds, place):
-    """Assert that bounds of nothing, without room, or out of reach of all are refused."""
-    with pytest.raises(SettingError, match=place):
-        bounded_fit(by_filter, ALL, bounds)

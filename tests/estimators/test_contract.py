@@ -1,120 +1,246 @@
-"""What every estimator must do, whichever it is."""
+"""What every estimator must do, whichever it is: in batch, and sample by sample."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from oscillator import (
+    ALL,
+    BATCH,
+    ONLINE,
+    SAMPLE_TIME,
+    TRUE,
+    Batch,
+    BatchFit,
+    Builder,
+    Estimator,
+    at_rest,
+    oscillation,
+    oscillator,
+)
 
-from flexid.errors import ConvergenceError
-from flexid.estimators.online import packed
-from flexid.estimators.parametric_observer import parametric_observer, suggest_gains
-from flexid.estimators.prediction_error import prediction_error
+from flexid.errors import ConvergenceError, SettingError
+from flexid.estimators.online import Status
+from flexid.estimators.parametric_observer import ParametricObserver
 from flexid.estimators.samples import Samples
-from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem, Row
+from flexid.recording.recording import Hold
 
-TRUE = {"spring": 4.0, "friction": 0.5, "gain": 2.0}
-REGRESSORS = {"spring": "-q", "friction": "-v", "gain": "u"}
-Estimator = Callable[[Samples, ParametricSystem], dict[str, float]]
+every = pytest.mark.parametrize("estimate", ALL.values(), ids=ALL.keys())
+every_batch = pytest.mark.parametrize("batch", BATCH.values(), ids=BATCH.keys())
+every_online = pytest.mark.parametrize("build", ONLINE.values(), ids=ONLINE.keys())
 
-
-def oscillator(names=("spring", "friction", "gain")) -> ParametricSystem:
-    """A mass on a spring, its coefficients declared in the given order."""
-    regressors = {name: REGRESSORS[name] for name in names}
-    return ParametricSystem("oscillator", (Row("mass", "q", "v", regressors),))
+MODEL = oscillator()
 
 
-def exciting_motion(duration: float = 60.0, h: float = 2e-3) -> Samples:
-    """A motion known in closed form: two sines, with the force that the oscillator needs."""
-    time = np.arange(round(duration / h)) * h
-    position = np.sin(1.1 * time) + 0.4 * np.sin(3.7 * time)
-    velocity = 1.1 * np.cos(1.1 * time) + 0.4 * 3.7 * np.cos(3.7 * time)
-    acceleration = -(1.1**2) * np.sin(1.1 * time) - 0.4 * 3.7**2 * np.sin(3.7 * time)
-    force = (acceleration + TRUE["spring"] * position + TRUE["friction"] * velocity) / TRUE["gain"]
-    return Samples(position[:, None], velocity[:, None], force[:, None], h)
+@every
+@pytest.mark.parametrize("known", [None, TRUE["gain"]], ids=["unknown gain", "known gain"])
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_clean_data_give_the_truth(estimate: Estimator, hold: Hold, known: float | None):
+    """Assert that exciting data give the truth, whether or not the input's gain is known."""
+    system = oscillator(known=known)
+    expected = {name: TRUE[name] for name in system.coefficients}
+    found = estimate(oscillation(80.0, hold), system, hold)
+    assert found == pytest.approx(expected, rel=2e-4)
 
 
-def least_squares(samples: Samples, system: ParametricSystem) -> dict[str, float]:
-    """State-variable-filter least squares."""
-    fit = filtered_least_squares([samples], system)
-    return dict(zip(fit.names, fit.values.tolist(), strict=True))
+@every
+def test_the_hold_matters(estimate: Estimator):
+    """Assert that a held input taken as held gives values ten times better than as linear."""
+    held = oscillation(80.0, "zero")
+    true = np.array([*TRUE.values()])
+    errors = [
+        np.abs(np.array([*estimate(held, MODEL, hold).values()]) / true - 1.0).max()
+        for hold in ("linear", "zero")
+    ]
+    assert errors[0] > 10.0 * errors[1]
 
 
-def motion(samples: Samples, system: ParametricSystem) -> dict[str, float]:
-    """Segmented prediction error on positions, from least squares."""
-    fit = prediction_error([samples], system, filtered_least_squares([samples], system))
-    return dict(zip(fit.names, fit.values.tolist(), strict=True))
+@every
+def test_same_bits_in_any_order_of_coefficients(estimate: Estimator):
+    """Assert that an estimator is deterministic, leaves the record alone, and knows no order."""
+    samples = oscillation(20.0)
+    before = [samples.positions.copy(), samples.inputs.copy()]
+    values = estimate(samples, MODEL, "linear")
+    assert estimate(samples, MODEL, "linear") == values
+    assert np.array_equal(samples.positions, before[0])
+    assert np.array_equal(samples.inputs, before[1])
+    turned = estimate(samples, oscillator(("gain", "spring", "friction")), "linear")
+    assert turned == pytest.approx(values, rel=1e-9)
 
 
-def observer(samples: Samples, system: ParametricSystem) -> dict[str, float]:
-    """The parametric observer with suggested gains, from zero."""
-    gains = suggest_gains(samples, system, convergence_rate=20.0)
-    built = parametric_observer(system, gains, samples.sample_time)
-    last = built.replay(built.init(), packed(samples)).coefficients[-1]
-    return dict(zip(system.coefficients, last.tolist(), strict=True))
-
-
-estimators = pytest.mark.parametrize("estimate", [least_squares, motion, observer])
-
-
-@estimators
-def test_exact_on_clean_exciting_data(estimate: Estimator):
-    """Assert that clean, exciting data give the truth up to the rule's error in the sample time."""
-    assert estimate(exciting_motion(), oscillator()) == pytest.approx(TRUE, rel=1e-4)
-
-
-@estimators
-def test_deterministic(estimate: Estimator):
-    """Assert that the same data give the same bits."""
-    samples = exciting_motion(5.0)
-    assert estimate(samples, oscillator()) == estimate(samples, oscillator())
-
-
-@estimators
-def test_indifferent_to_the_order_of_coefficients(estimate: Estimator):
-    """Assert that declaring coefficients in another order changes no value."""
-    samples = exciting_motion(20.0)
-    turned = estimate(samples, oscillator(("gain", "spring", "friction")))
-    assert turned == pytest.approx(estimate(samples, oscillator()), rel=1e-9)
-
-
-@estimators
+@every
 @pytest.mark.parametrize("level", [0.0, 0.3])
 def test_no_divergence_at_rest(estimate: Estimator, level: float):
     """Assert that a mass at rest, in the middle or aside, gives finite and modest values."""
-    still = exciting_motion(5.0)
-    rest = replace(
-        still,
-        positions=np.full_like(still.positions, level),
-        velocities=np.zeros_like(still.positions),
-        inputs=np.full_like(still.inputs, 2.0 * level),
-    )
-    values = estimate(rest, oscillator())
+    values = estimate(at_rest(5.0, level=level), MODEL, "linear")
     assert all(abs(value) < 100.0 for value in values.values())
 
 
-@estimators
+@every
 def test_no_divergence_on_a_single_sine(estimate: Estimator):
     """Assert that a motion that cannot tell spring from force gives finite values or an error."""
-    h = 2e-3
-    time = np.arange(5000) * h
+    time = np.arange(5000) * SAMPLE_TIME
     position = np.sin(time)[:, None]
     noise = 1e-4 * np.random.default_rng(3).standard_normal(position.shape)
     force = ((TRUE["spring"] - 1.0) * position + TRUE["friction"] * np.cos(time)[:, None]) / 2.0
-    samples = Samples(position + noise, np.cos(time)[:, None], force, h)
+    samples = Samples(position + noise, np.cos(time)[:, None], force, SAMPLE_TIME)
     try:
-        values = estimate(samples, oscillator())
+        values = estimate(samples, MODEL, "linear")
     except ConvergenceError:  # no wrong number either
         return
     assert all(np.isfinite(value) and abs(value) < 1e3 for value in values.values())
 
 
-@estimators
-def test_the_record_is_left_as_it_was(estimate: Estimator):
-    """Assert that an estimator does not write into the samples it is given."""
-    samples = exciting_motion(5.0)
-    arrays = [samples.positions, samples.velocities, samples.inputs]
-    before = [np.copy(array) for array in arrays if array is not None]
-    estimate(samples, oscillator())
-    assert all(np.array_equal(a, b) for a, b in zip(arrays, before, strict=True) if a is not None)
+@every_online
+def test_replay_is_the_step(build: Builder):
+    """Assert that replay equals stepping, bit for bit, also over bad samples and in two parts."""
+    estimator = build(MODEL, "linear")
+    samples = estimator.pack(oscillation(3.0, noise=1e-4))
+    samples[700] = np.nan
+    kept = samples.copy()
+    start = state = estimator.init({"spring": 1.0})
+    history = estimator.replay(state, samples)
+    for place, sample in enumerate(samples):
+        before = state.copy()
+        after, info = estimator.step(state, sample)
+        assert np.array_equal(state, before)
+        state = after
+        assert np.array_equal(estimator.coefficients(state), history.coefficients[place])
+        assert np.array_equal(info[:-1], history.innovations[place], equal_nan=True)
+        assert info[-1] == history.status[place]
+    first = estimator.replay(start, samples[:777])
+    second = estimator.replay(first.state, samples[777:])
+    assert np.array_equal(second.state, history.state)
+    assert np.array_equal(second.coefficients, history.coefficients[777:])
+    assert np.array_equal(state, history.state)
+    assert np.array_equal(samples, kept, equal_nan=True)
+
+
+@every_online
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("place", [0, -1], ids=["position", "input"])
+def test_a_bad_sample_is_rejected(build: Builder, bad: float, place: int):
+    """Assert that a sample that is no number changes no estimate, is named, and does no harm."""
+    estimator = build(MODEL, "linear")
+    samples = estimator.pack(oscillation(80.0))
+    samples[[1000, 9000, 9001], place] = bad
+    history = estimator.replay(estimator.init(), samples)
+    assert np.flatnonzero(history.status == Status.REJECTED).tolist() == [1000, 9000, 9001]
+    for n in (1000, 9000, 9001):
+        assert np.array_equal(history.coefficients[n], history.coefficients[n - 1])
+        assert np.isnan(history.innovations[n]).all()
+    assert history.coefficients[-1] == pytest.approx([*TRUE.values()], rel=5e-4)
+    knows = not isinstance(estimator, ParametricObserver)  # whether it can know what is determined
+    assert history.status[-1] == (Status.USED if knows else Status.STARTING)
+
+
+@every_online
+@pytest.mark.parametrize("factor", [10.0, 0.1])
+def test_a_start_ten_times_wrong(build: Builder, factor: float):
+    """Assert that a start ten times too high or low ends right, or is not called determined."""
+    estimator = build(MODEL, "linear")
+    samples = estimator.pack(oscillation(60.0, noise=1e-4))
+    start = {name: factor * value for name, value in TRUE.items()}
+    history = estimator.replay(estimator.init(start), samples)
+    wrong = history.coefficients[-1] != pytest.approx([*TRUE.values()], rel=0.05)
+    assert not wrong or history.status[-1] != Status.USED
+
+
+@every_online
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_rest_teaches_nothing(build: Builder, noise: float):
+    """Assert that a minute of rest moves no estimate, from the start or after a good motion."""
+    estimator = build(MODEL, "linear")
+    history = estimator.replay(estimator.init(TRUE), estimator.pack(at_rest(60.0)))
+    assert history.coefficients[-1] == pytest.approx([*TRUE.values()], rel=0.05)
+    moved = estimator.replay(estimator.init(TRUE), estimator.pack(oscillation(20.0, noise=noise)))
+    rest = estimator.pack(at_rest(60.0, noise))
+    missing, _ = estimator.step(moved.state, np.full(rest.shape[1], np.nan))
+    after = estimator.replay(missing, rest)
+    assert after.coefficients[-1] == pytest.approx(moved.coefficients[-1], rel=0.05)
+
+
+@every_online
+@pytest.mark.parametrize("start", [{"theta9": 1.0}, {"gain": float("nan")}])
+def test_an_initial_estimate_of_nothing(build: Builder, start: dict[str, float]):
+    """Assert that a start for no coefficient, or one that is no number, is refused."""
+    with pytest.raises(SettingError, match=r"theta9|nan"):
+        build(MODEL, "linear").init(start)
+
+
+RUNS = [
+    replace(oscillation(duration, noise=1e-4, seed=seed), velocities=None)
+    for seed, duration in ((1, 30.0), (2, 20.0))
+]
+PER_RUN = Unknowns(MODEL, {}, ("spring",), (0, 1))
+
+
+def covers(fit: BatchFit) -> bool:
+    """Whether every value is within five deviations of the truth, or 0.01 % of the rule's error."""
+    truth = np.array([TRUE[name] for name in fit.names])
+    allowed = 5.0 * np.sqrt(np.diag(fit.covariance)) + 1e-4 * truth
+    return bool(np.all(np.abs(fit.values - truth) < allowed))
+
+
+@every_batch
+def test_right_from_positions_alone(batch: Batch):
+    """Assert that two runs give the truth within the deviations that are claimed, also in part."""
+    free = batch(RUNS, Unknowns(MODEL))
+    assert free.names == MODEL.coefficients
+    assert free.values == pytest.approx([*TRUE.values()], rel=1e-3)
+    assert covers(free)
+    fixed = batch(RUNS, Unknowns(MODEL, {"gain": 2.0}))
+    assert covers(fixed)
+    known_gain = np.diag(np.linalg.inv(fixed.information))
+    assert np.all(known_gain < np.diag(np.linalg.inv(free.information))[:2])
+    # What is fixed is believed: the spring follows a wrong gain.
+    assert batch(RUNS, Unknowns(MODEL, {"gain": 2.2})).values[0] > 4.1
+
+
+@every_batch
+def test_results_speak_of_what_is_sought(batch: Batch):
+    """Assert that all results have one entry for each name, and a proper covariance."""
+    fit = batch(RUNS, Unknowns(MODEL, {"friction": 0.5}, ("spring",), (0, 1)))
+    assert fit.names == ("spring[1]", "spring[2]", "gain")
+    assert fit.values.shape == (3,)
+    assert len(fit.degrees_of_freedom) == 3
+    for matrix in (fit.covariance, fit.information):
+        assert matrix.shape == (3, 3)
+        assert matrix == pytest.approx(matrix.T, rel=1e-9)
+        scale = np.sqrt(np.diag(matrix))
+        assert np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min() > 0.0
+
+
+@every_batch
+def test_recordings_in_any_order(batch: Batch):
+    """Assert that another order gives each group the same, and three samples change nothing."""
+    ordered = batch(RUNS, PER_RUN)
+    turned = batch(RUNS[::-1], replace(PER_RUN, groups=(1, 0)))
+    assert turned.values == pytest.approx(ordered.values, rel=1e-6)
+    assert turned.covariance == pytest.approx(ordered.covariance, rel=1e-3)
+    crumb = replace(RUNS[0], positions=RUNS[0].positions[:3], inputs=RUNS[0].inputs[:3])
+    with_crumb = batch([RUNS[0], crumb, RUNS[1]], replace(PER_RUN, groups=(0, 0, 1)))
+    assert np.array_equal(with_crumb.values, ordered.values)
+
+
+@every_batch
+def test_units_of_the_input_change_its_gain_alone(batch: Batch):
+    """Assert that an input a thousand times larger has a gain a thousand times smaller."""
+    milli = [replace(recording, inputs=1e3 * recording.inputs) for recording in RUNS]
+    fit, other = batch(RUNS, Unknowns(MODEL)), batch(milli, Unknowns(MODEL))
+    assert other.values * [1.0, 1.0, 1e3] == pytest.approx(fit.values, rel=1e-6)
+    deviations = [np.sqrt(np.diag(one.covariance)) for one in (other, fit)]
+    assert deviations[0] * [1.0, 1.0, 1e3] == pytest.approx(deviations[1], rel=1e-3)
+
+
+@every_batch
+def test_equal_columns_are_undetermined(batch: Batch):
+    """Assert that two equal regressors get infinite variance and keep their sum."""
+    regressors = {"spring": "-q", "friction": "-v", "a": "u", "b": "u"}
+    twins = ParametricSystem("twins", (Row("mass", "q", "v", regressors),))
+    fit = batch(RUNS, Unknowns(twins))
+    assert np.isinf(np.diag(fit.covariance)).tolist() == [False, False, True, True]
+    assert fit.values[2] + fit.values[3] == pytest.approx(TRUE["gain"], rel=1e-3)
+    assert fit.values[:2] == pytest.approx([4.0, 0.5], rel=1e-3)

@@ -1,19 +1,11 @@
 """Steps that end where the slope of the rates jumps: against SciPy, and for their order."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from made_motion import fall, measured, motion, point_of, problem_of
 from scipy.integrate import solve_ivp
 
-from flexid.estimators.channel_timing import Timing
-from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide
-from flexid.estimators.unknowns import Unknowns
 from flexid.models.parametric_system import ParametricSystem, Row
-
-FloatArray = np.ndarray
 
 HALF_GAP = 0.1
 PLAY = ParametricSystem(
@@ -35,25 +27,11 @@ H, COUNT = 0.02, 300
 TIME = H * np.arange(COUNT)
 FORCE = 3.0 * np.sin(2.1 * TIME) + 4.0 * np.sin(5.3 * TIME)
 VALUES, STATE = [40.0, 40.0 * HALF_GAP, 1.0], [0.3, -0.5]
-WITHOUT_PLAY = [40.0, 0.0, 1.0]
-
-
-def problem_of(system: ParametricSystem, substeps: int = 1) -> SegmentedMotion:
-    """One segment of the whole motion, with positions of zero."""
-    samples = Samples(np.zeros((COUNT, 1)), None, FORCE[:, None], H)
-    segments = divide([samples], 2.0 * H * COUNT)
-    problem = segmented_motion(system, segments, Timing("linear"), Unknowns(system))
-    return replace(problem, substeps=substeps)
-
-
-def motion(problem: SegmentedMotion, values: list[float]) -> FloatArray:
-    """Position in every sample."""
-    point = Point(np.array(values), np.array([STATE]))
-    return (problem.segments.outputs - problem.equations(point).residuals)[:, 0]
+AT = point_of(VALUES, *STATE)
 
 
 @pytest.fixture(scope="module")
-def exact() -> FloatArray:
+def exact() -> np.ndarray:
     """The motion by SciPy, in steps that end at the samples, where the force has corners too."""
 
     def rates(t, x):
@@ -76,7 +54,8 @@ def test_play_is_gone_through_often(exact):
 def test_order_of_the_steps(exact):
     """Assert that the error falls with the fourth power of the step, corners or not."""
     errors = [
-        np.abs(motion(problem_of(PLAY, substeps), VALUES) - exact).max() for substeps in (1, 2, 4)
+        np.abs(motion(problem_of(PLAY, FORCE, H, substeps=n), AT)[:, 0] - exact).max()
+        for n in (1, 2, 4)
     ]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert errors[0] < 2e-4
@@ -85,29 +64,21 @@ def test_order_of_the_steps(exact):
 
 def test_gradient_is_that_of_the_sum_of_squares():
     """Assert that the derivatives go through corners unchanged, as differences say."""
-    problem = problem_of(PLAY, 4)
-    measured = motion(problem, VALUES) + 0.01 * np.cos(3.0 * TIME)
-    problem = replace(problem, segments=replace(problem.segments, outputs=measured[:, None]))
-    point = np.array(STATE + VALUES)
-
-    def cost(moved: FloatArray) -> float:
-        return problem.equations(Point(moved[2:], moved[None, :2])).cost
-
-    gradient = problem.equations(Point(point[2:], point[None, :2])).gradient.sum(axis=0)
-    for place, step in enumerate(1e-5 * np.eye(len(point))):
-        slope = (cost(point + step) - cost(point - step)) / 2e-5
-        assert gradient[place] == pytest.approx(-0.5 * slope, rel=2e-3)
+    problem = problem_of(PLAY, FORCE, H, substeps=4)
+    problem = measured(problem, motion(problem, AT) + 0.01 * np.cos(3.0 * TIME)[:, None])
+    gradient = problem.equations(AT).gradient.sum(axis=0)
+    for place in range(len(gradient)):
+        assert gradient[place] == pytest.approx(fall(problem, AT, place, 1e-5), rel=2e-3)
 
 
 def test_a_term_that_is_off_has_no_corners():
     """Assert that steps are those of a model without the term where its coefficient is zero."""
-    without = motion(problem_of(PLAIN), [WITHOUT_PLAY[0], WITHOUT_PLAY[2]])
-    assert motion(problem_of(PLAY), WITHOUT_PLAY) == pytest.approx(without, abs=1e-13)
+    without = motion(problem_of(PLAIN, FORCE, H), point_of([VALUES[0], VALUES[2]], *STATE))
+    off = point_of([VALUES[0], 0.0, VALUES[2]], *STATE)
+    assert motion(problem_of(PLAY, FORCE, H), off) == pytest.approx(without, abs=1e-13)
 
 
 def test_a_mass_may_rest_at_a_corner():
     """Assert that a mass which lies where the spring begins to act stays there."""
-    samples = Samples(np.zeros((COUNT, 1)), None, np.zeros((COUNT, 1)), H)
-    problem = replace(problem_of(PLAY), segments=divide([samples], 2.0 * H * COUNT))
-    point = Point(np.array(VALUES), np.array([[HALF_GAP, 0.0]]))
-    assert -problem.equations(point).residuals == pytest.approx(HALF_GAP, abs=1e-12)
+    found = motion(problem_of(PLAY, 0.0 * FORCE, H), point_of(VALUES, HALF_GAP, 0.0))
+    assert found == pytest.approx(HALF_GAP, abs=1e-12)

@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_motion import FloatArray, measured, motion, point_of, problem_of
 from scipy.integrate import solve_ivp
 
 from flexid.estimators.channel_timing import Timing
-from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.estimators.unknowns import Unknowns
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem, Row
@@ -26,31 +25,7 @@ JOINT = with_dry_friction(
 )
 LATE = Timing("linear", {"input_delay": 0.0, "mass_delay": 0.0}, ("input_delay", "mass_delay"))
 
-FloatArray = np.ndarray
 Function = Callable[[FloatArray], FloatArray]
-
-
-def problem_of(
-    sought: Unknowns, force: FloatArray, h: float, timing: Timing | None = None
-) -> SegmentedMotion:
-    """One segment under an input, with positions of zero."""
-    system = sought.system
-    outputs = np.zeros((len(force), len(system.rows)))
-    samples = Samples(outputs, None, np.asarray(force, dtype=np.float64)[:, None], h)
-    segments = divide([samples], 2.0 * h * len(force))
-    return segmented_motion(system, segments, timing or Timing("linear"), sought)
-
-
-def point_of(values: list[float], *state: float) -> Point:
-    """What is sought, and one initial state."""
-    return Point(np.array(values, dtype=np.float64), np.array([state], dtype=np.float64))
-
-
-def motion(problem: SegmentedMotion, point: Point) -> FloatArray:
-    """Positions as they would be measured, shape (n, n_rows)."""
-    found = problem.equations(point)
-    assert np.isfinite(found.cost)
-    return problem.segments.outputs - found.residuals
 
 
 def derivatives(problem: SegmentedMotion, point: Point, sample: int, output: int = 0) -> FloatArray:
@@ -58,8 +33,7 @@ def derivatives(problem: SegmentedMotion, point: Point, sample: int, output: int
     # A residual of one there and of none elsewhere leaves its own row in the right-hand side.
     outputs = motion(problem, point).copy()
     outputs[sample, output] += 1.0
-    segments = replace(problem.segments, outputs=outputs)
-    return replace(problem, segments=segments).equations(point).gradient.sum(axis=0)
+    return measured(problem, outputs).equations(point).gradient.sum(axis=0)
 
 
 def differences(
@@ -102,30 +76,23 @@ TIME = 0.01 * np.arange(100)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_block_slides_to_rest(side):
-    """Assert that a block slows down by its friction alone, and stays where it stops."""
-    found = motion(problem_of(BLOCK, 0.0 * TIME, 0.01), point_of([2.1, 1.0], 0.3, side))
-    expected = 0.3 + side * slid_to_rest(TIME, 0.0, 1.0, 2.1)
-    assert found[:, 0] == pytest.approx(expected, abs=1e-10)
-    assert np.ptp(found[50:, 0]) == 0.0
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_block_turns_back(side):
-    """Assert that a pull that friction cannot hold turns a block, on two parabolas."""
-    force = np.full(100, -3.0 * side)
-    found = motion(problem_of(BLOCK, force, 0.01), point_of([1.0, 1.0], 0.0, side))
-    expected = side * reversed_motion(TIME, 0.0, 1.0, 1.0, 1.0)
-    assert found[:, 0] == pytest.approx(expected, abs=1e-10)
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_block_is_let_go_at_the_instant(side):
-    """Assert that a block moves from the instant on at which a growing force meets friction."""
-    problem = problem_of(BLOCK, 2.0 * side * TIME, 0.01)
-    found = motion(problem, point_of([0.707, 1.0], 0.2, 0.0))
-    expected = 0.2 + side * let_go(TIME, 0.0, 0.707, 1.0, 0.0)
-    assert found[:, 0] == pytest.approx(expected, abs=1e-10)
+@pytest.mark.parametrize(
+    ("force", "friction", "speed", "expected"),
+    [
+        (0.0 * TIME, 2.1, 1.0, slid_to_rest(TIME, 0.0, 1.0, 2.1)),
+        (0.0 * TIME - 3.0, 1.0, 1.0, reversed_motion(TIME, 0.0, 1.0, 1.0, 1.0)),
+        (2.0 * TIME, 0.707, 0.0, let_go(TIME, 0.0, 0.707, 1.0, 0.0)),
+        (0.0 * TIME + 3.0, 1.0, 0.0, TIME**2),
+    ],
+    ids=["slides to rest", "turns back", "is let go at the instant", "moves at once"],
+)
+def test_a_block_moves_as_its_closed_form(side, force, friction, speed, expected):
+    """Assert parabolas and cubics that begin and end where friction says, to either side."""
+    problem = problem_of(BLOCK, side * force, 0.01)
+    found = motion(problem, point_of([friction, 1.0], 0.3, side * speed))[:, 0]
+    assert found == pytest.approx(0.3 + side * expected, abs=1e-10)
+    if not force.any():
+        assert np.ptp(found[50:]) == 0.0
 
 
 @pytest.mark.parametrize("force", [0.99 * np.sin(20.0 * TIME), np.full(100, -0.99)])
@@ -133,14 +100,6 @@ def test_block_sticks_for_ever(force):
     """Assert that a force below friction moves nothing, not by one bit."""
     found = motion(problem_of(BLOCK, force, 0.01), point_of([1.0, 1.0], 0.2, 0.0))
     assert np.all(found == 0.2)
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_block_at_rest_under_a_greater_force_moves_at_once(side):
-    """Assert that a segment that starts at rest under more than friction starts to slide."""
-    force = np.full(100, 3.0 * side)
-    found = motion(problem_of(BLOCK, force, 0.01), point_of([1.0, 1.0], 0.0, 0.0))
-    assert found[:, 0] == pytest.approx(side * TIME**2, abs=1e-10)
 
 
 @pytest.mark.parametrize("substeps", [1, 2, 4])
@@ -151,7 +110,7 @@ def test_two_changes_within_one_interval(substeps):
     v = (t - 1/2)².
     """
     force = np.array([1.0, 1.0, 1.0, 1.0, 0.0, *[2.0] * 15])
-    problem = replace(problem_of(BLOCK, force, 1.0), substeps=substeps)
+    problem = problem_of(BLOCK, force, 1.0, substeps=substeps)
     stop = 0.5 * (1.0 - 0.2**0.5)
     rest = 0.2 * stop - 0.5 * stop**2 + stop**3 / 3.0
     found = motion(problem, point_of([1.0, 1.0], 0.0, 0.7))
@@ -175,7 +134,7 @@ def test_block_that_stops_at_once_sticks(side, samples, slides):
 def test_friction_that_is_known_sticks_too():
     """Assert that a dry friction without a coefficient stops a block as one with a coefficient."""
     known = ParametricSystem("known", (Row("mass", "q", "v", {"gain": "u"}, "-2.1*sign(v)"),))
-    found = motion(problem_of(Unknowns(known), 0.0 * TIME, 0.01), point_of([1.0], 0.3, 1.0))
+    found = motion(problem_of(known, 0.0 * TIME, 0.01), point_of([1.0], 0.3, 1.0))
     assert found[:, 0] == pytest.approx(slid_to_rest(TIME, 0.3, 1.0, 2.1), abs=1e-10)
 
 
@@ -251,8 +210,9 @@ def test_a_late_encoder_shows_the_motion_as_it_was():
     late = 0.0237
     problem = problem_of(BLOCK, np.full(100, 3.0), 0.01, replace(LATE, delays={"mass_delay": late}))
     outputs = np.where(late > TIME, 0.0, (TIME - late) ** 2)[:, None]
-    problem = replace(problem, segments=replace(problem.segments, outputs=outputs))
-    found = problem.equations(point_of([1.0, 1.0, 0.0, late], 0.0, 0.0)).residuals
+    found = (
+        measured(problem, outputs).equations(point_of([1.0, 1.0, 0.0, late], 0.0, 0.0)).residuals
+    )
     # The last samples have nothing two samples later to be compared with.
     assert found[3:-3, 0] == pytest.approx(0.0, abs=1e-9)
 
@@ -265,7 +225,7 @@ def test_stick_slip_of_an_oscillator_has_right_derivatives():
 
     By initial state, spring, friction, gain, the input's delay and the encoder's.
     """
-    problem = replace(problem_of(Unknowns(OSCILLATOR), FORCE, 0.01, LATE), substeps=2)
+    problem = problem_of(OSCILLATOR, FORCE, 0.01, LATE, 2)
     point = point_of([30.0, 0.8, 1.0, 0.0031, 0.0042], 0.08, 0.3)
     still = np.diff(motion(problem, point)[:, 0], prepend=0.08) == 0.0
     edges = np.flatnonzero(np.diff(still.astype(int)))
@@ -375,7 +335,7 @@ def stick_slip():
 def joint_problem(times: FloatArray, substeps: int) -> SegmentedMotion:
     """The joint under that torque, on straight lines between samples."""
     torque = np.interp(times, KNOTS * np.arange(len(CORNERS)), CORNERS)
-    return replace(problem_of(Unknowns(JOINT), torque, float(times[1])), substeps=substeps)
+    return problem_of(JOINT, torque, float(times[1]), substeps=substeps)
 
 
 def test_joint_sticks_and_slips_as_scipy_says(stick_slip):

@@ -1,20 +1,13 @@
 """A spring that remembers its path, in the prediction error: against SciPy and differences."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from made_motion import fall, measured, motion, point_of, problem_of
 from scipy.integrate import solve_ivp
 
-from flexid.estimators.channel_timing import Timing
 from flexid.estimators.gauss_newton import minimise
-from flexid.estimators.samples import Samples
-from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
-from flexid.estimators.segments import divide
-from flexid.estimators.unknowns import Unknowns
+from flexid.estimators.segmented_motion import Point, SegmentedMotion
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
-
-FloatArray = np.ndarray
 
 REMEMBERING = ParametricSystem(
     "remembering oscillator",
@@ -29,25 +22,13 @@ H, COUNT = 0.005, 800
 TIME = H * np.arange(COUNT)
 FORCE = 3.0 * np.sin(2.1 * TIME) + 2.0 * np.sin(5.3 * TIME)
 VALUES, STATE = [4.0, 0.8, 1.0, 12.0], [0.3, -0.5, 0.2]
-
-
-def problem_of(system: ParametricSystem, outputs: FloatArray) -> SegmentedMotion:
-    """One segment of the whole motion."""
-    samples = Samples(outputs, None, FORCE[:, None], H)
-    segments = divide([samples], 2.0 * H * COUNT)
-    return segmented_motion(system, segments, Timing("linear"), Unknowns(system))
-
-
-def motion(problem: SegmentedMotion, values: list[float], state: list[float]) -> FloatArray:
-    """Position in every sample."""
-    point = Point(np.array(values), np.array([state]))
-    return (problem.segments.outputs - problem.equations(point).residuals)[:, 0]
+AT = point_of(VALUES, *STATE)
 
 
 @pytest.fixture(scope="module")
 def problem() -> SegmentedMotion:
     """The motion with memory, before anything is measured."""
-    return problem_of(REMEMBERING, np.zeros((COUNT, 1)))
+    return problem_of(REMEMBERING, FORCE, H)
 
 
 def test_motion_is_that_of_scipy(problem):
@@ -61,30 +42,23 @@ def test_motion_is_that_of_scipy(problem):
 
     exact = solve_ivp(rates, (0.0, TIME[-1]), STATE, t_eval=TIME, rtol=1e-9, atol=1e-11, max_step=H)
     # A step in which the path turns sees its ends alone: an error of the order of h² there.
-    assert motion(problem, VALUES, STATE) == pytest.approx(exact.y[0], abs=3e-4)
+    assert motion(problem, AT)[:, 0] == pytest.approx(exact.y[0], abs=3e-4)
 
 
 def test_gradient_is_that_of_the_sum_of_squares(problem):
     """Assert that differences of the sum of squares give the right-hand side, grip and all."""
-    measured = motion(problem, VALUES, STATE) + 0.01 * np.cos(3.0 * TIME)
-    segments = replace(problem.segments, outputs=measured[:, None])
-    problem = replace(problem, segments=segments)
-    point = np.array(STATE + VALUES)
-
-    def cost(moved: FloatArray) -> float:
-        return problem.equations(Point(moved[3:], moved[None, :3])).cost
-
-    gradient = problem.equations(Point(point[3:], point[None, :3])).gradient.sum(axis=0)
-    for place, step in enumerate(1e-5 * np.eye(len(point))):
-        slope = (cost(point + step) - cost(point - step)) / 2e-5
-        assert gradient[place] == pytest.approx(-0.5 * slope, rel=1e-4, abs=1e-4)
+    problem = measured(problem, motion(problem, AT) + 0.01 * np.cos(3.0 * TIME)[:, None])
+    gradient = problem.equations(AT).gradient.sum(axis=0)
+    for place in range(len(gradient)):
+        slope = fall(problem, AT, place, 1e-5)
+        assert gradient[place] == pytest.approx(slope, rel=1e-4, abs=1e-4)
 
 
 def test_grip_without_end_is_dry_friction(problem):
     """Assert that the motion goes over into that with set-valued friction as the grip grows."""
-    dry = motion(problem_of(DRY, np.zeros((COUNT, 1))), VALUES[:3], STATE[:2])
+    dry = motion(problem_of(DRY, FORCE, H), point_of(VALUES[:3], *STATE[:2]))
     apart = [
-        np.abs(motion(problem, [*VALUES[:3], grip], [*STATE[:2], -1.0]) - dry).max()
+        np.abs(motion(problem, point_of([*VALUES[:3], grip], *STATE[:2], -1.0)) - dry).max()
         for grip in (10.0, 100.0, 1000.0)
     ]
     assert apart[1] < 0.5 * apart[0]
@@ -93,9 +67,8 @@ def test_grip_without_end_is_dry_friction(problem):
 
 def test_a_fit_finds_friction_and_grip(problem):
     """Assert that a fit from far off comes back to what made the motion."""
-    noise = 1e-5 * np.random.default_rng(5).standard_normal(COUNT)
-    measured = motion(problem, VALUES, STATE) + noise
-    fitted = problem_of(REMEMBERING, measured[:, None])
+    noise = 1e-5 * np.random.default_rng(5).standard_normal((COUNT, 1))
+    fitted = measured(problem, motion(problem, AT) + noise)
     start = Point(np.array([3.5, 0.3, 0.9, 5.0]), fitted.start_states)
     found = minimise(fitted.at(start, np.array([1e5])), start, 1e-2)
     assert found.point.values == pytest.approx(VALUES, rel=1e-3)

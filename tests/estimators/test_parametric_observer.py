@@ -1,13 +1,10 @@
 """The paper's observer as an estimator."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from noisy_joint import TRUTH, VALUES, joint_samples, torque
 from scipy.integrate import solve_ivp
 
-from flexid.errors import SettingError
 from flexid.estimators.online import packed
 from flexid.estimators.parametric_observer import (
     parametric_observer,
@@ -96,31 +93,6 @@ def test_errors_never_grow_without_noise():
         assert np.diff(distance).max() <= 1e-7 * distance[0]
 
 
-def test_held_input_is_taken_as_held():
-    """Assert that a cart under a held force converges to the truth only with hold "zero"."""
-    h, n = 0.01, 3000
-    force = np.random.default_rng(1).standard_normal(n)
-    velocity = 2.0 * h * (np.cumsum(force) - force)
-    samples = Samples(np.zeros((n, 1)), velocity[:, None], force[:, None], h)
-    cart = ParametricSystem("cart", (Row("cart", "q", "v", {"gain": "u"}),))
-    last = {}
-    for hold in ("zero", "linear"):
-        observer = parametric_observer(cart, {"cart": 5.0}, h, hold)
-        last[hold] = observer.replay(observer.init(), packed(samples)).coefficients[-1, 0]
-    assert last["zero"] == pytest.approx(2.0, rel=1e-9)
-    assert abs(last["linear"] - 2.0) > 0.01
-
-
-def test_known_part_is_heeded():
-    """Assert that a known input gain gives the paper's observer with its four estimates."""
-    system = flexible_joint(known={"beta1": VALUES[4]})
-    samples = joint_samples()
-    observer = parametric_observer(system, GAINS, samples.sample_time)
-    state = observer.init(dict(zip(system.coefficients, VALUES[:4], strict=True)))
-    history = observer.replay(state, packed(samples))
-    assert history.coefficients[-1] == pytest.approx(VALUES[:4], rel=1e-4)
-
-
 def test_suggested_gains_do_not_depend_on_units():
     """Assert that a regressor a thousand times larger gets a gain a million times smaller."""
     small = ParametricSystem("cart", (Row("cart", "q", "v", {"a": "u", "b": "v"}),))
@@ -143,12 +115,3 @@ def test_suggested_gains_converge_at_their_rate():
     observer = parametric_observer(cart, suggest_gains(samples, cart, rate), h)
     last = observer.replay(observer.init(), packed(samples)).coefficients[-1, 0]
     assert last == pytest.approx(2.0 * (1.0 - np.exp(-rate * time[-1])), rel=1e-5)
-
-
-@pytest.mark.parametrize("gains", [{"link": 1.0}, {"link": 1.0, "motor": -1.0}])
-def test_what_is_refused(gains):
-    """Assert that a missing or negative gain is refused, and a record without velocities."""
-    with pytest.raises(SettingError, match="gains"):
-        parametric_observer(JOINT, gains, 1e-3)
-    with pytest.raises(SettingError, match="velocities"):
-        packed(replace(joint_samples(), velocities=None))

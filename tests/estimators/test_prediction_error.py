@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_motion import fall
 from noisy_joint import (
     POSITION_NOISE,
     TRUTH,
@@ -17,7 +18,7 @@ from scipy.signal import lfilter
 from scipy.stats import t
 from segment_bound import cramer_rao_bound, segment_derivatives
 
-from flexid.errors import ConvergenceError, SettingError
+from flexid.errors import ConvergenceError
 from flexid.estimators import threads
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.prediction_error import PredictionErrorFit, prediction_error
@@ -104,13 +105,11 @@ def test_gradient_is_that_of_the_sum_of_squares():
     segments = divide([joint_samples(1)], 3.0)
     problem = segmented_motion(JOINT, segments, Timing("linear"))
     states = clean_motion()[1][segments.starts]
-    gradient = problem.equations(Point(VALUES, states)).gradient[:, 4:].sum(axis=0)
+    point = Point(VALUES, states)
+    gradient = problem.equations(point).gradient[:, 4:].sum(axis=0)
     for place, value in enumerate(VALUES):
-        step = np.zeros(5)
-        step[place] = 1e-5 * value
-        high = problem.equations(Point(VALUES + step, states)).cost
-        low = problem.equations(Point(VALUES - step, states)).cost
-        assert gradient[place] == pytest.approx((low - high) / (4e-5 * value), rel=1e-3)
+        slope = fall(problem, point, states.size + place, 1e-5 * value)
+        assert gradient[place] == pytest.approx(slope, rel=1e-3)
 
 
 @pytest.mark.parametrize("hold", ["zero", "linear"])
@@ -179,12 +178,6 @@ def test_coverage(rho):
     assert 0.88 <= np.mean(held) <= 0.995
 
 
-def test_correlated_noise_widens_the_interval():
-    """Assert that correlated residuals make the interval wider than white ones would."""
-    coloured = fit(correlated(0, 0.9))
-    assert np.all(coloured.standard_deviations > 1.5 * of_white_noise(coloured))
-
-
 def test_long_segments_see_correlation():
     """Assert that six segments of 5 s widen the interval by what theory says, the root of 19.
 
@@ -218,29 +211,6 @@ def test_a_wrong_fit_to_start_from_is_refused():
         prediction_error([joint_samples(0)], JOINT, wrong)
 
 
-def test_recordings_need_not_follow_each_other():
-    """Assert that a record in two recordings with a hole between them is fitted as well."""
-    samples = replace(joint_samples(), velocities=None)
-    recordings = [
-        replace(samples, positions=samples.positions[part], inputs=samples.inputs[part])
-        for part in (slice(0, 9000), slice(14000, None))
-    ]
-    found = prediction_error(recordings, JOINT, filtered_least_squares(recordings, JOINT))
-    assert worst_error(found.values) < 1e-3
-    assert len(found.initial_states) == len(found.start_times) == 25
-
-
-def test_equal_columns_are_undetermined():
-    """Assert that two equal regressors get infinite variance and keep their sum."""
-    twins = ParametricSystem("twins", (Row("cart", "q", "v", {"a": "u", "b": "u", "c": "1"}),))
-    start = filtered_least_squares([held_cart()], twins, hold="zero")
-    found = prediction_error([held_cart()], twins, start, hold="zero")
-    assert found.undetermined == ("a", "b")
-    assert np.isinf(found.standard_deviations[:2]).all()
-    assert found.values[0] + found.values[1] == pytest.approx(2.0, rel=1e-8)
-    assert np.isfinite(found.standard_deviations[2])
-
-
 def test_intervals_from_three_segments():
     """Assert that segments of 10 s hold blocks enough for an interval that is hardly too wide."""
     found = fit(joint_samples(0), 10.0)
@@ -254,16 +224,6 @@ def test_a_segment_that_diverges_is_said():
     """Assert that a start from which the motion runs away is an error, not a number."""
     start: Mapping[str, float] = TRUTH | {"theta2": -1e5, "alpha2": -1e4}
     with pytest.raises(ConvergenceError):
-        prediction_error([joint_samples(0)], JOINT, start)
-
-
-@pytest.mark.parametrize(
-    "start",
-    [{"theta1": 5.0}, {**TRUTH, "gamma": 1.0}, {**TRUTH, "theta1": np.nan}],
-)
-def test_a_start_that_is_none(start):
-    """Assert that missing, unknown and infinite starting values are refused."""
-    with pytest.raises(SettingError, match="start"):
         prediction_error([joint_samples(0)], JOINT, start)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from noisy_joint import clean_motion, joint_samples
 
-from flexid.errors import SettingError
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import FEWEST_SAMPLES, divide, first_states
 
@@ -33,11 +32,6 @@ def test_short_recordings_are_left_out():
     segments = divide(recordings, 1.0)
     assert segments.lengths.tolist() == [FEWEST_SAMPLES]
     assert len(segments.outputs) == FEWEST_SAMPLES
-
-
-def test_no_segment_is_too_short():
-    """Assert that a duration below the fewest samples is lengthened to them."""
-    assert divide([record(400)], 0.01).lengths.min() >= FEWEST_SAMPLES
 
 
 def test_outputs_alternate_with_velocities():
@@ -129,25 +123,6 @@ def test_some_segments_are_of_every_recording():
     assert len(segments.some(10_000)) == len(segments)
 
 
-@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
-def test_a_duration_that_is_none(duration):
-    """Assert that a segment duration that is not a positive number is refused."""
-    with pytest.raises(SettingError, match="segment duration"):
-        divide([record(100)], duration)
-
-
-def test_too_short_a_record():
-    """Assert that a record without any usable recording is refused, with the number it lacks."""
-    with pytest.raises(SettingError, match=str(FEWEST_SAMPLES)):
-        divide([record(5)], 1.0)
-
-
-def test_missing_velocities():
-    """Assert that velocities that are wanted but not there are named."""
-    with pytest.raises(SettingError, match="velocities"):
-        divide([replace(record(100), velocities=None)], 1.0, use_velocities=True)
-
-
 def test_margins_belong_to_no_segment():
     """Assert that both ends of every recording stay out of the segments, but are still there."""
     segments = divide([record(300), record(200, start_time=50.0)], 1.0, margin=0.05)
@@ -176,13 +151,6 @@ def test_a_recording_that_its_margins_use_up_is_left_out():
     segments = divide(recordings, 1.0, margin=0.05)
     assert segments.recordings.tolist() == [1]
     assert segments.lengths.tolist() == [FEWEST_SAMPLES]
-
-
-def test_samples_of_each_recording():
-    """Assert that recordings are told with their margins and their own sample times."""
-    recordings = [record(300, 0.01), record(10, 0.03), record(200, 0.02)]
-    segments = divide(recordings, 1.0, margin=0.1)
-    assert segments.by_recording() == [(slice(0, 300), 0.01), (slice(300, 500), 0.02)]
 
 
 def test_merging_undoes_halving():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from noisy_joint import VALUES, clean_motion, joint_samples, torque, worst_error
 
-from flexid.errors import SettingError
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
 from flexid.models.flexible_joint import flexible_joint
@@ -49,12 +48,6 @@ def test_held_input_is_integrated_exactly():
     assert fit.values == pytest.approx([2.0, 0.3], rel=1e-9)
 
 
-def test_the_wrong_hold_is_wrong():
-    """Assert that a held input taken as linear is off, so that the hold is worth choosing."""
-    fit = filtered_least_squares([held_cart()], CART, hold="linear")
-    assert abs(fit.values[0] / 2.0 - 1.0) > 1e-3
-
-
 def test_linear_input_is_integrated_exactly():
     """Assert that hold "linear" makes no error where the input runs linearly in between."""
     h, n = 0.01, 400
@@ -82,30 +75,6 @@ def test_order_in_the_sample_time():
     assert slopes == pytest.approx([4.0, 4.0], abs=0.25)
 
 
-def test_velocities_are_not_used_where_positions_suffice():
-    """Assert that wrong velocities change nothing on the paper's model."""
-    samples = joint_samples(3)
-    spoiled = replace(samples, velocities=np.full_like(samples.positions, 7.0))
-    assert np.array_equal(
-        filtered_least_squares([samples], JOINT).values,
-        filtered_least_squares([spoiled], JOINT).values,
-    )
-
-
-def test_missing_velocities_are_named():
-    """Assert that a term nonlinear in velocity says that it needs one, and which term it is."""
-    system = flexible_joint(("motor_coulomb",))
-    with pytest.raises(SettingError, match="alpha_coulomb"):
-        filtered_least_squares([positions_only(joint_samples())], system)
-
-
-def test_known_part_moves_to_the_other_side():
-    """Assert that a known input gain leaves the other coefficients where they were."""
-    system = flexible_joint(known={"beta1": VALUES[4]})
-    fit = filtered_least_squares([joint_samples()], system)
-    assert fit.values == pytest.approx(VALUES[:4], rel=2e-5)
-
-
 def test_recordings_need_not_follow_each_other():
     """Assert that a record in two recordings with a hole between them is fitted as well."""
     samples = positions_only(joint_samples())
@@ -116,16 +85,6 @@ def test_recordings_need_not_follow_each_other():
     fit = filtered_least_squares(recordings, JOINT)
     assert worst_error(fit.values) < 1e-3
     assert len(fit.rows[0].left_hand_side) == len(recordings[0]) + len(recordings[1]) - 4
-
-
-def test_equal_columns_are_undetermined():
-    """Assert that two equal regressors get infinite variance and share their sum evenly."""
-    twins = ParametricSystem("twins", (Row("cart", "q", "v", {"a": "u", "b": "u", "c": "1"}),))
-    fit = filtered_least_squares([held_cart()], twins, hold="zero")
-    assert fit.rows[0].undetermined == ("a", "b")
-    assert np.isinf(fit.standard_deviations[:2]).all()
-    assert fit.values == pytest.approx([1.0, 1.0, 0.3], rel=1e-6)
-    assert np.isfinite(fit.standard_deviations[2])
 
 
 def test_a_joint_at_rest_determines_nothing():
@@ -144,20 +103,3 @@ def test_too_few_samples_determine_nothing(n):
     fit = filtered_least_squares([short], JOINT)
     assert np.isfinite(fit.values).all()
     assert np.isinf(fit.standard_deviations).all()
-
-
-def test_projected_gram_is_of_the_reported_series():
-    """Assert that Gram matrix, residual and fitted series belong together."""
-    fit = filtered_least_squares([joint_samples(4)], JOINT)
-    link = fit.rows[0]
-    assert link.total_sum == pytest.approx(np.sum(link.left_hand_side**2))
-    assert link.residual_sum == pytest.approx(np.sum((link.left_hand_side - link.fitted) ** 2))
-    explained = fit.values[:2] @ link.gram @ fit.values[:2]
-    assert explained == pytest.approx(np.sum(link.fitted**2))
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
-def test_a_rate_that_is_none(rate):
-    """Assert that a filter rate that is not a positive number is refused."""
-    with pytest.raises(SettingError, match="filter rate"):
-        filtered_least_squares([joint_samples()], JOINT, filter_rate=rate)

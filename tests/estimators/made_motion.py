@@ -1,0 +1,59 @@
+"""Motions of made-up systems over segments, and derivatives by differences."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexid.estimators.channel_timing import Timing
+from flexid.estimators.samples import Samples
+from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
+from flexid.estimators.segments import divide
+from flexid.estimators.unknowns import Unknowns
+from flexid.models.parametric_system import ParametricSystem
+
+FloatArray = np.ndarray
+
+
+def problem_of(
+    sought: Unknowns | ParametricSystem,
+    force: FloatArray,
+    h: float,
+    timing: Timing | None = None,
+    substeps: int = 1,
+) -> SegmentedMotion:
+    """One segment under an input, with positions of zero."""
+    sought = sought if isinstance(sought, Unknowns) else Unknowns(sought)
+    outputs = np.zeros((len(force), len(sought.system.rows)))
+    samples = Samples(outputs, None, np.asarray(force, dtype=np.float64)[:, None], h)
+    segments = divide([samples], 2.0 * h * len(force))
+    problem = segmented_motion(sought.system, segments, timing or Timing("linear"), sought)
+    return replace(problem, substeps=substeps)
+
+
+def point_of(values: list[float], *state: float) -> Point:
+    """What is sought, and one initial state."""
+    return Point(np.array(values, dtype=np.float64), np.array([state], dtype=np.float64))
+
+
+def motion(problem: SegmentedMotion, point: Point) -> FloatArray:
+    """Positions as they would be measured, shape (n, n_rows)."""
+    found = problem.equations(point)
+    assert np.isfinite(found.cost)
+    return problem.segments.outputs - found.residuals
+
+
+def measured(problem: SegmentedMotion, outputs: FloatArray) -> SegmentedMotion:
+    """The same with other outputs."""
+    return replace(problem, segments=replace(problem.segments, outputs=outputs))
+
+
+def fall(problem: SegmentedMotion, point: Point, place: int, step: float) -> float:
+    """Minus half the slope of the sum of squares by differences: the states first, then values."""
+    at, n = np.concatenate((point.initial_states.ravel(), point.values)), point.initial_states.size
+    costs = []
+    for side in (step, -step):
+        moved = at.copy()
+        moved[place] += side
+        states = moved[:n].reshape(point.initial_states.shape)
+        costs.append(problem.equations(Point(moved[n:], states)).cost)
+    return (costs[1] - costs[0]) / (4.0 * step)

@@ -1,0 +1,97 @@
+"""Settings of estimators that are refused, each in one sentence that names what is wrong."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from noisy_joint import TRUTH, joint_samples
+
+from flexid.errors import SettingError
+from flexid.estimators.bounded import bounded_fit
+from flexid.estimators.filter_rate import check_filter_rate
+from flexid.estimators.online import packed
+from flexid.estimators.parametric_observer import parametric_observer
+from flexid.estimators.prediction_error import prediction_error
+from flexid.estimators.recursive_least_squares import recursive_least_squares
+from flexid.estimators.segments import FEWEST_SAMPLES, divide
+from flexid.estimators.state_variable_filter import filtered_least_squares
+from flexid.estimators.unknowns import Unknowns
+from flexid.models.flexible_joint import flexible_joint
+
+JOINT = flexible_joint()
+OFFSET = flexible_joint(("gravity", "motor_viscous", "link_offset"))
+DAMPED = flexible_joint(("gravity", "motor_viscous", "joint_damping"))
+FRICTION = flexible_joint(("gravity", "motor_coulomb"))
+RECORD = joint_samples(0)
+POSITIONS = replace(RECORD, velocities=None)
+FEW = replace(POSITIONS, positions=RECORD.positions[:5], inputs=RECORD.inputs[:5])
+
+least_squares = partial(filtered_least_squares, [POSITIONS])
+recursive = partial(recursive_least_squares, JOINT)
+by_motion = partial(prediction_error, [POSITIONS], JOINT)
+filter_rate = partial(check_filter_rate, sample_time=1e-3)
+
+
+def within(**bounds: tuple[float, float]) -> None:
+    """Least squares of the joint within bounds."""
+    bounded_fit(lambda sought: least_squares(JOINT, unknowns=sought), Unknowns(JOINT), bounds)
+
+
+REFUSED: list[tuple[Callable[..., Any], dict[str, Any], str]] = [
+    *((least_squares, {"system": JOINT, "filter_rate": r}, "filter rate") for r in (0.0, np.inf)),
+    *((least_squares, {"system": JOINT, "filter_rate": r}, "filter rate") for r in (-1.0, np.nan)),
+    (least_squares, {"system": FRICTION}, "alpha_coulomb"),
+    (least_squares, {"system": JOINT, "unknowns": Unknowns(OFFSET)}, "unknowns"),
+    (least_squares, {"system": JOINT, "unknowns": Unknowns(JOINT, groups=(0, 1))}, "groups"),
+    (by_motion, {"start": {"theta1": 5.0}}, "start"),
+    (by_motion, {"start": {**TRUTH, "gamma": 1.0}}, "start"),
+    (by_motion, {"start": {**TRUTH, "theta1": np.nan}}, "start"),
+    (recursive, {"sample_time": 0.0}, "sample time"),
+    (recursive, {"sample_time": 1e-3, "filter_rate": 0.0}, "filter rate"),
+    (recursive, {"sample_time": 1e-3, "memory_time": 1e-3}, "memory time"),
+    (recursive, {"sample_time": 1e-3, "memory_time": np.nan}, "memory time"),
+    *((filter_rate, {"filter_rate": r}, "give 0.01 to 500 1/s") for r in (0.0099, 501.0, np.nan)),
+    (filter_rate, {"filter_rate": 126.0, "slowest": 0.25, "fastest": 4.0}, "give 0.04 to 125 1/s"),
+    (parametric_observer, {"system": JOINT, "gains": {"link": 1.0}, "sample_time": 1e-3}, "gains"),
+    (
+        parametric_observer,
+        {"system": JOINT, "gains": {"link": 1.0, "motor": -1.0}, "sample_time": 1e-3},
+        "gains",
+    ),
+    (packed, {"samples": POSITIONS}, "velocities"),
+    *((divide, {"recordings": [RECORD], "duration": d}, "duration") for d in (0.0, -1.0, np.inf)),
+    (divide, {"recordings": [FEW], "duration": 1.0}, str(FEWEST_SAMPLES)),
+    (divide, {"recordings": [POSITIONS], "duration": 1.0, "use_velocities": True}, "velocities"),
+    (Unknowns, {"system": JOINT, "fixed": {"gamma": 1.0}}, "gamma"),
+    (Unknowns, {"system": JOINT, "fixed": {"theta1": np.nan}}, "theta1"),
+    (Unknowns, {"system": JOINT, "fixed": TRUTH}, "every coefficient"),
+    (Unknowns, {"system": JOINT, "per_group": ("gamma",)}, "gamma"),
+    (Unknowns, {"system": JOINT, "groups": (0, -1)}, "counted from 0"),
+    (Unknowns, {"system": DAMPED, "tied": {"gamma": ("alpha1", "theta2", "alpha1")}}, "gamma"),
+    (
+        Unknowns,
+        {"system": DAMPED, "tied": {"theta_damping": ("alpha1", "gamma", "theta2")}},
+        "gamma",
+    ),
+    (within, {"gamma": (0.0, 1.0)}, "gamma"),
+    (within, {"theta1": (2.0, 1.0)}, "theta1"),
+    (within, {"theta1": (np.nan, 1.0)}, "theta1"),
+    (within, dict.fromkeys(TRUTH, (1e6, 1e7)), "every coefficient"),
+]
+
+
+@pytest.mark.parametrize(("call", "arguments", "fragment"), REFUSED)
+def test_what_is_refused(call: Callable[..., Any], arguments: dict[str, Any], fragment: str):
+    """Assert that the sentence of the error says what is wrong."""
+    with pytest.raises(SettingError) as refused:
+        call(**arguments)
+    assert fragment in str(refused.value)
+
+
+@pytest.mark.parametrize("rate", [0.0101, 499.0])
+def test_filters_that_suit(rate: float):
+    """Assert that rates just within the limits are taken."""
+    check_filter_rate(rate, 1e-3)
