@@ -62,6 +62,14 @@ def without(name: str) -> Edit:
     return edit
 
 
+def clocked(step: int) -> Edit:
+    """Let the time count by so much from row to row."""
+    return lambda lines: [
+        lines[0],
+        *(f"{step * k},{line.split(',', 1)[1]}" for k, line in enumerate(lines[1:])),
+    ]
+
+
 TEXTS: list[tuple[Edit, str]] = [
     (lambda lines: lines[:1], "line 1: no samples follow .* export the log again"),
     (lambda lines: lines[:2], "there is 1 sample where 20"),
@@ -73,7 +81,10 @@ TEXTS: list[tuple[Edit, str]] = [
         header("link_position", "link_position [furlong!]"),
         r"line 1, column 'link_position \[furlong!\]'.*not known: write \[rad\], \[deg\]",
     ),
-    (header("link_position", "link_position [count]"), r"\[count\] does not measure.*\[deg\]"),
+    (
+        header("link_position", "link_position [count]"),
+        r"\[count\] depends on the encoder: write unit = 'turn' and scale = '1/4096'",
+    ),
     (header("link_position", "link_position [rad/s]"), r"\[rad/s\] does not measure"),
     (header("motor_velocity", "time"), "line 1: the column 'time' stands there twice"),
     (header("motor_velocity", "time [ms]"), r"'time' and 'time \[ms\]' are both time: rename or"),
@@ -131,10 +142,10 @@ TEXTS: list[tuple[Edit, str]] = [
         "10006 columns of 3 rows, more than are read at once",
     ),
     (lambda lines: [",".join(lines) * 300], "line 1: the line has more than 1000000"),
-    (
-        lambda lines: [lines[0], *(f"{k},{r.split(',', 1)[1]}" for k, r in enumerate(lines[1:]))],
-        r"column 'time': the sample time would be 1 s, .*\[ms\]",
-    ),
+    (clocked(1), r"column 'time': the sample time would be 1 s, .*numbers the samples.*\[ms\]"),
+    (clocked(5), r"the sample time would be 5 s, .*as in \[ms\]"),
+    (clocked(5000), r"the sample time would be 5000 s, .*as in \[us\]"),
+    (clocked(5_000_000), r"the sample time would be 5e\+06 s, .*as in \[ns\]"),
 ]
 
 

@@ -194,7 +194,7 @@ BAD = [
     ("motor_voltage", "motor_volts", "key 'motor_volts': .*did you mean 'motor_voltage'"),
     ('"pot_V"', '"pot"', "key 'motor_position': log.csv has no column 'pot'.*'pot_V'"),
     ('"pot_V"', '"pot_v1"', "did you mean 'pot_V'"),
-    ('"deg"', '"count"', r"key 'motor_position': .*\[count\] does not measure.*\[deg\]"),
+    ('"deg"', '"count"', r"key 'motor_position': .*\[count\] depends on the encoder"),
     ('"mV"', '"A"', r"key 'motor_voltage': .*\[A\] does not measure.*\[V\]"),
     ("scale = 2.0", "scale = 2.0.1", "the column map is not TOML.*line 4"),
     ('column = "strain"', 'sum = ["strain", "u"]', "differ in unit.*'unit'"),

@@ -73,8 +73,8 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
         raise RecordingError(
             file,
             place,
-            f"the sample time would be {typical:.4g} s, which no drive log has: name the unit of "
-            f"the time, as in [ms]",
+            f"the sample time would be {typical:.4g} s, which no drive log has: "
+            f"{_remedy_of_time(typical, steps)}",
         )
     rounded = _of_rounded(file, place, time, steps)
     if rounded is not None:
@@ -104,6 +104,19 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
         f"fixed rate, or write the time with more digits",
     )
     return Grid(sample_time, tuple(recordings), True, warnings)
+
+
+def _remedy_of_time(typical: float, steps: FloatArray) -> str:
+    """What to write where a sample time is none: the unit by which it is one."""
+    if np.all(steps == 1.0):
+        return (
+            "if it numbers the samples, give the sample time in a column map, as scale = 0.001 for "
+            "1 ms; else name the unit of the time, as in [ms]"
+        )
+    units = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+    fitting = (n for n, s in units.items() if s * typical >= SHORTEST_SAMPLE_TIME)
+    unit = next((n for n in fitting if units[n] * typical <= LONGEST_SAMPLE_TIME), "ms")
+    return f"name the unit of the time, as in [{unit}]"
 
 
 def _of_rounded(file: str, place: str, time: FloatArray, steps: FloatArray) -> Grid | None:

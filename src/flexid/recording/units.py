@@ -26,6 +26,7 @@ _USUAL = {
     *("N m", "Nm", "N*m", "N·m", "mN m", "mNm", "kNm", "V", "mV", "A", "mA", "Arms", "W"),
     *("Hz", "kHz", "%", "-", "1", "°C", "K", "m", "mm", "N", "bool"),
 }
+_COUNTS = {"count", "counts", "inc", "incs", "increments", "tick", "ticks", "lsb"}
 DOTS = "\u22c5\u2219\u2022"  # dot operator, bullet operator, bullet: for the middle dot
 
 
@@ -45,6 +46,11 @@ def is_usual(text: str) -> bool:
 
 def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     """The factor from a unit as written in a file to SI, and which of the SI units that is."""
+    if text.lower() in _COUNTS and "rad" in si_units:
+        raise UnitError(
+            f"the unit [{text}] depends on the encoder: write unit = 'turn' and scale = '1/4096', "
+            f"for 4096 counts in a turn, in a column map"
+        )
     if text in si_units:  # as nearly always; Pint takes a third of a second to be ready
         return 1.0, text
     factor, root = _root_unit(text, si_units)
