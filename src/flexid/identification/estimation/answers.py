@@ -180,9 +180,11 @@ def _judged(
     if job.joint.kind == "rigid":
         return found
     period, predicted = _over_a_period(fitted, whole, recordings)
+    share = f"{max(predicted, 0.0):.0f} %"
+    if np.isnan(predicted):
+        share = "an unknown part (no recording is long enough)"
     prediction = (
-        f"of which the spring predicts {max(predicted, 0.0):.0f} % over {period:.2g} s, a period "
-        f"of the resonance"
+        f"of which the spring predicts {share} over {period:.2g} s, a period of the resonance"
     )
     found = replace(found, prediction=prediction)
     skewed = _skewed(job, whole, entirely=False)
@@ -195,8 +197,8 @@ def _judged(
     what = "joint" if doubted == SPRINGS else balance_of(min(doubted))
     doubt = Caution(
         f"more moves this {what} than the model has: over {period:.2g} s, a period of the "
-        f"resonance, its spring predicts {max(predicted, 0.0):.0f} % of the deflection; look for "
-        f"other axes, loads and backlash{_whole_drive(job)}",
+        f"resonance, its spring predicts {share} of the deflection; look for other axes, loads and "
+        f"backlash{_whole_drive(job)}",
         Rank.MODEL,
     )
     return replace(found, doubts=(doubt,), doubted=frozenset(doubted))
