@@ -27,55 +27,30 @@ _AROUND = 20.0  # how far the curves go, times what is characteristic, where no 
 
 @dataclass(frozen=True)
 class Frequency:
-    """A frequency that is characteristic of the joint, with its interval.
+    """A frequency that is characteristic of the joint, with its interval."""
 
-    Parameters
-    ----------
-    name : str
-        ``"antiresonance"``, of the link while the motor is held, where the motor does not follow
-        its torque; or ``"resonance"``, of link and motor against each other.
-    value : float
-        In Hz, of the joint without its damping.
-    interval : tuple of float
-        Its ends in Hz.
-    """
-
+    # "antiresonance", of the link while the motor is held, where the motor does not follow its
+    # torque; or "resonance", of link and motor against each other
     name: str
-    value: float
-    interval: Interval
+    value: float  # Hz, of the joint without its damping
+    interval: Interval  # Hz
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """What one output does under the input.
+    """What one output does under the input; arrays are (n,)."""
 
-    Parameters
-    ----------
-    output : str
-        ``"motor velocity"``, ``"link velocity"``, or ``"link position"`` where the motor's measured
-        position is the input.
-    input : str
-        ``"torque"``, ``"current"``, ``"voltage"`` or ``"motor position"``.
-    unit : str
-        Unit of the magnitude.
-    values : array, shape (n,)
-        The response.
-    lower, upper : array, shape (n,)
-        Ends of the magnitude's interval; 0 and infinite where the log leaves something free.
-    behind, ahead : array, shape (n,)
-        Ends of the phase's interval in rad, on the branch of the angle of `values`.
-    measured : tuple of SpectralEstimate
-        What the log shows by itself, one for each sample time; empty without a log.
-    """
-
-    output: str
-    input: str
-    unit: str
+    output: str  # "motor velocity", "link velocity"; "link position" of the link alone
+    input: str  # "torque", "current", "voltage" or "motor position"
+    unit: str  # of the magnitude
     values: ComplexArray
-    lower: FloatArray
-    upper: FloatArray
-    behind: FloatArray
+    lower: FloatArray  # ends of the magnitude's interval; 0 where the log leaves something free,
+    upper: FloatArray  # and infinite
+    behind: (
+        FloatArray  # ends of the phase's interval in rad, on the branch of the angle of `values`
+    )
     ahead: FloatArray
+    # what the log shows by itself, one for each sample time; empty without a log
     measured: tuple[SpectralEstimate, ...]
 
 

@@ -44,48 +44,21 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Counts:
-    """What happened in a stream.
+    """What happened in a stream."""
 
-    Parameters
-    ----------
-    taken : int
-        Samples that were learnt from.
-    no_number : int
-        Something in them is no number, or beyond 1e10.
-    repeated : int
-        They came less than half a sample time after the one before.
-    late : int
-        They are older than the one before.
-    outliers : int
-        A position is off the motion so far, by more than noise and torque ever made.
-    stuck : int
-        An encoder does not change while the other one moves.
-    saturated : int
-        The input rests at its limit, so that it is not known.
-    gaps, missing : int
-        Places at which samples are missing, and how many are, by the clock.
-    wraps : int
-        Turns that absolute encoders jumped by.
-    restarts : int
-        How often the clock was set back.
-    jumps : int
-        Motions that went on elsewhere, after three outliers or other losses in a row.
-    unclear : int
-        Places at which it cannot be known by how many wraps an encoder in front of a gear moved.
-    """
-
-    taken: int
-    no_number: int
-    repeated: int
-    late: int
-    outliers: int
-    stuck: int
-    saturated: int
-    gaps: int
-    missing: int
-    wraps: int
-    restarts: int
-    jumps: int
+    taken: int  # samples that were learnt from
+    no_number: int  # something in them is no number, or beyond 1e10
+    repeated: int  # they came less than half a sample time after the one before
+    late: int  # they are older than the one before
+    outliers: int  # a position is off the motion so far, by more than noise and torque ever made
+    stuck: int  # an encoder does not change while the other one moves
+    saturated: int  # the input rests at its limit, so that it is not known
+    gaps: int  # places at which samples are missing, by the clock
+    missing: int  # how many are
+    wraps: int  # turns that absolute encoders jumped by
+    restarts: int  # how often the clock was set back
+    jumps: int  # motions that went on elsewhere, after three outliers or other losses in a row
+    # places at which it cannot be known by how many wraps an encoder in front of a gear moved
     unclear: int = 0
 
     @property

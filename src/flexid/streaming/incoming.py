@@ -1,8 +1,9 @@
 """Samples as they come: from lines of text, or from a whole log that is played again."""
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from flexid.arrays import FloatArray
 from flexid.errors import RecordingError
 from flexid.files import shown
 from flexid.readers.formats import format_of
+from flexid.recording.channel import Channel
 from flexid.recording.clock import Clock
 from flexid.recording.column_map import MapSource
 from flexid.recording.columns import channels_of, recipes_of
@@ -21,38 +23,6 @@ from flexid.streaming.text_stream import TextStream
 
 BLOCK = 65_536
 """Rows of a log that are read at once."""
-
-
-class Incoming(Protocol):
-    """Samples as they come."""
-
-    @property
-    def name(self) -> str:
-        """How messages name it."""
-        ...
-
-    @property
-    def channels(self) -> StreamChannels | None:
-        """What the values of a sample are; None until some have come."""
-        ...
-
-    @property
-    def begins(self) -> bool:
-        """Whether what was read last begins another log: a file that was written anew."""
-        ...
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What happened to the source, once each."""
-        ...
-
-    def read(self, *, last: bool) -> FloatArray | None:
-        """Samples that have come; empty if none have for a while, None if none will."""
-        ...
-
-    def close(self) -> None:
-        """Give back what was opened."""
-        ...
 
 
 class TextSamples:
@@ -129,18 +99,15 @@ class Replay:
         self.name = shown(path)
         self._at_once = at_once
         self._tables = tables_of_file(path, column_map, BLOCK)
+        self._clock, self._pace = Clock(since_1970=True), Pace()
         table = next(self._tables)
-        self._clock = Clock(since_1970=True)
         recipes, warnings = recipes_of(table, column_map)
         channels = channels_of(table, recipes, self._clock)
         self.warnings = tuple(dict.fromkeys(table.warnings + warnings))
         names, self.channels = chosen_channels(self.name, channels, self.warnings, model)
         self._recipes = {name: recipes[name] for name in names}
-        self._samples: FloatArray = np.column_stack([channels[name].values for name in names])
-        self._pace = Pace()
-        self._due = self._paced()
+        self._take([channels[name] for name in names])
         self._begun = time.monotonic()
-        self._taken = 0
 
     def read(self, *, last: bool) -> FloatArray | None:  # noqa: ARG002 - nothing is kept back
         """Samples whose time has come, of one block at most."""
@@ -162,26 +129,27 @@ class Replay:
         if table is None:
             return False
         self.warnings = tuple(dict.fromkeys(self.warnings + table.warnings))
-        channels = channels_of(table, self._recipes, self._clock)
-        self._samples = np.column_stack([channel.values for channel in channels.values()])
-        self._due = self._paced()
-        self._taken = 0
+        self._take(channels_of(table, self._recipes, self._clock).values())
         return True
 
-    def _paced(self) -> FloatArray:
-        """When the samples of this block are due."""
-        due = self._pace.due(self._samples[:, 0])
+    def _take(self, channels: Iterable[Channel]) -> None:
+        """Hold the samples of the next block, and when they are due."""
+        self._samples = np.column_stack([channel.values for channel in channels])
+        self._taken, self._due = 0, self._pace.due(self._samples[:, 0])
         if self._pace.jumps and not self._at_once:
             sentence = (
                 f"{self.name}: its time stamps jump ahead by more than {LONGEST_WAIT:g} s, and no "
                 f"longer than that is waited for: samples.gaps counts such places"
             )
             self.warnings = tuple(dict.fromkeys((*self.warnings, sentence)))
-        return due
 
     def close(self) -> None:
         """Read no more."""
         self._tables.close()
+
+
+Incoming: TypeAlias = TextSamples | Replay
+"""Samples as they come: `read` returns none if none have come for a while, None if none will."""
 
 
 def is_whole_log(source: str) -> bool:

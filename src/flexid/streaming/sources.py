@@ -15,7 +15,7 @@ import time
 from collections import deque
 from ipaddress import ip_address
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, TypeAlias
 from urllib.parse import parse_qs, urlsplit
 
 from flexid.errors import RecordingError, SettingError
@@ -38,29 +38,7 @@ _BAUD = 115200
 _LOOPBACK = "127.0.0.1"
 
 
-class Source(Protocol):
-    """Bytes as they come."""
-
-    @property
-    def name(self) -> str:
-        """How messages name it."""
-        ...
-
-    @property
-    def begins(self) -> bool:
-        """Whether what was read last begins another text: a file that was written anew."""
-        ...
-
-    def read(self) -> bytes | None:
-        """What has come; empty if nothing has for a while, None if nothing will."""
-        ...
-
-    def close(self) -> None:
-        """Give back what was opened."""
-        ...
-
-
-def open_source(text: str, *, stop_at_end: bool = False) -> Source:
+def open_source(text: str, *, stop_at_end: bool = False) -> "Source":
     """Open a source."""
     if text == "-":
         return StandardInput()
@@ -301,3 +279,10 @@ class SerialPort:
     def close(self) -> None:
         """Give the port back."""
         self._port.close()
+
+
+Source: TypeAlias = GrowingFile | StandardInput | Datagrams | SerialPort
+"""Bytes as they come: `read` returns none if nothing has come for a while, None at the end.
+
+`begins` says whether what was read last begins another text: a file that was written anew.
+"""
