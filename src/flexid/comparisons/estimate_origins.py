@@ -121,6 +121,10 @@ def _facts(estimate: Identification) -> dict[str, str]:
         facts["filter rate"] = f"{choices.filter_rate:.4g} 1/s"
     if choices.coulomb_velocity is not None:
         facts["coulomb velocity"] = f"{choices.coulomb_velocity:.4g} rad/s"
+    if choices.amplifier.dead_zone:
+        facts["amplifier's dead zone"] = f"{choices.amplifier.dead_zone:.4g} V"
+    if choices.amplifier.limit is not None:
+        facts["amplifier's limit"] = f"{choices.amplifier.limit:.4g} V"
     for name, width in used_widths(estimate).items():
         facts[name.replace("_", " ")] = f"{width:.4g} {CONSTANT_UNITS[name]}".removesuffix(" 1")
     return facts | _columns(provenance)

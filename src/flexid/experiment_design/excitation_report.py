@@ -49,6 +49,7 @@ def look_into(
 ) -> ExcitationReport:
     """Say the same of logs that are identified already."""
     recordings, _ = prepare(logs, settings.validation_share, settings.model)
+    recordings = result.choices.amplifier.split_behind(recordings)
     joint = joint_of(result.model)
     data = data_of(joint, recordings.whole, recordings.groups)
     noise = data.noise * np.array(list(result.residual_excess.values()))

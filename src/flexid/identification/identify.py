@@ -16,6 +16,7 @@ from flexid.identification.estimation.excitations import row_excitation, row_siz
 from flexid.identification.estimation.final_fits import FinalFits
 from flexid.identification.estimation.knowledge import contradictions, with_prior_knowledge
 from flexid.identification.estimation.skew import skew
+from flexid.identification.full_model.amplifier import IDEAL, amplifier_of
 from flexid.identification.full_model.mirrored import turned_round
 from flexid.identification.full_model.model import LINK, Structure, data_of
 from flexid.identification.full_model.starting import smooth_unknowns
@@ -39,6 +40,7 @@ from flexid.identification.result.observer_stream import stream
 from flexid.identification.result.provenance import provenance
 from flexid.identification.result.summary import summary
 from flexid.identification.result.warnings import (
+    amplifier_warnings,
     compliance_warnings,
     deflection_warnings,
     model_warnings,
@@ -85,6 +87,11 @@ def identify(
     recordings, dropped = prepare(logs, settings.validation_share, settings.model)
     job = job_of(recordings, settings)
     training = data_of(job.joint, recordings.fitted, recordings.groups)
+    # A current is controlled; what becomes of a voltage depends on the amplifier.
+    amplifier = amplifier_of(job.structure(training), training) if job.input_unit == "V" else IDEAL
+    if amplifier != IDEAL:
+        recordings = amplifier.split_behind(recordings)
+        training = data_of(job.joint, recordings.fitted, recordings.groups)
     whole = data_of(job.joint, recordings.whole, recordings.groups)
     found = answer(job, training, whole, recordings, progress, thresholds)
     fits, validation, choice = found.fits, found.validation, found.fits.choice
@@ -100,7 +107,7 @@ def identify(
         reason = f"the deflection moves by {compliance.deflection:.2g} rad, {found.prediction}"
         visible = not found.doubts or "theta2" not in found.doubted
         compliance = replace(compliance, visible=visible, reason=reason)
-    choices = _choices(fits, numbers.estimate, settings)
+    choices = replace(_choices(fits, numbers.estimate, settings), amplifier=amplifier)
     if job.delay_in_doubt:
         choices = replace(choices, alignment=in_doubt(choices.alignment, numbers.estimate))
     if settings.link_delay == "auto" and LINK in choice.structure.timing.delays:
@@ -128,6 +135,7 @@ def identify(
                 *found.doubts,
                 *cautions(Rank.MODEL, fits.retreat),
                 *cautions(Rank.SCALE, (*numbers.contradicted, *numbers.against)),
+                *amplifier_warnings(amplifier),
                 *deflection_warnings(turned_round=turned),
                 *sign_warnings(numbers.coefficients, fits.driving),
                 *model_warnings(

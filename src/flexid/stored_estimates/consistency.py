@@ -78,6 +78,11 @@ def _of_choices(found: Identification) -> Iterator[tuple[str, str]]:
     velocity = choices.coulomb_velocity
     if velocity is not None and not 0.0 < velocity < _LARGEST:
         yield "choices.coulomb_velocity", f"{velocity:g} is not positive"
+    amplifier = choices.amplifier
+    if not 0.0 <= amplifier.dead_zone < _LARGEST:
+        yield "choices.amplifier.dead_zone", f"{amplifier.dead_zone:g} is negative or too large"
+    if amplifier.limit is not None and not 0.0 < amplifier.limit < _LARGEST:
+        yield "choices.amplifier.limit", f"{amplifier.limit:g} is not positive"
     for name, constant in choices.shapes.items():
         if not isfinite(constant) or (constant <= 0.0 and name != RIPPLE_ORIGIN):
             yield f"choices.shapes.{name}", f"{constant:g} is not positive"

@@ -55,6 +55,7 @@ def validate_estimate(
     check_distinct(logs)
     recordings, dropped = _recordings(logs, model.joint.kind)
     _check_unit(file.name, stored, logs)
+    recordings = [stored.choices.amplifier.behind(recording) for recording in recordings]
     data = data_of(model.joint, recordings, [0] * len(recordings))
     starts = [round(_HEAD / recording.sample_time) for recording in recordings]
     problem, _ = model.motion(divide(data.samples, _SEGMENT), data.noise, data)

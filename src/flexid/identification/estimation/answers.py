@@ -20,7 +20,7 @@ from flexid.identification.estimation.disturbed import (
     fit_disturbed_to,
     follower,
 )
-from flexid.identification.estimation.doubts import Doubted, coil_lag, covariance_of
+from flexid.identification.estimation.doubts import OF_A_VOLTAGE, Doubted, covariance_of
 from flexid.identification.estimation.final_fits import (
     FILTER_RATE,
     FinalFits,
@@ -86,12 +86,17 @@ def answer(
     # Innovations know neither smoothed friction, nor segments, nor terms with a shape.
     asked = settings.coulomb_velocity != "auto" or settings.segment_duration != "auto"
     asked = asked or not job.joint.shapes.isdisjoint(job.kept)
-    exact, failure = None, None
+    rest = (training, whole, recordings, progress, thresholds)
+    chosen, failure = None, None
     try:
-        exact = _exact(job, training, whole, recordings, progress, thresholds)
+        chosen = predicting(job, *rest)
     except ConvergenceError as error:
         failure = error
-    if exact is not None:
+    if failure is not None and asked:
+        raise failure
+    exact = None
+    if chosen is not None and (asked or _may_stand(chosen[0].fitted, thresholds)):
+        exact = _exact(job, chosen, whole, recordings, progress, thresholds)
         reported = exact.fits.reported
         # Disturbances would follow any bound; the exact fit says what contradicts it.
         if asked or reported.at_bound:
@@ -99,19 +104,23 @@ def answer(
         if reported.excess <= thresholds.sensor_excess:
             doubts = _skewed(job, whole, entirely=True)
             return replace(exact, doubts=doubts, prediction=_BY_DELAY) if doubts else exact
-    if failure is not None and asked:
-        raise failure
     progress("what disturbs the drive")
     try:
         disturbed = _disturbed(job, training, whole, recordings, thresholds)
     except ConvergenceError:
-        if exact is None:
+        if chosen is None:
             raise
-        return exact
+        return exact or _exact(job, chosen, whole, recordings, progress, thresholds)
     nearly = exact is not None and _nearly_explains(exact.fits.reported, thresholds)
     if exact is not None and nearly and _core_width(exact) <= _core_width(disturbed):
         return _judged(exact, exact.fits.choice.fitted, job, whole, recordings)
     return disturbed
+
+
+def _may_stand(fitted: Fitted, thresholds: Thresholds) -> bool:
+    """Whether an exact fit may be reported, so that it is worth fitting to all data."""
+    explains = fitted.excess <= thresholds.sensor_excess or _nearly_explains(fitted, thresholds)
+    return explains or bool(fitted.at_bound)
 
 
 def _nearly_explains(fitted: Fitted, thresholds: Thresholds) -> bool:
@@ -138,20 +147,22 @@ def _core_width(found: Answer) -> float:
 
 def _exact(
     job: Job,
-    training: Data,
+    chosen: tuple[Choice, Validation],
     whole: Data,
     recordings: SplitRecordings,
     progress: Progress,
     thresholds: Thresholds,
 ) -> Answer:
     """The fit that knows of the sensors' noise alone."""
-    choice, validation = predicting(job, training, whole, recordings, progress, thresholds)
+    choice, validation = chosen
     progress("fit to all data")
     fits = final_fits(choice, whole, recordings, job.settings.filter_rate, thresholds)
     progress("what the model does without")
     estimate = with_doubts(fits, job.delay_in_doubt, thresholds)
-    doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
-    return Answer(fits, validation, estimate.widened(covariance_of((coil_lag,), doubted)))
+    if job.input_unit == "V":
+        doubted = Doubted(fits.reported, {}, {}, job.input_unit, None)
+        estimate = estimate.widened(covariance_of(OF_A_VOLTAGE, doubted))
+    return Answer(fits, validation, estimate)
 
 
 def _disturbed(

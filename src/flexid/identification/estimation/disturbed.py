@@ -3,9 +3,8 @@
 What no term describes acts as a disturbance of its row (see `flexid.estimators.innovations`), so
 that neither row spoils the other. A disturbance is taken to be random. What is not random about it
 shows as a spread between bands, and between the halves of the log: it widens the intervals by as
-much as it exceeds what chance explains. And what repeats itself in every band and half, as a
-further bending mode does, is taken to look like each term to a fifth, and like a friction to seven
-tenths.
+much as it exceeds what chance explains. What repeats itself in every band and half, and what no
+log shows, is a matter of named doubts (`flexid.identification.estimation.doubts`).
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -21,10 +21,12 @@ _CALIBRATION = 0.002  # of a value, standard deviation: no scale of a rig is kno
 _FURTHER_MODES = 0.003  # of a link's inertia: by its next bending mode it looks heavier
 _CABLE = 0.01  # of the spring's torque, that a cable adds: it pulls the link back as gravity does
 _ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
-_GAUGE = 0.015  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 %
+_GAUGE = 0.02  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 or 4 %
 _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of its range takes away
-_COIL = 1e-3  # s: time constants of motors' coils are hardly longer, whatever the delay
-_UNEXPLAINED = 0.15  # of what a row leaves unexplained, that may look like any one of its terms
+_COIL = 2e-3  # s: time constants of motors' coils are hardly longer, whatever the delay
+# Of what a balance leaves unexplained, the part that may look like any one of its terms, for each
+# unit of the share that it is: the more there is, the less of it is chance.
+_UNEXPLAINED = 0.8
 _UNEXPLAINED_FRICTION = 0.7  # the same of a friction: another law looks most like the laws we have
 
 _LINK_GRAVITY = frozenset({"theta1", "theta_cosine"})
@@ -123,9 +125,9 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
 
     def deviation(name: str, _: float) -> float:
         friction = name.partition("[")[0] in DISSIPATIVE
-        part = _UNEXPLAINED_FRICTION if friction else _UNEXPLAINED
-        size = doubted.sizes.get(name, 0.0)
-        return part * doubted.shares[balance_of(name)] / size if size else 0.0
+        share, size = doubted.shares[balance_of(name)], doubted.sizes.get(name, 0.0)
+        part = _UNEXPLAINED_FRICTION if friction else _UNEXPLAINED * share
+        return part * share / size if size else 0.0
 
     return doubted.diagonal(deviation)
 
@@ -140,7 +142,10 @@ DOUBTS: tuple[Doubt, ...] = (
     dead_zone,
     looks_like_a_term,
 )
-"""Of a fit with disturbances. An exact fit of a voltage has `coil_lag` alone."""
+"""Of a fit with disturbances."""
+
+OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, dead_zone)
+"""Of an exact fit of a voltage: an amplifier's errors hide in the noise of two encoders."""
 
 
 def covariance_of(doubts: tuple[Doubt, ...], doubted: Doubted) -> FloatArray:

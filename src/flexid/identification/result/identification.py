@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from flexid.analysis.excitation import Excitation
+from flexid.identification.full_model.amplifier import IDEAL, Amplifier
 from flexid.identification.preparation.alignment import Alignment
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.vocabulary.estimate import Estimate
@@ -43,6 +44,7 @@ class Choices:
     segment_evidence: tuple[SegmentEvidence, ...]  # what each length of the segments gives
     # constants of the shapes of unusual terms, by name, where there are such
     shapes: Mapping[str, float] = field(default_factory=dict)
+    amplifier: Amplifier = IDEAL  # what became of the logged voltage before it reached the motor
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping
 from math import isfinite, isnan
 
+from flexid.identification.full_model.amplifier import Amplifier
 from flexid.identification.judgement.compliance import WEAK_FIT
 from flexid.identification.preparation.joint import Kind
 from flexid.identification.vocabulary.evidence import (
@@ -38,6 +39,21 @@ def sign_warnings(
             f"{', '.join(sorted(driving))} came out negative, which no friction can be: it stands "
             f"for something that no term here describes; the intervals allow for that",
             Rank.MODEL,
+        )
+
+
+def amplifier_warnings(amplifier: Amplifier) -> Iterator[Caution]:
+    """Warn of a voltage that was corrected before anything was fitted to it."""
+    found = []
+    if amplifier.dead_zone:
+        found.append(f"a dead zone of {amplifier.dead_zone:.2g} V")
+    if amplifier.limit is not None:
+        found.append(f"a limit of {amplifier.limit:.3g} V")
+    if found:
+        yield Caution(
+            f"the motor moves as if its amplifier had {' and '.join(found)}: the voltage was "
+            f"corrected for that; to be sure, log the voltage at the motor",
+            Rank.NOTE,
         )
 
 

@@ -1,0 +1,103 @@
+"""A dead zone and a limit of an amplifier whose commanded voltage was logged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.trials.integrator import Law
+from benchmarks.trials.realistic.drive import Plant, simulate
+
+from flexid.identification.full_model.amplifier import IDEAL, Amplifier
+from flexid.identification.identify import identify
+from flexid.identification.result.identification import Identification
+from flexid.recording.recording import Log, Recording
+
+PLANT = Plant(
+    1.0,
+    0.3,
+    100.0,
+    motor_viscous=0.2,
+    back_emf=1.0,
+    coulomb=0.3,
+    friction_width=1e-2,
+)
+GAIN = 1.0 / 0.3  # rad/s^2 for each unit of the input
+STEP = 2e-3  # s
+TONES = np.array([0.7, 3.3, 5.3, 8.1, 12.0, 17.0, 21.0, 25.0])  # rad/s
+NOISE = 2e-5  # rad
+
+
+def recorded(dead_zone: float, limit: float, unit: str = "V", *, square: bool = False) -> Recording:
+    """A log of the commanded input, made by an integrator that is not flexid's."""
+    rng = np.random.default_rng(20261124)
+    times = STEP * np.arange(6000)
+    phases = rng.uniform(0.0, 2.0 * np.pi, len(TONES))
+    command = 2.5 * np.sin(np.outer(times, TONES) + phases).sum(axis=1)
+    if square:
+        command = 4.0 * np.sign(np.sin(2.0 * times))
+    plant = PLANT._replace(dead_zone=dead_zone, saturation=limit - dead_zone)
+    nothing = np.zeros((len(times), 3))
+    run = simulate(plant, times, command, Law(), nothing, nothing[:, 1:], 0.0, 5e-4)
+    link, motor = run[:, 0], run[:, 2]
+    errors = NOISE * rng.standard_normal((2, len(times)))
+    return Recording(STEP, 0.0, link + errors[0], motor + errors[1], command, unit, source="made")
+
+
+def identified(recording: Recording) -> Identification:
+    """What one recording gives."""
+    return identify([Log((recording,), (), "made", "made")])
+
+
+@pytest.mark.parametrize(
+    ("dead_zone", "limit", "passed"),
+    [
+        (0.0, None, [-5.0, -0.2, 0.0, 0.7, 5.0]),
+        (0.5, None, [-4.5, 0.0, 0.0, 0.2, 4.5]),
+        (0.5, 3.0, [-2.5, 0.0, 0.0, 0.2, 2.5]),
+    ],
+)
+def test_what_an_amplifier_passes_on(dead_zone: float, limit: float | None, passed: list[float]):
+    """Assert the characteristic, point by point."""
+    commanded = np.array([-5.0, -0.2, 0.0, 0.7, 5.0])
+    np.testing.assert_allclose(Amplifier(dead_zone, limit).passed(commanded), passed, atol=1e-15)
+
+
+@pytest.mark.parametrize(("dead_zone", "limit"), [(0.4, np.inf), (0.0, 6.0), (0.4, 6.0)])
+def test_an_amplifier_is_found(dead_zone: float, limit: float):
+    """Assert both constants, and a gain that is right; uncorrected it is not within 4 %."""
+    recording = recorded(dead_zone, limit)
+    assert recording.input is not None
+    assert np.abs(recording.input).max() > 8.0
+    found = identified(recording)
+    amplifier = found.choices.amplifier
+    assert amplifier.dead_zone == pytest.approx(dead_zone, abs=0.05)
+    assert (amplifier.limit or np.inf) == pytest.approx(limit, rel=0.02)
+    gain = found.parameters["input_gain_per_motor_inertia"]
+    assert gain.value == pytest.approx(GAIN, rel=0.01)
+    assert any("amplifier" in warning for warning in found.warnings)
+    np.testing.assert_array_equal(
+        found.recordings[0].input, amplifier.passed(recording.input), strict=True
+    )
+
+
+@pytest.mark.parametrize("square", [False, True])
+def test_what_cannot_be_seen_is_not_corrected(square: bool):  # noqa: FBT001
+    """Assert that neither a linear amplifier nor a square wave gives a correction."""
+    recording = recorded(0.4 if square else 0.0, np.inf, square=square)
+    found = identified(recording)
+    assert found.choices.amplifier == IDEAL
+    assert not any("amplifier" in warning for warning in found.warnings)
+
+
+def test_a_torque_has_no_amplifier():
+    """Assert that a torque is taken as it was logged, its error left to the model's."""
+    recording = recorded(0.4, 6.0, "N m")
+    found = identified(recording)
+    assert found.choices.amplifier == IDEAL
+    np.testing.assert_array_equal(found.recordings[0].input, recording.input)
+
+
+def test_a_recording_without_input_stays_as_it_is():
+    """Assert that there is nothing to correct where nothing was logged."""
+    recording = replace(recorded(0.0, np.inf), input=None, input_unit="")
+    assert Amplifier(0.4, 6.0).behind(recording) is recording
