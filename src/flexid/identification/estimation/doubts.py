@@ -125,9 +125,12 @@ def looks_like_a_term(doubted: Doubted) -> FloatArray:
 
     def deviation(name: str, _: float) -> float:
         friction = name.partition("[")[0] in DISSIPATIVE
-        share, size = doubted.shares[balance_of(name)], doubted.sizes.get(name, 0.0)
+        size = doubted.sizes.get(name, 0.0)
+        if not size:  # a delay, of no balance
+            return 0.0
+        share = doubted.shares[balance_of(name)]
         part = _UNEXPLAINED_FRICTION if friction else _UNEXPLAINED * share
-        return part * share / size if size else 0.0
+        return part * share / size
 
     return doubted.diagonal(deviation)
 
