@@ -81,7 +81,7 @@ def test_an_amplifier_is_found(dead_zone: float, limit: float):
 
 
 @pytest.mark.parametrize("square", [False, True])
-def test_what_cannot_be_seen_is_not_corrected(square: bool):  # noqa: FBT001
+def test_what_cannot_be_seen_is_not_corrected(square: bool):
     """Assert that neither a linear amplifier nor a square wave gives a correction."""
     recording = recorded(0.4 if square else 0.0, np.inf, square=square)
     found = identified(recording)
