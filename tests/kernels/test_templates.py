@@ -39,9 +39,8 @@ from flexid.models.flexible_joint import flexible_joint
 from flexid.models.terms import with_dry_friction
 from flexid.simulation.closed_loop import simulate
 from flexid.simulation.ensemble import simulate_ensemble
-from flexid.simulation.free_run import free_run
+from flexid.simulation.free_run import Command, free_run, play
 from flexid.simulation.loop import ClosedLoop
-from flexid.simulation.played_run import Command, play
 from flexid.simulation.sampled import Sampling, simulate_sampled
 from flexid.streaming.guard import Guard
 
@@ -52,6 +51,7 @@ DRY = with_dry_friction(flexible_joint(("gravity", "motor_viscous", "motor_coulo
 H = 2e-3
 TIME = H * np.arange(120)
 TORQUE = 3.0 * np.sin(40.0 * TIME)
+COMMAND = Command(TORQUE, np.outer(TIME, [0.1, 0.2]), np.array([5.0, 0.5]))
 
 
 def loop(robust: bool = False) -> ClosedLoop:
@@ -108,22 +108,15 @@ def equations() -> None:
 
 ROWS = {"status", "block_scores", "least_squares_gain", "online"}
 LOOP = {"run_status", "loop_measures", "loop_outputs"}
-HELD = {"bound", "held_rates", "runge_kutta"}
 
 CASES: dict[str, tuple[Callable[[], Any], set[str]]] = {
     "free run": (
         lambda: free_run(JOINT, TRUE, np.full(4, 0.1), TORQUE[:, None], H),
-        HELD | {"free_run"},
+        {"bound", "held_rates", "runge_kutta", "free_run"},
     ),
     "played run": (
-        lambda: play(
-            JOINT,
-            TRUE,
-            np.zeros(4),
-            Command(TORQUE, np.outer(TIME, [0.1, 0.2]), np.array([5.0, 0.5])),
-            H,
-        ),
-        HELD | {"played_run"},
+        lambda: play(JOINT, TRUE, np.zeros(4), COMMAND, H),
+        {"bound", "held_rates", "runge_kutta", "free_run"},
     ),
     "sampled loop": (
         lambda: simulate_sampled(loop(), 0.1, Sampling(H, 5.0, 1e-4, 1e-4, 1e-2)),
@@ -237,7 +230,7 @@ def test_uncompiled_is_compiled(case: str, monkeypatch: pytest.MonkeyPatch) -> N
     for module in list(sys.modules.values()):
         # The record itself comes from a free run, which is a case of its own.
         own = module.__name__ == __name__ or (
-            module.__name__.endswith("free_run") and case != "free run"
+            module.__name__.endswith("free_run") and case not in {"free run", "played run"}
         )
         if getattr(module, "load_kernel", None) is load_kernel and not own:
             monkeypatch.setattr(module, "load_kernel", load)

@@ -12,7 +12,7 @@ from flexid.experiment_design.drive_file import DriveFile
 from flexid.experiment_design.optimise import Search
 from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.experiment_design.result import Design, Extreme, Prediction
-from flexid.simulation.played_run import Command
+from flexid.simulation.free_run import Command
 
 STARTS = 2
 """Random starts of the search."""

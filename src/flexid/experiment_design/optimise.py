@@ -25,7 +25,7 @@ from flexid.experiment_design.criterion import smooth_cost
 from flexid.experiment_design.drive import HIGHEST, Case, Drive
 from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.experiment_design.waveform import Waveform, waveform
-from flexid.simulation.played_run import Command
+from flexid.simulation.free_run import Command
 
 _BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory
 _SAMPLES_PER_RADIAN = 4.0  # of the fastest motion, in the search

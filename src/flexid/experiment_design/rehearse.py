@@ -9,7 +9,7 @@ from flexid.arrays import FloatArray
 from flexid.estimators.samples import Samples
 from flexid.estimators.segments import divide
 from flexid.experiment_design.drive import Case, Limits
-from flexid.simulation.played_run import Command, play
+from flexid.simulation.free_run import Command, play
 
 SEGMENT_DURATION = 1.0
 """Length in s of the segments that predictions hold for."""

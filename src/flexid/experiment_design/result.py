@@ -9,7 +9,7 @@ from flexid.arrays import FloatArray
 from flexid.experiment_design.assessment import DETERMINED_DEVIATION
 from flexid.experiment_design.drive import Drive
 from flexid.experiment_design.rehearse import Rehearsed
-from flexid.simulation.played_run import Command
+from flexid.simulation.free_run import Command
 
 
 @dataclass(frozen=True)

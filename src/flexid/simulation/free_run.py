@@ -1,17 +1,35 @@
-"""Free run: the model alone, from an initial state, under a recorded input."""
+"""A model alone: under a recorded input, or as its drive moves it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.recording.recording import Hold
-from flexid.simulation.substeps import HELD_INPUT, runge_kutta_substeps
+from flexid.simulation.substeps import runge_kutta_substeps
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """What the drive is given, sample by sample."""
+
+    torque: FloatArray  # (n,), torque in the input's unit, held over each interval
+    # (n, 2), position and velocity that the motor shall follow, in rad and rad/s
+    reference: FloatArray
+    # (2,), proportional and derivative gain of the drive's position loop, in the input's unit per
+    # rad and per rad/s; both zero where the torque alone is played
+    gains: FloatArray
+
+    def scaled(self, factor: float) -> "Command":
+        """The same motion smaller or larger about its first position."""
+        first = self.reference[0]
+        return Command(factor * self.torque, first + factor * (self.reference - first), self.gains)
 
 
 def free_run(
@@ -21,70 +39,69 @@ def free_run(
     inputs: ArrayLike,  # (n,) or (n, n_inputs)
     sample_time: float,  # s
     hold: Hold = "linear",  # or "zero"
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """States (n, n_states) of the model alone, from an initial state under a recorded input."""
     u = np.ascontiguousarray(inputs, dtype=float).reshape(len(np.asarray(inputs)), -1)
-    x0 = np.asarray(initial_state, dtype=float)
-    return FreeRunner.near(system, coefficients, x0, u[0], sample_time, hold).run(x0, u)
-
-
-@dataclass(frozen=True, eq=False)
-class FreeRunner:
-    """Free runs of one model from several states that lie close to each other."""
-
-    kernel: ModuleType  # of the model
-    coefficients: NDArray[np.float64]  # of the model, in its order
-    constants: NDArray[np.float64]  # of the model, in its order
-    sample_time: float  # in s
-    held: bool  # whether the input is constant until the next sample
-    substeps: int  # of the integrator per sample
-
-    @classmethod
-    def near(
-        cls,
-        system: ParametricSystem,
-        coefficients: Mapping[str, float],
-        state: NDArray[np.float64],
-        first_input: NDArray[np.float64],
-        sample_time: float,
-        hold: Hold,
-    ) -> "FreeRunner":
-        """Prepare for runs from about a state; parameters and errors are those of `free_run`."""
-        kernel = free_run_kernel(system)
-        p = np.array([coefficients[name] for name in system.coefficients])
-        c = np.array(list(system.constants.values()), dtype=float)
-        substeps = runge_kutta_substeps(kernel, state, first_input, p, c, sample_time)
-        return cls(kernel, p, c, sample_time, hold == "zero", substeps)
-
-    def run(
-        self, initial_state: NDArray[np.float64], inputs: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """States, shape (n, n_states), at the samples of the inputs, shape (n, n_inputs)."""
-        out = np.empty((len(inputs), len(initial_state)))
-        written = self.kernel.free_run(
-            initial_state,
-            inputs,
-            self.coefficients,
-            self.constants,
-            self.sample_time,
-            int(self.held),
-            self.substeps,
-            out,
+    states, written = _run(
+        system, coefficients, initial_state, u, u[0], sample_time, hold == "zero", _NO_LOOP
+    )
+    if written < len(states):
+        raise SimulationError(
+            "the free run of the model diverges: its coefficients make it unstable",
+            written * sample_time,
         )
-        if written < len(inputs):
-            raise SimulationError(
-                "the free run of the model diverges: its coefficients make it unstable",
-                written * self.sample_time,
-            )
-        return out
+    return states
+
+
+def play(
+    system: ParametricSystem,
+    coefficients: Mapping[str, float],
+    start: FloatArray,  # (n_states,), state at the first sample
+    command: Command,
+    sample_time: float,
+    tracked: int = 2,
+) -> tuple[FloatArray, FloatArray]:
+    """States (n, n_states) and first inputs (n,) of a system that plays a command."""
+    u = np.zeros((len(command.torque), len(system.inputs)))
+    still = u[0].copy()
+    u[:, 0] = command.torque
+    loop = (tracked, command.reference, command.gains)
+    states, written = _run(system, coefficients, start, u, still, sample_time, True, loop)
+    if written < len(states):
+        raise SimulationError("the motion grows beyond all bounds", written * sample_time)
+    return states, u[:, 0].copy()
+
+
+_NO_LOOP = (0, np.empty((0, 2)), np.zeros(2))
+
+
+def _run(
+    system: ParametricSystem,
+    coefficients: Mapping[str, float],
+    start: ArrayLike,
+    inputs: FloatArray,  # (n, n_inputs), to which a drive's position loop adds its own
+    first_input: FloatArray,  # (n_inputs,), about which the steps are chosen
+    sample_time: float,
+    held: bool,
+    loop: tuple[int, FloatArray, FloatArray],
+) -> tuple[FloatArray, int]:
+    """States (n, n_states), and how many of them were reached before the motion diverged."""
+    kernel = free_run_kernel(system)
+    x = np.asarray(start, dtype=float)
+    p = np.array([coefficients[name] for name in system.coefficients])
+    c = np.array(list(system.constants.values()), dtype=float)
+    substeps = runge_kutta_substeps(kernel, x, first_input, p, c, sample_time)
+    states = np.empty((len(inputs), len(x)))
+    return states, kernel.free_run(x, inputs, loop, p, c, sample_time, held, substeps, states)
 
 
 def free_run_kernel(system: ParametricSystem) -> ModuleType:
-    """Compiled module with ``right_hand_side`` and ``free_run`` of a system."""
+    """Compiled module with ``right_hand_side``, ``linearised`` and ``free_run`` of a system."""
 
     def build() -> str:
         from flexid.derivation.linearisation import moving_model
 
         return moving_model(system, "Free run")
 
-    return load_kernel("free_run", [system.digest], build, [*HELD_INPUT, "free_run"])
+    templates = ("bound", "held_rates", "runge_kutta", "free_run")
+    return load_kernel("free_run", [system.digest], build, templates)

@@ -7,9 +7,6 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.errors import SimulationError
 
-HELD_INPUT = ("bound", "held_rates", "runge_kutta")
-"""Templates by which a model alone moves under an input."""
-
 STEPS_PER_TIME_CONSTANT = 20.0
 """Steps of the integrator per time constant of the fastest pole; it then errs by 3e-9 per step."""
 

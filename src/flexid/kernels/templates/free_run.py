@@ -1,4 +1,4 @@
-"""The motion of a model under a recorded input."""
+"""The motion of a model under a recorded input, or of one whose drive follows a reference."""
 
 from typing import TYPE_CHECKING
 
@@ -13,31 +13,36 @@ if TYPE_CHECKING:
 
 
 @njit(cache=True, error_model="numpy")
-def free_run(x0, u, p, c, h, held, substeps, out):
-    """Integrate the model under a recorded input, in steps of h / substeps seconds.
+def free_run(x0, u, loop, p, c, h, held, substeps, out):
+    """Integrate the model under its inputs, in steps of h / substeps seconds.
 
-    Between samples the input is held (held = 1) or interpolated linearly (held = 0).
+    Between samples the input is held or interpolated linearly. The loop is (tracked, reference,
+    gains): if there is a reference, the first input of each sample grows by
+    gains[0] (reference[k, 0] - x[tracked]) + gains[1] (reference[k, 1] - x[tracked + 1]).
     Returns the number of samples written: fewer than asked for if the motion diverged.
     """
-    x = np.empty(N_STATES)
+    tracked, reference, gains = loop
+    x = x0.copy()
     work = room_for_a_step()
     end = work[0]
     change = np.zeros(N_INPUTS)
-    for j in range(N_STATES):
-        x[j] = x0[j]
-        out[0, j] = x0[j]
     room = np.empty(N_INPUTS)
-    for i in range(u.shape[0] - 1):
+    for k in range(u.shape[0]):
+        if reference.shape[0] > 0:
+            u[k, 0] += gains[0] * (reference[k, 0] - x[tracked])
+            u[k, 0] += gains[1] * (reference[k, 1] - x[tracked + 1])
+        for j in range(N_STATES):
+            if not abs(x[j]) < BOUND and k > 0:
+                return k
+            out[k, j] = x[j]
+        if k + 1 == u.shape[0]:
+            break
         if not held:
             for j in range(N_INPUTS):
-                change[j] = u[i + 1, j] - u[i, j]
-        motion = Motion(u[i], change, p, c, room)
+                change[j] = u[k + 1, j] - u[k, j]
+        motion = Motion(u[k], change, p, c, room)
         for s in range(substeps):
             runge_kutta(x, s / substeps, 1.0 / substeps, h, motion, work)
             for j in range(N_STATES):
                 x[j] = end[j]
-        for j in range(N_STATES):
-            if not abs(x[j]) < BOUND:
-                return i + 1
-            out[i + 1, j] = x[j]
     return u.shape[0]
