@@ -8,8 +8,12 @@ from pathlib import Path
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file under a temporary name, and rename it when it is on the disk."""
     temporary = path.with_name(f".{path.name}.tmp")
-    write(temporary)
-    _synchronise(temporary)
+    try:
+        write(temporary)
+        _synchronise(temporary)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
     os.replace(temporary, path)
     if os.name == "posix":  # elsewhere a directory cannot be opened
         _synchronise(path.parent)

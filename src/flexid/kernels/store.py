@@ -30,6 +30,8 @@ from typing import Any
 
 import platformdirs
 
+from flexid.atomic import write_atomically
+
 _END = "\n# The kernel ends here.\n"
 
 _LOG = logging.getLogger(__name__)
@@ -78,36 +80,21 @@ def _load(
     """Import a kernel that this process has not loaded yet."""
     text = "" if build is None else _shipped(task, declarations)
     if text is None and build is not None:
+        derived = f"{task}_{_digest(_generator_digest(), *declarations)}.py"
         try:
-            text = _derived(directory, task, declarations, build)
+            text = _provided(directory / "derived" / derived, build)
         except OSError:  # a full disk
-            text = _unsaved(task, declarations, build)
+            text = build()
     source = "\n\n".join((text or "", *(template(name) for name in templates)))
     name = f"flexid_{task}_{_digest(source)}"
     if name in sys.modules:
         return sys.modules[name]
     path = directory / f"{name}.py"
     try:
-        _provide(path, source + _END)
+        _provided(path, lambda: source)
         return _import(name, path, source)
     except OSError:
         return _in_memory(name, source)
-
-
-def _provide(path: Path, source: str) -> None:
-    """Write a kernel's source unless it is there, whole, with its compiled functions."""
-    _mark_used(path)
-    if _is_whole(path) and _compiled_is_whole(path):
-        return
-    made = False
-    with _one_writer(path):
-        if not _compiled_is_whole(path):
-            _discard_compiled(path)
-        if not _is_whole(path):  # nobody else has made it in the meantime
-            _write_atomically(path, source)
-            made = True
-    if made:
-        _evict(path.parent)
 
 
 def shipped_name(task: str, declarations: Sequence[str]) -> str:
@@ -122,58 +109,28 @@ def _shipped(task: str, declarations: Sequence[str]) -> str | None:
     return file.read_text("utf-8") if file.is_file() else None
 
 
-_UNSAVED: dict[tuple[str, ...], str] = {}
-
-
-def _unsaved(task: str, declarations: Sequence[str], build: Callable[[], str]) -> str:
-    """The generated part of a kernel that cannot be written, derived once in this process."""
-    key = (task, *declarations)
-    if key not in _UNSAVED:
-        _UNSAVED[key] = build()
-    return _UNSAVED[key]
-
-
-def _in_memory(name: str, source: str) -> ModuleType:
-    """A kernel for this process alone, where nothing can be written: compiled, but not kept."""
-    module = ModuleType(name)
-    exec(
-        compile(
-            source.replace("cache=True", "cache=False").replace('"cache": True', '"cache": False'),
-            f"<{name}>",
-            "exec",
-        ),
-        vars(module),
-    )
-    sys.modules[name] = module
-    return module
-
-
-def _derived(
-    directory: Path, task: str, declarations: Sequence[str], build: Callable[[], str]
-) -> str:
-    """Return the generated part of a kernel, from the disk if it has been derived before."""
-    path = directory / "derived" / f"{task}_{_digest(_generator_digest(), *declarations)}.py"
+def _provided(path: Path, make: Callable[[], str]) -> str:
+    """A source on disk: written if it is not there, whole, and marked as in use."""
+    made = False
     if not _is_whole(path):
         path.parent.mkdir(exist_ok=True)
         with _one_writer(path):
-            if not _is_whole(path):
-                _write_atomically(path, build() + _END)
-    elif time.time() - path.stat().st_mtime > _DAY:
-        path.touch()  # or it would be removed although it is in use
+            if not _is_whole(path):  # nobody else has made it in the meantime
+                text = make() + _END
+                write_atomically(path, lambda file: file.write_text(text, "utf-8"))
+                made = True
+    _discard_damaged(path)
+    mark = path.with_suffix(".used")
+    if not mark.exists() or time.time() - mark.stat().st_mtime > _DAY:
+        mark.touch()
+    if made:
+        _evict(path.parent)
     return path.read_text("utf-8").removesuffix(_END)
 
 
 def _is_whole(path: Path) -> bool:
     """Whether there is a source, and no full disk or power failure took its last line."""
     return path.exists() and path.read_text("utf-8").endswith(_END)
-
-
-def _compiled_is_whole(path: Path) -> bool:
-    """Whether none of numba's files is empty, as a full disk or a power failure leaves it."""
-    try:
-        return all(file.stat().st_size for file in _compiled(path))
-    except FileNotFoundError:  # another process is discarding them
-        return False
 
 
 def _compiled(path: Path) -> list[Path]:
@@ -191,50 +148,40 @@ def is_compiled(kernel: ModuleType) -> bool:
     return kernel.__file__ is not None and bool(_compiled(Path(kernel.__file__)))
 
 
+def _discard_damaged(path: Path) -> None:
+    """Remove numba's files of a kernel if a full disk or a power failure left one empty."""
+    with suppress(FileNotFoundError):  # another process is removing them
+        if all(file.stat().st_size for file in _compiled(path)):
+            return
+    with _one_writer(path):
+        _discard_compiled(path)
+
+
 def _discard_compiled(path: Path) -> None:
     """Remove all of numba's files of a kernel: a new index gives the old data's names away."""
     for file in _compiled(path):
         file.unlink(missing_ok=True)
 
 
-def _last_use(path: Path) -> float:
-    """When a kernel was last marked as used, or was made; numba knows it by its own time."""
-    files = (path.with_suffix(".used"), path)
-    return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
-
-
-def _mark_used(path: Path) -> None:
-    """Note that a kernel is in use, once a day, so that no other process removes it."""
-    if time.time() - _last_use(path) > _DAY:
-        with _one_writer(path):
-            path.with_suffix(".used").touch()
-
-
 def _evict(directory: Path) -> None:
-    """Remove the kernels that nobody has used for long, and what was derived for them.
-
-    A user's own file in that folder does not end as a kernel does.
-    """
+    """Remove the sources that nobody has used for long, with what was compiled of them."""
     oldest = time.time() - KEPT_DAYS * _DAY
-    for path in directory.glob("flexid_*.py"):
-        if _last_use(path) < oldest and _is_whole(path):
-            with _one_writer(path):
-                if _last_use(path) < oldest:  # nobody has come to use it in the meantime
-                    _discard_compiled(path)
-                    for suffix in (".py", ".used"):
-                        path.with_suffix(suffix).unlink(missing_ok=True)
-    for path in directory.glob("derived/*.py"):
+    for mark in directory.glob("*.used"):
         with suppress(FileNotFoundError):  # another process removes the same
-            if path.stat().st_mtime < oldest and _is_whole(path):
-                path.unlink()
+            if mark.stat().st_mtime < oldest:
+                _discard_compiled(mark)
+                mark.with_suffix(".py").unlink()
+                mark.unlink()
 
 
-@cache
-def _lock(path: Path) -> Any:
-    """The lock of a kernel's files: one object, so that a thread may take it more than once."""
-    from filelock import FileLock  # late: only who writes waits for the import
-
-    return FileLock(path.with_suffix(".lock"))
+def _in_memory(name: str, source: str) -> ModuleType:
+    """A kernel for this process alone, where nothing can be written: compiled, but not kept."""
+    module = ModuleType(name)
+    for kept in ("cache=", '"cache": '):
+        source = source.replace(f"{kept}True", f"{kept}False")
+    exec(compile(source, f"<{name}>", "exec"), vars(module))
+    sys.modules[name] = module
+    return module
 
 
 @contextmanager
@@ -250,6 +197,14 @@ def _one_writer(path: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+@cache
+def _lock(path: Path) -> Any:
+    """The lock of a kernel's files: one object, so that a thread may take it more than once."""
+    from filelock import FileLock  # late: only who writes waits for the import
+
+    return FileLock(path.with_suffix(".lock"))
 
 
 class _OneCompiles:
@@ -291,14 +246,6 @@ class _OneCompiles:
         """Save what was compiled; on a full disk it serves this process all the same."""
         with self._compiling.pop_all(), suppress(OSError):
             self._save(*arguments)
-
-
-def _guard_compiled(module: ModuleType, path: Path) -> None:
-    """Guard the code of the functions that are compiled when they are called."""
-    for value in vars(module).values():
-        cache: Any = getattr(value, "_cache", None)
-        if hasattr(cache, "save_overload"):
-            _OneCompiles(cache, path)
 
 
 @cache
@@ -358,21 +305,6 @@ def _generator_digest() -> str:
     return content.hexdigest()
 
 
-def _write_atomically(path: Path, source: str) -> None:
-    with tempfile.NamedTemporaryFile(
-        "w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8"
-    ) as file:
-        written = Path(file.name)
-        try:
-            file.write(source)
-            file.flush()
-            os.fsync(file.fileno())  # or a power failure may leave an empty kernel for good
-        except BaseException:
-            written.unlink()
-            raise
-    written.replace(path)
-
-
 def _import(name: str, path: Path, source: str) -> ModuleType:
     """Import a kernel; what it compiles by that, one process at a time compiles."""
     specification = importlib.util.spec_from_file_location(name, path)
@@ -390,5 +322,8 @@ def _import(name: str, path: Path, source: str) -> ModuleType:
         except BaseException:
             del sys.modules[name]
             raise
-    _guard_compiled(module, path)
+    for value in vars(module).values():  # functions that are compiled when they are called
+        own_cache: Any = getattr(value, "_cache", None)
+        if hasattr(own_cache, "save_overload"):
+            _OneCompiles(own_cache, path)
     return module
