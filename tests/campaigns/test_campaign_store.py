@@ -8,9 +8,8 @@ import polars as pl
 import pytest
 from filelock import FileLock
 
-from flexid.campaigns.manifest import Manifest
 from flexid.campaigns.plan import make_plan
-from flexid.campaigns.store import find_store, open_store
+from flexid.campaigns.store import Manifest, find_store, open_store
 from flexid.errors import CampaignError
 from flexid.experiments.variation import Variation
 
@@ -51,52 +50,38 @@ def missing(directory):
         return store.missing(PLAN, RESULTS)
 
 
-def test_parts_hold_all_runs_once():
-    """Assert that the last part has what is left over."""
+def test_a_new_directory_lacks_everything(tmp_path):
+    """Assert that the manifest is there before parts, which hold all runs once."""
+    assert missing(tmp_path / "a" / "b") == [0, 1, 2]
+    assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
     assert [list(MANIFEST.runs_of(n)) for n in MANIFEST.parts] == [[0, 1, 2], [3, 4, 5], [6]]
 
 
-def test_a_new_directory_lacks_everything(tmp_path):
-    """Assert that the manifest is there before the first part."""
-    assert missing(tmp_path / "a" / "b") == [0, 1, 2]
-    assert json.loads((tmp_path / "a" / "b" / "campaign.json").read_text())["runs"] == 7
-
-
-@pytest.mark.parametrize("size", [0, 3, 200, -1])
-def test_a_cut_part_is_run_again(full, size):
-    """Assert that a part cut anywhere counts as missing, and only that one."""
-    path = full / "runs" / "part-000001.parquet"
+def cut(path, size):
+    """Leave some bytes of a file."""
     path.write_bytes(path.read_bytes()[:size])
-    assert missing(full) == [1]
 
 
-def test_a_file_that_never_got_its_name_does_no_harm(full):
-    """Assert that what a killed process left under a temporary name is no part."""
-    part = full / "runs" / "part-000002.parquet"
-    part.rename(part.with_name(".part-000002.parquet.tmp"))
-    assert missing(full) == [2]
-
-
-def test_parts_in_the_wrong_place_are_run_again(full):
-    """Assert that a part with other runs, or other values, is not taken for the right one."""
-    part = full / "runs" / "part-000001.parquet"
-    part.write_bytes((full / "runs" / "part-000000.parquet").read_bytes())
-    changed = rows(range(6, 7)).with_columns(pl.lit(99.0).alias("controller.k"))
-    changed.write_parquet(full / "runs" / "part-000002.parquet")
-    assert missing(full) == [1, 2]
+def written(path, *changes):
+    """Write the rows of the second part, changed."""
+    rows(range(3, 6)).with_columns(*changes).write_parquet(path)
 
 
 @pytest.mark.parametrize(
-    "change",
+    "damage",
     [
-        pl.lit(1.0).alias("another"),
-        pl.col("tracking_rms").cast(pl.Float32),
+        *(lambda path, size=size: cut(path, size) for size in (0, 3, 200, -1)),
+        lambda path: path.rename(path.with_name(f".{path.name}.tmp")),  # as after kill -9
+        lambda path: path.write_bytes(path.with_name("part-000000.parquet").read_bytes()),
+        lambda path: written(path, pl.lit(99.0).alias("controller.k")),
+        lambda path: written(path, pl.lit(1.0).alias("another")),
+        lambda path: written(path, pl.col("tracking_rms").cast(pl.Float32)),
+        lambda path: pl.DataFrame({"a": [1]}).write_parquet(path),
     ],
-    ids=["extra", "retyped"],
 )
-def test_a_part_with_other_columns_is_run_again(full, change):
-    """Assert that a part that the summary could not join to the others is not kept."""
-    rows(range(3, 6)).with_columns(change).write_parquet(full / "runs" / "part-000001.parquet")
+def test_a_damaged_part_is_run_again(full, damage):
+    """Assert that a part that is cut, another's or of other values or columns is missing alone."""
+    damage(full / "runs" / "part-000001.parquet")
     assert missing(full) == [1]
 
 

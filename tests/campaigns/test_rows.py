@@ -6,9 +6,8 @@ import pytest
 from tests.campaigns.tiny import EXPERIMENT, write_experiment
 
 from flexid.campaigns import rows as rows_module
-from flexid.campaigns.part import Part, run_part
 from flexid.campaigns.plan import make_plan
-from flexid.campaigns.rows import Stopped, part_rows
+from flexid.campaigns.rows import Part, Stopped, part_rows, run_part
 from flexid.experiments import read_experiment
 from flexid.experiments.run_columns import run_columns
 

@@ -4,9 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from flexid.campaigns.manifest import Manifest
 from flexid.campaigns.plan import Plan, make_plan
-from flexid.campaigns.store import open_store
+from flexid.campaigns.store import Manifest, open_store
 from flexid.campaigns.summary import summarise
 from flexid.errors import CampaignError
 from flexid.experiments.variation import Distribution, Variation

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexid.campaigns.importance import Correlation, SobolIndex
-from flexid.campaigns.manifest import Manifest
+from flexid.campaigns.store import Manifest
 from flexid.campaigns.summary import Result, Summary
 from flexid.library.campaign import CampaignResult
 from flexid.report.campaign_charts import campaign_charts

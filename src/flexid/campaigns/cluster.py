@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import flexid
-from flexid.campaigns.part import Part, PartResult, run_part
+from flexid.campaigns.rows import Part, PartResult, run_part
 from flexid.errors import CampaignError
 from flexid.experiments import Experiment
 

@@ -1,7 +1,7 @@
 """Some runs of a campaign, from their values to their rows; the same on any machine and thread."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -9,14 +9,17 @@ import polars as pl
 from flexid.arrays import FloatArray
 from flexid.errors import FlexidError
 from flexid.experiments import Experiment
+from flexid.experiments.run_columns import run_columns
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.ensemble import (
     SIDE_BY_SIDE,
     Ensemble,
+    ensemble_kernel,
     simulate_ensemble,
     simulate_sampled_ensemble,
 )
 from flexid.simulation.ensemble import STATUS as STATUS_NAMES
+from flexid.simulation.sampled import sampled_kernel
 
 STATUS, ERROR, REACHED, STEPS = "status", "error", "reached", "steps"
 """Columns that every row has: what became of the run, why, its end in s, steps or samples."""
@@ -34,13 +37,72 @@ class Stopped(Exception):  # noqa: N818 - no error: it was asked for
     """The runs were asked to stop before their end."""
 
 
+class Part(NamedTuple):
+    """Some runs: what any worker, a thread or a machine, is given."""
+
+    number: int
+    table: pl.DataFrame  # number and values of each run, from the plan
+    keep: tuple[str, ...]  # which results to keep
+
+
+class PartResult(NamedTuple):
+    """What came of a part."""
+
+    number: int
+    rows: pl.DataFrame  # one for each run
+    series: pl.DataFrame | None  # time series of the finished runs, where these are kept
+
+
+def run_part(
+    experiment: Experiment, part: Part, stopped: Callable[[], bool] = lambda: False
+) -> PartResult:
+    """Run a part; `stopped` is asked every few runs, and ends it with `Stopped`."""
+    _load_kernels(experiment)
+    rows = part_rows(experiment, part.table, part.keep, stopped)
+    if "time_series" not in part.keep:
+        return PartResult(part.number, rows, None)
+    tables = [*_series(experiment, rows, stopped)]
+    nothing = pl.DataFrame(schema={"run": pl.Int64})
+    return PartResult(part.number, rows, pl.concat(tables) if tables else nothing)
+
+
+def _load_kernels(experiment: Experiment) -> None:
+    """Load the compiled functions, which fails if no run is possible."""
+    declaration = experiment.loop.declaration
+    if experiment.sampling is None:
+        ensemble_kernel(declaration, experiment.settings.stiff)
+    else:
+        sampled_kernel(declaration)
+
+
+def _series(
+    experiment: Experiment, rows: pl.DataFrame, stopped: Callable[[], bool]
+) -> Iterator[pl.DataFrame]:
+    """Time series of each finished run, with its number.
+
+    The runs are made once more: measures are taken at the integrator's own steps, series at the
+    samples.
+    """
+    inputs = rows.columns[1 : rows.columns.index(STATUS)]
+    for values in rows.filter(pl.col(STATUS) == FINISHED).select("run", *inputs).to_dicts():
+        if stopped():
+            raise Stopped
+        number = values.pop("run")
+        try:
+            run = experiment.with_values(values).run()
+        except Exception:  # too long for the memory: its row is there, and others follow
+            continue
+        columns = pl.DataFrame(run_columns(run))
+        yield columns.select(pl.lit(number, pl.Int64).alias("run"), pl.all())
+
+
 def part_rows(
     experiment: Experiment,
     table: pl.DataFrame,
     keep: Sequence[str],
     stopped: Callable[[], bool] = lambda: False,
 ) -> pl.DataFrame:
-    """Run a part of a campaign."""
+    """A row for each run of a part."""
     status = [FAILED] * len(table)
     errors: list[str | None] = [None] * len(table)
     names = result_names(experiment.loop.system, keep)

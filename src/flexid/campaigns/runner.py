@@ -3,17 +3,12 @@
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
 from pathlib import Path
 
-import polars as pl
-
 import flexid
-from flexid.campaigns.manifest import Manifest
-from flexid.campaigns.part import Part, PartResult, run_part
 from flexid.campaigns.plan import Plan, make_plan
-from flexid.campaigns.rows import STATUS, result_schema
-from flexid.campaigns.store import Store, open_store
+from flexid.campaigns.rows import Part, PartResult, result_schema, run_part
+from flexid.campaigns.store import Manifest, Store, open_store
 from flexid.errors import ExperimentError, SettingError
 from flexid.estimators.threads import cores
 from flexid.experiments import Experiment
@@ -28,22 +23,13 @@ Progress = Callable[[int, int], None]
 """Called with the number of runs whose rows are kept, and the number of all."""
 
 
-@dataclass(frozen=True)
-class Campaign:
-    """A finished campaign."""
-
-    directory: Path
-    runs: int
-    statuses: dict[str, int]  # how many runs ended how, the most frequent first
-
-
 def run_campaign(
     experiment: Experiment,
     out: str | Path,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
-) -> Campaign:
+) -> None:
     """Run a campaign, or what is missing of it.
 
     Rows are kept part by part. After an interrupt the same call goes on with the campaign; every
@@ -78,17 +64,12 @@ def run_campaign(
         raise ExperimentError(
             experiment.path, "campaign", "is missing: say there what varies, or use flexid simulate"
         )
-    plan = _plan(experiment, variation)
-    with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
-        _complete(store, experiment, plan, workers or cores(), scheduler, progress)
-        return Campaign(store.directory, variation.runs, _statuses(store))
-
-
-def _plan(experiment: Experiment, variation: Variation) -> Plan:
     try:
-        return make_plan(variation, experiment.sampling is not None)
+        plan = make_plan(variation, experiment.sampling is not None)
     except SettingError as error:
         raise ExperimentError(experiment.path, error.setting, error.reason) from None
+    with open_store(Path(out), _manifest(experiment, variation, plan)) as store:
+        _complete(store, experiment, plan, workers or cores(), scheduler, progress)
 
 
 def _manifest(experiment: Experiment, variation: Variation, plan: Plan) -> Manifest:
@@ -165,10 +146,3 @@ def run_here(experiment: Experiment, parts: Iterable[Part], workers: int) -> Ite
             stop.set()
             for future in waiting:
                 future.cancel()
-
-
-def _statuses(store: Store) -> dict[str, int]:
-    found = (store.path(part) for part in store.manifest.parts)
-    rows = pl.concat([pl.read_parquet(path, columns=[STATUS]) for path in found])
-    counts = rows[STATUS].value_counts().sort(by=["count", STATUS], descending=[True, False])
-    return dict(counts.iter_rows())

@@ -4,23 +4,46 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import polars as pl
 from filelock import FileLock, Timeout
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexid.atomic import write_atomically
-from flexid.campaigns.manifest import (
-    FILE,
-    Manifest,
-    read_manifest,
-    refuse_another,
-    write_manifest,
-)
 from flexid.campaigns.plan import Plan
 from flexid.errors import CampaignError
+from flexid.experiments.variation import MOST_RUNS
 from flexid.recording.write import write_parquet
 
+FILE = "campaign.json"
 _LOCK = ".campaign.lock"
+
+
+class Manifest(BaseModel):
+    """What was planned; it decides every row of the campaign."""
+
+    model_config = ConfigDict(strict=True, frozen=True)
+
+    flexid: str  # version that runs it
+    experiment: str  # digest of what decides a run's result
+    plan: str  # digest of all values
+    kind: str  # of the plan
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)]
+    inputs: tuple[str, ...]  # dotted paths of what varies
+    keep: tuple[str, ...]  # what is kept of each run
+    runs_per_part: Annotated[int, Field(ge=1)]  # runs that share a file
+    text: str  # the experiment file as it was
+
+    @property
+    def parts(self) -> range:
+        """Numbers of all parts."""
+        return range(-(-self.runs // self.runs_per_part))
+
+    def runs_of(self, part: int) -> range:
+        """Numbers of the runs in a part."""
+        first = part * self.runs_per_part
+        return range(first, min(first + self.runs_per_part, self.runs))
 
 
 @dataclass(frozen=True)
@@ -53,12 +76,10 @@ class Store:
 
     def read(self, part: int) -> pl.DataFrame | None:
         """Rows of a part; None if it is missing or damaged."""
-        try:
-            rows = pl.read_parquet(self.path(part), memory_map=False)
-            complete = rows["run"].to_list() == list(self.manifest.runs_of(part))
-        except (OSError, pl.exceptions.PolarsError):
+        rows = _read_table(self.path(part))
+        if rows is None or "run" not in rows.columns:
             return None
-        return rows if complete else None
+        return rows if rows["run"].to_list() == list(self.manifest.runs_of(part)) else None
 
     @property
     def kept(self) -> int:
@@ -79,7 +100,8 @@ class Store:
             return False
         if not rows.select(planned.columns).equals(planned):
             return False
-        return "time_series" not in self.manifest.keep or _readable(self.series_path(part))
+        with_series = "time_series" in self.manifest.keep
+        return not with_series or _read_table(self.series_path(part)) is not None
 
 
 @contextmanager
@@ -107,7 +129,7 @@ def open_store(directory: Path, wanted: Manifest) -> Iterator[Store]:
 
 
 def _settled(directory: Path, wanted: Manifest) -> Manifest:
-    found = read_manifest(directory)
+    found = _read_manifest(directory)
     folders = ("runs", "series") if "time_series" in wanted.keep else ("runs",)
     if found is None:
         if any(directory.glob("runs/*")):
@@ -115,9 +137,10 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
                 str(directory), f"holds runs but no {FILE}: give another directory, or empty it"
             )
         found = wanted
-        write_manifest(wanted, directory)
+        text = wanted.model_dump_json(indent=2) + "\n"
+        write_atomically(directory / FILE, lambda path: path.write_text(text, encoding="utf-8"))
     else:
-        refuse_another(found, wanted, directory)
+        _refuse_another(found, wanted, directory)
     for folder in folders:
         (directory / folder).mkdir(exist_ok=True)
     return found
@@ -126,7 +149,7 @@ def _settled(directory: Path, wanted: Manifest) -> Manifest:
 def find_store(directory: Path) -> Store:
     """Open the directory of a campaign for reading, while it runs or later."""
     _check_name(directory)
-    manifest = read_manifest(directory)
+    manifest = _read_manifest(directory)
     if manifest is None:
         raise CampaignError(
             str(directory), f"holds no campaign (no {FILE}): give the directory of --out"
@@ -147,9 +170,44 @@ def _write_table(table: pl.DataFrame, path: Path) -> None:
     write_atomically(path, lambda temporary: write_parquet(table, temporary))
 
 
-def _readable(path: Path) -> bool:
+def _read_table(path: Path) -> pl.DataFrame | None:
+    """A whole table; None if it is missing or damaged."""
     try:
-        pl.read_parquet(path, memory_map=False)
+        return pl.read_parquet(path, memory_map=False)
     except (OSError, pl.exceptions.PolarsError):
-        return False
-    return True
+        return None
+
+
+def _read_manifest(directory: Path) -> Manifest | None:
+    """Read ``campaign.json``; None if it is missing."""
+    try:
+        return Manifest.model_validate_json((directory / FILE).read_bytes())
+    except FileNotFoundError:
+        return None
+    except NotADirectoryError:
+        raise CampaignError(str(directory), "is no directory: give one") from None
+    except (OSError, ValidationError):
+        raise CampaignError(
+            str(directory / FILE),
+            "is damaged or of no campaign: start again in another directory",
+        ) from None
+
+
+def _refuse_another(found: Manifest, wanted: Manifest, directory: Path) -> None:
+    """Refuse a directory whose rows would not be those that are wanted.
+
+    The number of runs per part may differ: it changes no row.
+    """
+    if found.flexid != wanted.flexid:
+        what = f"a campaign of flexid {found.flexid}, and this is {wanted.flexid}"
+    elif found.experiment != wanted.experiment:
+        what = "a campaign of another experiment"
+    elif found.plan != wanted.plan:
+        what = "a campaign of the same experiment in which something else varies"
+    elif (found.kind, found.runs, found.inputs) != (wanted.kind, wanted.runs, wanted.inputs):
+        what = f"a {FILE} that was changed by hand"
+    elif set(found.keep) != set(wanted.keep):
+        what = f"a campaign that keeps other results ({', '.join(found.keep)})"
+    else:
+        return
+    raise CampaignError(str(directory), f"holds {what}: give another directory")

@@ -14,9 +14,8 @@ from flexid.campaigns.importance import (
     rank_correlations,
     sobol_indices,
 )
-from flexid.campaigns.manifest import Manifest
 from flexid.campaigns.rows import ERROR, FINISHED, REACHED, STATUS
-from flexid.campaigns.store import Store, find_store
+from flexid.campaigns.store import Manifest, Store, find_store
 from flexid.errors import CampaignError
 
 QUANTILES = (0.05, 0.5, 0.95)
