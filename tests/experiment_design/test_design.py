@@ -28,7 +28,8 @@ def quick(examples, **choices):
     """The example drive with a short experiment of few tones."""
     file = read_drive(examples / "drive.toml")
     short = {"duration": 6.0, "sample_time": 0.002, "harmonics": 6, "ramp": 0.6}
-    return replace(file, drive=replace(file.drive, **{**short, **choices}))
+    experiment = file.drive.experiment.model_copy(update=short | choices)
+    return replace(file, drive=file.drive.model_copy(update={"experiment": experiment}))
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def test_beats_other_inputs_within_the_limits(designed, place):
 
 def test_beats_the_papers_motion_at_equal_torque(designed):
     """Assert the same of the torque that keeps the link on the paper's sine, in steady motion."""
-    peak, duration = designed.prediction.peaks["torque"], designed.drive.duration
+    peak, duration = designed.prediction.peaks["torque"], designed.drive.experiment.duration
 
     def too_much(amplitude):
         return np.abs(steady_sine(amplitude, 5.0, duration)[0]).max() - peak
@@ -94,9 +95,9 @@ def test_errors_of_a_fit_are_as_predicted(designed, tmp_path):
     generator = np.random.default_rng(7)
     errors = []
     for _ in range(SEEDS):
-        noise = drive.position_noise * generator.standard_normal((len(torque), 2))
+        noise = drive.sensors.noise * generator.standard_normal((len(torque), 2))
         positions = designed.run.states[:, ::2] + noise
-        samples = Samples(positions, None, torque[:, None], drive.sample_time)
+        samples = Samples(positions, None, torque[:, None], drive.experiment.sample_time)
         start = filtered_least_squares([samples], case.system, 20.0, "zero")
         fit = prediction_error([samples], case.system, start, 1.0, "zero")
         errors.append(fit.values / case.values - 1.0)
@@ -118,8 +119,9 @@ def test_command_starts_and_ends_at_rest(designed):
 def test_a_trajectory_keeps_to_its_limits(examples, tmp_path):
     """Assert that a designed motor trajectory tells everything and is written with its rate."""
     file = quick(examples, kind="trajectory", duration=3.0, ramp=0.5, harmonics=4)
-    limits = replace(file.drive.limits, position=3.0, torque=60.0)
-    result = design(replace(file, drive=replace(file.drive, limits=limits)), 1, lambda _: None)
+    limits = file.drive.limits.model_copy(update={"position": 3.0, "torque": 60.0})
+    drive = file.drive.model_copy(update={"limits": limits})
+    result = design(replace(file, drive=drive), 1, lambda _: None)
     assert max(extreme.value for extreme in result.largest_use.values()) <= 1.0
     assert result.supported
     save_command(result, tmp_path)

@@ -59,7 +59,7 @@ def test_every_parameter_comes_back(text, written):
     drive = read_drive(written(text.replace("[limits]", lines + "[limits]"))).drive
     coefficients = drive.coefficients
     for parameter in physical_parameters(coefficients, input_is_torque=True):
-        assert parameter.value(coefficients) == pytest.approx(drive.parameters[parameter.name])
+        assert parameter.value(coefficients) == pytest.approx(drive.values[parameter.name])
 
 
 def test_known_inertia_is_not_doubted(text, written):
@@ -72,7 +72,7 @@ def test_known_inertia_is_not_doubted(text, written):
 def test_encoder_bits_are_noise(text, written):
     """Assert that an encoder's step counts as uniform noise."""
     drive = read_drive(written(text.replace("position_noise = 1e-4", "encoder_bits = 12"))).drive
-    assert drive.position_noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12))
+    assert drive.sensors.noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12))
 
 
 @pytest.fixture
@@ -95,7 +95,7 @@ def test_an_estimate_replaces_beliefs(examples, stored):
     """Assert that estimates take the place of parameters of the same name, and no others."""
     path = stored(link_inertia={"value": 1.5}, joint_damping={"value": 0.1})
     file = read_drive(examples / "drive.toml", path)
-    assert file.drive.parameters == pytest.approx({**PARAMETERS, "link_inertia": 1.5})
+    assert file.drive.values == pytest.approx({**PARAMETERS, "link_inertia": 1.5})
     assert [name for name, _ in file.inputs] == ["drive.toml", "estimate.json"]
     (warning,) = file.warnings
     assert "joint_damping" in warning
@@ -110,7 +110,7 @@ def test_what_an_estimate_cannot_give_is_said(examples, stored):
         joint_stiffness={"value": 90.0, **undetermined},
     )
     file = read_drive(examples / "drive.toml", path)
-    assert file.drive.parameters == pytest.approx({**PARAMETERS, "joint_stiffness": 90.0})
+    assert file.drive.values == pytest.approx({**PARAMETERS, "joint_stiffness": 90.0})
     shape, *others = file.warnings
     assert "motor_stribeck" in shape
     assert "gravity" not in shape

@@ -45,7 +45,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
         run = rehearse(
             search.nominal,
             search.command(search.fine, scale * weights),
-            file.drive.sample_time,
+            file.drive.experiment.sample_time,
         )
         candidates.append((_criterion(search, run), scale, weights, run))
     _, scale, weights, run = min(candidates, key=lambda candidate: candidate[0])
@@ -86,7 +86,7 @@ def design(file: DriveFile, seed: int, finished: Callable[[str], None]) -> Desig
 
 def predict(name: str, drive: Drive, case: Case, run: Rehearsed) -> Prediction:
     """What a run of a case would tell."""
-    information = run.information(case, drive.position_noise)
+    information = run.information(case, drive.sensors.noise)
     return Prediction(
         name,
         dict(zip(information.names, information.relative_deviations.tolist(), strict=True)),
@@ -100,9 +100,9 @@ def predict(name: str, drive: Drive, case: Case, run: Rehearsed) -> Prediction:
 
 def reference(name: str, drive: Drive, peak_torque: float) -> Prediction:
     """What one of `REFERENCES` would tell at a peak torque in N m."""
-    command = _reference_command(name, drive, drive.sample_time, peak_torque)
+    command = _reference_command(name, drive, drive.experiment.sample_time, peak_torque)
     nominal = drive.nominal
-    return predict(name, drive, nominal, rehearse(nominal, command, drive.sample_time))
+    return predict(name, drive, nominal, rehearse(nominal, command, drive.experiment.sample_time))
 
 
 def kept_reference(
@@ -111,14 +111,14 @@ def kept_reference(
     """What it would tell if it were as large as all drives can bear within the limits."""
     coarse, fine = (
         _reference_command(name, drive, sample_time, peak_torque)
-        for sample_time in (step, drive.sample_time)
+        for sample_time in (step, drive.experiment.sample_time)
     )
     scale = _scale(drive, coarse, step, fine, cases)
     return reference(name, drive, scale * peak_torque)
 
 
 def _reference_command(name: str, drive: Drive, sample_time: float, peak_torque: float) -> Command:
-    count = round(drive.duration / sample_time) + 1
+    count = round(drive.experiment.duration / sample_time) + 1
     time = sample_time * np.arange(count, dtype=np.float64)
     torque = np.sum([a * np.sin(rate * time) for a, rate in REFERENCES[name]], axis=0)
     torque *= peak_torque / np.abs(torque).max()
@@ -126,8 +126,8 @@ def _reference_command(name: str, drive: Drive, sample_time: float, peak_torque:
 
 
 def _criterion(search: Search, run: Rehearsed) -> float:
-    information = run.information(search.nominal, search.drive.position_noise)
-    return deviation(information.relative, search.drive.criterion)
+    information = run.information(search.nominal, search.drive.sensors.noise)
+    return deviation(information.relative, search.drive.experiment.criterion)
 
 
 def _check_rest(drive: Drive, cases: Sequence[Case]) -> None:
@@ -157,7 +157,7 @@ def _scale(
     for _ in range(_HALVINGS if low < high else 0):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if worst(coarse.scaled(middle), step) <= 1.0 else (low, middle)
-    while low > _SMALLEST_SCALE and worst(fine.scaled(low), drive.sample_time) > 1.0:
+    while low > _SMALLEST_SCALE and worst(fine.scaled(low), drive.experiment.sample_time) > 1.0:
         low *= _STEP_BACK  # coarse samples miss some peaks
     if low <= _SMALLEST_SCALE:
         raise SettingError(
@@ -172,12 +172,12 @@ def _extremes(
     uses: dict[str, Extreme] = {}
     deviations: dict[str, Extreme] = {}
     for case in cases:
-        run = rehearse(case, command, drive.sample_time)
+        run = rehearse(case, command, drive.experiment.sample_time)
         used = run.use(drive.limits)
         for channel in CHANNELS:
             if channel not in uses or used[channel] > uses[channel].value:
                 uses[channel] = Extreme(used[channel], case.name)
-        information = run.information(case, drive.position_noise)
+        information = run.information(case, drive.sensors.noise)
         found = zip(information.names, information.relative_deviations.tolist(), strict=True)
         for name, value in found:
             if name not in deviations or value > deviations[name].value:

@@ -1,20 +1,19 @@
 """What is believed of a drive, and within which limits it may move."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from scipy.optimize import root
 
 from flexid.arrays import FloatArray
-from flexid.errors import SettingError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.physical import joint_coefficients
 
-Kind = Literal["multisine", "trajectory"]
 Criterion = Literal["E", "D"]
 
 DOUBT = 0.3
@@ -24,6 +23,7 @@ HIGHEST = 1.5
 """Frequency of the fastest tone over the resonance, where none is given."""
 
 _RANDOM_CASES = 16
+_RAMP = 0.1  # of the duration, by default
 
 _TERMS = {
     "gravity_torque": "gravity",
@@ -39,64 +39,126 @@ _TERMS = {
 """The term of the model that each optional parameter switches on."""
 
 
-@dataclass(frozen=True)
-class Limits:
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Parameters(_Table):
+    """Physical parameters in SI units; those left out are no part of the model."""
+
+    link_inertia: Positive
+    motor_inertia: Positive
+    joint_stiffness: Positive
+    gravity_torque: Number | None = None
+    motor_viscous_friction: Positive | None = None
+    link_viscous_friction: Positive | None = None
+    joint_damping: Positive | None = None
+    motor_coulomb_friction: Positive | None = None
+    link_coulomb_friction: Positive | None = None
+    cubic_joint_stiffness: Number | None = None
+    link_offset_torque: Number | None = None
+    motor_offset_torque: Number | None = None
+
+
+class Limits(_Table):
     """Largest magnitudes: torque in N m, velocity in rad/s, position and deflection in rad.
 
     Velocity and position hold for link and motor.
     """
 
-    torque: float
-    velocity: float
-    position: float
-    deflection: float
+    torque: Positive
+    velocity: Positive
+    position: Positive
+    deflection: Positive
 
 
-@dataclass(frozen=True)
-class Drive:
-    """A drive as it is believed to be, and the experiment wanted on it."""
+class Sensors(_Table):
+    """Noise of both encoders: in rad, or as bits per turn of the joint."""
 
-    parameters: Mapping[str, float]  # physical, SI units; those given make up the model
-    known: tuple[str, ...]  # known exactly; only motor_inertia can be
+    position_noise: Positive | None = None
+    encoder_bits: Annotated[int, Field(ge=6, le=32)] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> "Sensors":
+        if (self.position_noise is None) == (self.encoder_bits is None):
+            raise ValueError("give position_noise or encoder_bits, and only one of them")
+        return self
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of each encoder in rad."""
+        if self.position_noise is not None:
+            return self.position_noise
+        return float(2.0 * np.pi / 2.0 ** (self.encoder_bits or 0) / np.sqrt(12.0))
+
+
+class Experiment(_Table):
+    """What is to be designed."""
+
+    duration: Annotated[float, Field(ge=1, le=600, allow_inf_nan=False)]  # s
+    sample_time: Annotated[float, Field(ge=1e-5, le=0.05, allow_inf_nan=False)]  # s
+    kind: Literal["multisine", "trajectory"] = "multisine"  # torque, or motor position to follow
+    criterion: Criterion = "E"  # the worst direction's information, or all directions'
+    harmonics: Annotated[int, Field(ge=2, le=40)] = 8  # number of tones
+    highest_frequency: Positive | None = None  # rad/s, of the tones; None: 1.5 times the resonance
+    ramp: Positive | None = None  # s, in which the motion grows and fades; None: a tenth of it all
+    bandwidth: Positive | None = None  # rad/s, of the position loop; None: the resonance
+
+    @property
+    def rise(self) -> float:
+        """Time in s in which the motion grows at the start and fades at the end."""
+        return _RAMP * self.duration if self.ramp is None else self.ramp
+
+
+class Drive(_Table):
+    """A drive as it is believed to be, and the experiment wanted on it: a whole file."""
+
+    known: list[str] = []  # known exactly; only motor_inertia can be
+    parameters: Parameters
     limits: Limits
-    position_noise: float  # rad, standard deviation of each encoder
-    duration: float  # s
-    sample_time: float  # s
-    kind: Kind  # a torque to play, or a motor position to follow
-    criterion: Criterion  # the worst direction's information, or all directions'
-    harmonics: int  # number of tones
-    highest_frequency: float | None  # rad/s, of the tones; None: 1.5 times the resonance
-    ramp: float  # s, over which the motion grows at the start and fades at the end
-    bandwidth: float | None  # rad/s, of the position loop; None: the resonance
+    sensors: Sensors
+    experiment: Experiment
 
-    def __post_init__(self) -> None:
-        for name in self.known:
-            if name != "motor_inertia":
-                raise SettingError("known", f"{name!r} cannot be known alone; motor_inertia can")
-        for name, value in self.parameters.items():
-            if value == 0.0:
-                raise SettingError(
-                    f"parameters.{name}",
-                    "is zero, and no share of zero can be known: leave it out, or give "
-                    "the size that matters",
-                )
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters that make up the model."""
+        return self.parameters.model_dump(exclude_none=True)
+
+    def document(self) -> dict[str, Any]:
+        """What is believed and wanted, with all defaults."""
+        return {
+            "parameters": self.values,
+            "known": self.known,
+            "limits": self.limits.model_dump(),
+            "position_noise": self.sensors.noise,
+            **self.experiment.model_dump(),
+            "ramp": self.experiment.rise,
+        }
 
     @property
     def resonance(self) -> float:
         """Angular frequency in rad/s of the joint's two inertias on its spring."""
         p = self.parameters
-        inverse = 1.0 / p["link_inertia"] + 1.0 / p["motor_inertia"]
-        return float(np.sqrt(p["joint_stiffness"] * inverse))
+        inverse = 1.0 / p.link_inertia + 1.0 / p.motor_inertia
+        return float(np.sqrt(p.joint_stiffness * inverse))
+
+    @property
+    def fastest(self) -> float:
+        """Highest frequency of the tones in rad/s."""
+        return self.experiment.highest_frequency or HIGHEST * self.resonance
 
     @property
     def coefficients(self) -> dict[str, float]:
         """All coefficients of the model, those known among them."""
-        return joint_coefficients(self.parameters)
+        return joint_coefficients(self.values)
 
     def case(self, parameters: Mapping[str, float], name: str = "nominal") -> "Case":
         """The model with some values of its parameters."""
-        believed = replace(self, parameters=dict(parameters))
-        coefficients = believed.coefficients
+        coefficients = joint_coefficients(parameters)
         terms = tuple(term for parameter, term in _TERMS.items() if parameter in parameters)
         known = {"beta1": coefficients["beta1"]} if self.known else {}
         system = flexible_joint(terms, known)
@@ -105,25 +167,26 @@ class Drive:
     @property
     def nominal(self) -> "Case":
         """The drive as it is believed to be."""
-        return self.case(self.parameters)
+        return self.case(self.values)
 
     def cases(self, seed: int) -> Iterator["Case"]:
         """Drives whose parameters are wrong: each alone both ways, all at once at random corners.
 
         What is known exactly stays.
         """
-        doubtful = [name for name in self.parameters if name not in self.known]
+        values = self.values
+        doubtful = [name for name in values if name not in self.known]
         for name, sign in product(doubtful, (-1.0, 1.0)):
-            changed = {**self.parameters, name: self.parameters[name] * (1.0 + sign * DOUBT)}
+            changed = {**values, name: values[name] * (1.0 + sign * DOUBT)}
             yield self.case(changed, f"{name} {100 * sign * DOUBT:+.0f} %")
         generator = np.random.default_rng(seed)
         for place in range(_RANDOM_CASES):
             signs = generator.choice([-1.0, 1.0], len(doubtful))
             corner = {
-                name: self.parameters[name] * (1.0 + sign * DOUBT)
+                name: values[name] * (1.0 + sign * DOUBT)
                 for name, sign in zip(doubtful, signs.tolist(), strict=True)
             }
-            yield self.case({**self.parameters, **corner}, f"random corner {place + 1}")
+            yield self.case({**values, **corner}, f"random corner {place + 1}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,23 +3,17 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from flexid.errors import SettingError
-from flexid.experiment_design.drive import HIGHEST, Drive, Limits
+from flexid.experiment_design.drive import Drive, Parameters
 from flexid.models.flexible_joint import SHAPE_TERMS
 from flexid.stored_estimates.estimate_file import EstimateFile, read_estimate, stored_identification
 from flexid.toml_file import Refuse, parse_toml, read_bytes, validated
 
-if TYPE_CHECKING:
-    from flexid.experiment_design.drive_schema import DriveContent
-
 _LARGEST_RAMP = 0.25  # of the duration, at either end
-_RAMP = 0.1  # of the duration, by default
 _SLOWEST_SAMPLING = 10.0  # samples per period of the fastest tone
 _FEWEST_SAMPLES = 200
 _MOST_SAMPLES = 1_000_000
@@ -48,7 +42,9 @@ def read_drive(
         experiment.update(choices or {})
     warnings: list[str] = []
     if estimate is not None:
-        _checked(path, content)  # so that each of the two files answers for its own values
+        validated(
+            content, Drive, _refusing(path)
+        )  # so that each of the two files answers for its own values
         better = read_estimate(estimate)
         inputs.append((Path(better.name).name, hashlib.sha256(better.raw).hexdigest()))
         warnings = _take_over(content, better)
@@ -63,8 +59,6 @@ def _refusing(path: Path) -> Refuse:
 
 def _take_over(content: dict[str, Any], file: EstimateFile) -> list[str]:
     """Replace parameters by estimates of the same name; returns warnings."""
-    from flexid.experiment_design.drive_schema import Parameters
-
     estimate = stored_identification(file)
     believed = content["parameters"]
     shapes = [term for term in estimate.choices.terms if term in SHAPE_TERMS]
@@ -100,28 +94,9 @@ def _no_drive(file: EstimateFile, name: str, values: Mapping[str, float]) -> Exc
     )
 
 
-def _checked(path: Path, content: dict[str, Any]) -> "DriveContent":
-    from flexid.experiment_design.drive_schema import DriveContent
-
-    return validated(content, DriveContent, _refusing(path))
-
-
 def _drive(path: Path, content: dict[str, Any]) -> Drive:
-    checked = _checked(path, content)
-    wanted, sensors = checked.experiment.model_dump(), checked.sensors
-    noise = sensors.position_noise
-    if noise is None:
-        noise = 2.0 * np.pi / 2.0 ** (sensors.encoder_bits or 0) / np.sqrt(12.0)
-    if wanted["ramp"] is None:
-        wanted["ramp"] = _RAMP * wanted["duration"]
+    drive = validated(content, Drive, _refusing(path))
     try:
-        drive = Drive(
-            checked.parameters.model_dump(exclude_none=True),
-            tuple(checked.known),
-            Limits(**checked.limits.model_dump()),
-            float(noise),
-            **wanted,
-        )
         _check(drive)
     except SettingError as error:
         raise SettingError(f"{path}: {error.setting}", error.reason) from None
@@ -130,26 +105,39 @@ def _drive(path: Path, content: dict[str, Any]) -> Drive:
 
 def _check(drive: Drive) -> None:
     """Refuse what no experiment can be."""
-    samples = drive.duration / drive.sample_time
+    wanted = drive.experiment
+    for name in drive.known:
+        if name != "motor_inertia":
+            raise SettingError("known", f"{name!r} cannot be known alone; motor_inertia can")
+    for name, value in drive.values.items():
+        if value == 0.0:
+            raise SettingError(
+                f"parameters.{name}",
+                "is zero, and no share of zero can be known: leave it out, or give the size that "
+                "matters",
+            )
+    samples = wanted.duration / wanted.sample_time
     if not _FEWEST_SAMPLES <= samples <= _MOST_SAMPLES:
         raise SettingError(
             "experiment.sample_time",
             f"makes {samples:.0f} samples; choose it for {_FEWEST_SAMPLES} to {_MOST_SAMPLES}",
         )
-    if drive.ramp > _LARGEST_RAMP * drive.duration:
+    if wanted.rise > _LARGEST_RAMP * wanted.duration:
         raise SettingError(
             "experiment.ramp", f"is more than {_LARGEST_RAMP:.0%} of the duration: shorten it"
         )
-    fastest = drive.highest_frequency or HIGHEST * drive.resonance
-    if fastest * drive.sample_time * _SLOWEST_SAMPLING > 2.0 * np.pi:
+    fastest = drive.fastest
+    if fastest * wanted.sample_time * _SLOWEST_SAMPLING > 2.0 * pi:
         raise SettingError(
-            "experiment.highest_frequency" if drive.highest_frequency else "experiment.sample_time",
+            "experiment.highest_frequency"
+            if wanted.highest_frequency
+            else "experiment.sample_time",
             f"leaves fewer than {_SLOWEST_SAMPLING:.0f} samples per period of a tone of "
             f"{fastest:.3g} rad/s: sample faster, or lower highest_frequency",
         )
-    if fastest * drive.duration < 2.0 * np.pi * drive.harmonics:
+    if fastest * wanted.duration < 2.0 * pi * wanted.harmonics:
         raise SettingError(
             "experiment.harmonics",
-            f"are {drive.harmonics}, more than {drive.duration:g} s have between zero and "
+            f"are {wanted.harmonics}, more than {wanted.duration:g} s have between zero and "
             f"{fastest:.3g} rad/s: take fewer, or longer",
         )

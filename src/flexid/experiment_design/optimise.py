@@ -22,7 +22,7 @@ from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
 from flexid.experiment_design.criterion import smooth_cost
-from flexid.experiment_design.drive import HIGHEST, Case, Drive
+from flexid.experiment_design.drive import Case, Drive
 from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.experiment_design.waveform import Waveform, waveform
 from flexid.simulation.free_run import Command
@@ -47,21 +47,16 @@ class Search:
     seed: int  # of the random starts and of the wrong drives
 
     @property
-    def highest_frequency(self) -> float:
-        """Of the tones, in rad/s."""
-        return self.drive.highest_frequency or HIGHEST * self.drive.resonance
-
-    @property
     def bandwidth(self) -> float:
         """Of the position loop in rad/s; zero for a torque."""
-        if self.drive.kind == "multisine":
+        if self.drive.experiment.kind == "multisine":
             return 0.0
-        return self.drive.bandwidth or _BANDWIDTH * self.drive.resonance
+        return self.drive.experiment.bandwidth or _BANDWIDTH * self.drive.resonance
 
     @property
     def gains(self) -> FloatArray:
         """Gains of the position loop: critically damped for the motor alone; zero for a torque."""
-        inertia = self.drive.parameters["motor_inertia"]
+        inertia = self.drive.parameters.motor_inertia
         return inertia * np.array([self.bandwidth**2, 2.0 * self.bandwidth])
 
     @property
@@ -73,20 +68,20 @@ class Search:
     def coarse(self) -> Waveform:
         """Tones at the samples of the search."""
         # The loop's derivative gain acts at twice its bandwidth.
-        fastest = max(self.highest_frequency, self.drive.resonance, 2.0 * self.bandwidth)
+        fastest = max(self.drive.fastest, self.drive.resonance, 2.0 * self.bandwidth)
         wanted = 1.0 / (_SAMPLES_PER_RADIAN * fastest)
-        count = max(1, int(wanted / self.drive.sample_time))
-        return self._waveform(count * self.drive.sample_time)
+        count = max(1, int(wanted / self.drive.experiment.sample_time))
+        return self._waveform(count * self.drive.experiment.sample_time)
 
     @cached_property
     def fine(self) -> Waveform:
         """Tones at the samples of the experiment."""
-        return self._waveform(self.drive.sample_time)
+        return self._waveform(self.drive.experiment.sample_time)
 
     def _waveform(self, sample_time: float) -> Waveform:
-        drive = self.drive
+        wanted = self.drive.experiment
         return waveform(
-            drive.duration, sample_time, drive.ramp, self.highest_frequency, drive.harmonics
+            wanted.duration, sample_time, wanted.rise, self.drive.fastest, wanted.harmonics
         )
 
     @cached_property
@@ -106,7 +101,7 @@ class Search:
         run = rehearse(self.nominal, self.command(self.coarse, self.start(0)), step)
         segments = divide([run.samples()], SEGMENT_DURATION)
         # Fewer samples weigh less each by as much as there are fewer.
-        noise = self.drive.position_noise * np.sqrt(self.drive.sample_time / step)
+        noise = self.drive.sensors.noise * np.sqrt(self.drive.experiment.sample_time / step)
         point = Point(self.nominal.values, run.states[segments.starts])
         problem = segmented_motion(self.nominal.system, segments, Timing("zero"))
         return problem.at(point, np.full(2, 1.0 / noise))
@@ -114,7 +109,7 @@ class Search:
     def command(self, tones: Waveform, weights: FloatArray) -> Command:
         """What the drive is given for some weights."""
         signal = tones.signal(weights)
-        if self.drive.kind == "multisine":
+        if self.drive.experiment.kind == "multisine":
             return Command(signal, np.zeros((len(signal), 2)), self.gains)
         rest = self.nominal.rest()[2]
         reference = np.column_stack((rest + signal, tones.rate(weights)))
@@ -134,7 +129,7 @@ class Search:
             return _LOST
         uses = np.array([use for one in runs for use in self._smooth_uses(one)])
         log_use = float(np.log(np.mean(uses**_NORM_OF_USES))) / _NORM_OF_USES
-        cost = smooth_cost(information.relative, self.drive.criterion)
+        cost = smooth_cost(information.relative, self.drive.experiment.criterion)
         return cost + log_use + _TIE * log_use**2
 
     def _smooth_uses(self, run: Rehearsed) -> list[float]:
@@ -170,7 +165,7 @@ class Search:
         if place == 0:
             main = int(np.argmin(np.abs(np.log(_MAIN_TONE * self.drive.resonance / rates))))
             weights[len(rates) + main] = _DOMINANCE
-        if self.drive.kind == "trajectory":  # about the same speed in every tone
+        if self.drive.experiment.kind == "trajectory":  # about the same speed in every tone
             weights /= np.tile(self.coarse.angular_frequencies, 2)
         step = self.step
         for _ in range(60):

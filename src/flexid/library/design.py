@@ -64,7 +64,7 @@ class ExperimentDesign(Answer):
         result = self.result
         cosines, sines = np.split(result.weights, 2)
         return {
-            "drive": result.drive,
+            "drive": result.drive.document(),
             "coefficients": result.drive.coefficients,
             "tones": {
                 "angular_frequencies": result.angular_frequencies,
@@ -123,10 +123,10 @@ class ExperimentDesign(Answer):
         return design_parts(self.result)
 
     def __repr__(self) -> str:
-        drive = self.result.drive
+        wanted = self.result.drive.experiment
         worst = 100 * self.result.prediction.worst
         return (
-            f"<ExperimentDesign: {drive.kind} of {drive.duration:g} s, "
+            f"<ExperimentDesign: {wanted.kind} of {wanted.duration:g} s, "
             f"worst coefficient within {worst:.2g} %>"
         )
 

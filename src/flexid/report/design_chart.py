@@ -36,14 +36,18 @@ def _worst(prediction: Prediction) -> str:
 
 
 def _torque(result: Design) -> Panel:
-    played = "played" if result.drive.kind == "multisine" else "that the position loop asks for"
+    played = (
+        "played"
+        if result.drive.experiment.kind == "multisine"
+        else "that the position loop asks for"
+    )
     line = Line("torque", result.time, result.run.torque, "blue", 1.0)
     return Panel(f"Torque {played}", Axis("time", "s"), Axis("torque", "N m"), (line,), span=2)
 
 
 def _positions(result: Design) -> Panel:
     marks: list[Mark] = [Line("link", result.time, result.run.states[:, 0], "blue")]
-    if result.drive.kind == "trajectory":
+    if result.drive.experiment.kind == "trajectory":
         reference = result.command.reference[:, 0]
         marks.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
     title = "Link position, simulated with the assumed drive"
@@ -58,7 +62,7 @@ def _deflection(result: Design) -> Panel:
 
 
 def _tones(result: Design) -> Panel:
-    unit = "N m" if result.drive.kind == "multisine" else "rad"
+    unit = "N m" if result.drive.experiment.kind == "multisine" else "rad"
     rates, sizes = result.angular_frequencies, result.amplitudes
     resonance = result.drive.resonance
     ends = whole_decades(np.append(rates, resonance))

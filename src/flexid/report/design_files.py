@@ -19,7 +19,7 @@ def save_command(result: Design, directory: Path) -> None:
 def command_columns(result: Design) -> dict[str, np.ndarray]:
     """What a drive can play, by name with unit."""
     columns = {"time [s]": result.time}
-    if result.drive.kind == "trajectory":
+    if result.drive.experiment.kind == "trajectory":
         columns["motor_position_reference [rad]"] = result.command.reference[:, 0]
         columns["motor_velocity_reference [rad/s]"] = result.command.reference[:, 1]
     columns["motor_torque [N m]"] = result.run.torque

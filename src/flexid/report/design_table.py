@@ -15,12 +15,13 @@ def design_parts(result: Design) -> Iterator[Part]:
     """Tables and sentences of the answer."""
     yield _predictions(result)
     yield _limits(result)
-    drive, broken = result.drive, [p.name for p in result.references if not p.within_limits]
+    wanted = result.drive.experiment
+    broken = [p.name for p in result.references if not p.within_limits]
     if broken:
         yield Text(f"Beyond the limits at this torque: {', '.join(broken)}.")
     tones = ", ".join(f"{rate:.3g}" for rate in result.angular_frequencies)
-    what = "torque" if drive.kind == "multisine" else "motor position"
-    yield Text(f"Tones of the {what}: {tones} rad/s; {drive.duration:g} s; seed {result.seed}.")
+    what = "torque" if wanted.kind == "multisine" else "motor position"
+    yield Text(f"Tones of the {what}: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}.")
     yield Text(
         f"What the search found was played {result.scale:.3g} times as large, so that every drive "
         f"wrong by {100 * DOUBT:.0f} % keeps to the limits."
@@ -31,10 +32,9 @@ def _predictions(result: Design) -> Table:
     inputs = (result.prediction, *result.references)
     worst = Column(f"design, worst of ±{100 * DOUBT:.0f} %")
     columns = (Column("coefficient"), *numbers(*(one.name for one in inputs)), worst)
-    title = (
-        f"Predicted standard deviations, {result.drive.criterion}-optimal {result.drive.kind}, "
-        f"equal peak torque"
-    )
+    wanted = result.drive.experiment
+    how = f"{wanted.criterion}-optimal {wanted.kind}"
+    title = f"Predicted standard deviations, {how}, equal peak torque"
     table = Table(title, columns)
     for name in result.prediction.deviations:
         extreme = result.largest_deviations[name]
