@@ -73,27 +73,16 @@ def test_rows_share_the_noise_of_the_positions():
     assert foretold == pytest.approx(spread, abs=0.2)
 
 
-def test_blocks_last_a_second():
-    """Assert that thirty seconds give thirty blocks which leave no equation out."""
-    blocks = block_lengths([30_000], [1e-3], 20.0, 3)
-    assert len(blocks) == 30
-    assert sum(blocks) == 30_000
-
-
-def test_short_records_get_shorter_blocks():
-    """Assert that ten seconds still give twenty blocks."""
-    assert len(block_lengths([10_000], [1e-3], 20.0, 3)) == 20
-
-
-def test_slow_filters_get_longer_blocks():
-    """Assert that a block spans ten time constants of the filter."""
-    assert len(block_lengths([30_000], [1e-3], 5.0, 3)) == 15
-
-
-def test_blocks_keep_to_their_recording():
-    """Assert that no block crosses from one recording to the next."""
-    edges = np.cumsum(block_lengths([1500, 7, 4000], [1e-3] * 3, 20.0, 3))
-    assert {1500, 1507, 5507} <= set(edges.tolist())
+@pytest.mark.parametrize(
+    ("lengths", "rate", "count"),
+    [([30_000], 20.0, 30), ([10_000], 20.0, 20), ([30_000], 5.0, 15), ([1500, 7, 4000], 20.0, 12)],
+    ids=["a second", "shorter for short records", "ten time constants", "of each recording"],
+)
+def test_blocks_cover_the_recordings(lengths, rate, count):
+    """Assert how long blocks are, and that none crosses from one recording to the next."""
+    blocks = block_lengths(lengths, [1e-3] * len(lengths), rate, 3)
+    assert len(blocks) == count
+    assert {*np.cumsum(lengths).tolist()} <= {*np.cumsum(blocks).tolist()}
 
 
 def test_all_blocks_at_once_are_the_clusters_one_by_one():

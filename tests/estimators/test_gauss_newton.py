@@ -11,6 +11,8 @@ from flexid.errors import ConvergenceError
 from flexid.estimators.gauss_newton import FLAT, ITERATIONS, minimise
 from flexid.estimators.segmented_motion import Point
 
+THREE_DEVIATIONS = round(9.0 / (0.5 * FLAT))  # degrees of freedom with which a flat step is so long
+
 
 @dataclass
 class _Rough:
@@ -43,72 +45,50 @@ def steps_of(problem: _Rough, tolerance: float = 1.0, **options: Any) -> int:
     return minimise(cast("Any", problem), point, tolerance, **options).iterations
 
 
-def test_a_rough_bottom_ends_the_steps():
-    """Assert that two steps in turn that hold less than a quarter are the last, if all is flat."""
-    assert steps_of(_Rough(0.5 * FLAT, 0.24)) == 2
+@pytest.mark.parametrize(
+    ("problem", "options", "steps"),
+    [
+        # Two steps in turn that hold less than a quarter are the last, if all is flat.
+        (_Rough(0.5 * FLAT, 0.24), {}, 2),
+        (_Rough(0.5 * FLAT, 0.3), {}, ITERATIONS),
+        # Three standard deviations are near enough on the way, and not at the end.
+        (_Rough(0.5 * FLAT, 0.24, THREE_DEVIATIONS), {"tolerance": 1e-2}, ITERATIONS),
+        (_Rough(0.5 * FLAT, 0.24, THREE_DEVIATIONS), {"tolerance": 1.0}, 2),
+        # Four steps in turn that hold less than a hundredth are the last: a rough bottom.
+        (_Rough(0.5 * FLAT, 1e-4, THREE_DEVIATIONS), {"tolerance": 1e-2}, 4),
+        (_Rough(0.5, 1e-4), {"insist": False}, 4),
+        (_Rough(0.5, 0.02), {"insist": False}, ITERATIONS),
+        # Within the variance asked for, none of that is a failure.
+        (_Rough(0.5, 1e-4), {"enough": 1.1}, 4),
+        (_Rough(0.5, 0.24), {"enough": 1.1}, ITERATIONS),
+    ],
+)
+def test_steps_end(problem: _Rough, options: dict[str, Any], steps: int):
+    """Assert after how many steps a bottom, or what is good enough, is the end."""
+    assert steps_of(problem, **options) == steps
 
 
-def test_steps_that_hold_enough_go_on():
-    """Assert that a quarter of what was promised is worth a further step."""
-    assert steps_of(_Rough(0.5 * FLAT, 0.3)) == ITERATIONS
-
-
-def test_a_slope_is_no_bottom():
-    """Assert that where more is promised than chance gives, poor steps go on, and do not end."""
-    with pytest.raises(ConvergenceError, match=f"within {ITERATIONS}"):
-        steps_of(_Rough(2.0 * FLAT, 0.24))
-
-
-@pytest.mark.parametrize(("tolerance", "steps"), [(1e-2, ITERATIONS), (1.0, 2)])
-def test_fine_steps_end_nearer_to_the_bottom(tolerance, steps):
-    """Assert that three standard deviations are near enough on the way, and not at the end."""
-    problem = _Rough(0.5 * FLAT, 0.24)
-    problem.degrees_of_freedom = round(9.0 / (0.5 * FLAT))
-    assert steps_of(problem, tolerance) == steps
-
-
-def test_what_nothing_gets_over_is_given_up():
-    """Assert that four steps in turn that hold less than a hundredth are the last."""
-    problem = _Rough(0.5, 1e-4)
-    with pytest.raises(ConvergenceError, match="4 steps in turn brought next to nothing"):
-        steps_of(problem)
-    assert len(problem.counted) == 5
-    assert steps_of(_Rough(0.5, 1e-4), insist=False) == 4
-    assert steps_of(_Rough(0.5, 0.02), insist=False) == ITERATIONS
-
-
-def test_a_flat_bottom_that_nothing_gets_over_is_the_end():
-    """Assert that steps that bring nothing are no failure where they promise next to nothing.
-
-    Each step promises to be three standard deviations long: a rough bottom, but a bottom.
-    """
-    problem = _Rough(0.5 * FLAT, 1e-4)
-    problem.degrees_of_freedom = round(9.0 / (0.5 * FLAT))
-    assert steps_of(problem, 1e-2) == 4
-    problem.variance = 1.6  # a plateau: there is more than noise to explain
-    with pytest.raises(ConvergenceError, match="4 steps in turn"):
-        steps_of(problem, 1e-2)
-
-
-@pytest.mark.parametrize("kept", [1e-4, 0.24])
-def test_what_is_good_enough_need_not_end(kept):
-    """Assert that stuck steps and too many of them are no failure within the variance asked for.
-
-    All of these problems begin with a variance of one, and the second falls by a ninth each step.
-    """
-    with pytest.raises(ConvergenceError):
-        steps_of(_Rough(0.5, kept), enough=0.0)
-    assert steps_of(_Rough(0.5, kept), enough=1.1) == (4 if kept < 0.01 else ITERATIONS)
-    with pytest.raises(ConvergenceError):
-        steps_of(_Rough(0.5, kept), enough=0.9 * (1.0 - 0.5 * kept) ** ITERATIONS)
-
-
-def test_steps_are_counted():
-    """Assert that no more are taken than are allowed."""
-    problem = _Rough(0.5, 0.9)
-    with pytest.raises(ConvergenceError, match="within 3"):
-        steps_of(problem, iterations=3)
-    assert len(problem.counted) == 1 + 3
+@pytest.mark.parametrize(
+    ("problem", "options", "reason"),
+    [
+        # Where more is promised than chance gives, poor steps are no bottom.
+        (_Rough(2.0 * FLAT, 0.24), {}, f"within {ITERATIONS}"),
+        (_Rough(0.5, 1e-4), {}, "4 steps in turn brought next to nothing"),
+        # A plateau: there is more than noise to explain.
+        (_Rough(0.5 * FLAT, 1e-4, THREE_DEVIATIONS, 1.6), {"tolerance": 1e-2}, "4 steps in turn"),
+        (_Rough(0.5, 1e-4), {"enough": 0.9 * (1.0 - 0.5e-4) ** ITERATIONS}, "4 steps in turn"),
+        (_Rough(0.5, 0.24), {"enough": 0.9 * (1.0 - 0.12) ** ITERATIONS}, "within"),
+        (_Rough(0.5, 0.9), {"iterations": 3}, "within 3"),
+    ],
+)
+def test_steps_that_lead_nowhere(problem: _Rough, options: dict[str, Any], reason: str):
+    """Assert what is no end, that the error says why, and that no more steps are taken."""
+    with pytest.raises(ConvergenceError, match=reason):
+        steps_of(problem, **options)
+    if reason.startswith("4 steps"):
+        assert len(problem.counted) == 1 + 4
+    if "iterations" in options:
+        assert len(problem.counted) == 1 + 3
 
 
 def test_a_fit_on_its_way_is_not_stopped():

@@ -65,28 +65,6 @@ def test_derivatives_by_the_delay(hold, delay):
     assert found[:, :, 2:] == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
 
 
-def test_held_input_in_time_is_constant():
-    """Assert that without a delay a held input is its samples, without any change between them."""
-    found = held_input(SAMPLES[:, None], H, "zero", 0.0)[:, 0]
-    assert found[:, 0] == pytest.approx(SAMPLES, abs=1e-7)
-    assert found[:, 1] == pytest.approx(0.0, abs=1e-7)
-
-
-def test_straight_lines_in_time_join_the_samples():
-    """Assert that without a delay straight lines run from sample to sample, and end level."""
-    found = held_input(SAMPLES[:, None], H, "linear", 0.0)[:, 0]
-    assert found[:, 0] == pytest.approx(SAMPLES, abs=1e-7)
-    assert found[:, 0] + found[:, 1] == pytest.approx([*SAMPLES[1:], SAMPLES[-1]], abs=1e-7)
-
-
-@pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
-def test_a_delay_of_whole_samples_moves_the_lines(hold):
-    """Assert that three samples later the lines are those of three samples before."""
-    now = held_input(SAMPLES[:, None], H, hold, 0.3 * H)
-    later = held_input(SAMPLES[:, None], H, hold, 3.3 * H)
-    assert later[3:] == pytest.approx(now[:-3], rel=1e-6, abs=1e-6)
-
-
 def test_inputs_do_not_mix():
     """Assert that of two inputs each gets the lines that it gets alone."""
     both = np.column_stack((SAMPLES, SAMPLES[::-1] ** 2))

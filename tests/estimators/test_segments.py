@@ -26,14 +26,6 @@ def test_segments_cover_every_recording_and_cross_none():
     assert segments.start_times[-1] == 100.0
 
 
-def test_short_recordings_are_left_out():
-    """Assert that a recording of too few samples is left out, and one of enough is one segment."""
-    recordings = [record(FEWEST_SAMPLES - 1), record(FEWEST_SAMPLES)]
-    segments = divide(recordings, 1.0)
-    assert segments.lengths.tolist() == [FEWEST_SAMPLES]
-    assert len(segments.outputs) == FEWEST_SAMPLES
-
-
 def test_outputs_alternate_with_velocities():
     """Assert that every output column stands beside the state that it measures."""
     with_velocities = divide([record(40)], 1.0, use_velocities=True)
@@ -50,12 +42,6 @@ def test_halves_start_where_the_whole_did():
     assert np.array_equal(halves.start_times[::2], segments.start_times)
     assert halves.lengths.sum() == segments.lengths.sum()
     assert halves.start_times[1] == pytest.approx(5.0 + 0.01 * halves.starts[1])
-
-
-@pytest.mark.parametrize(("samples", "expected"), [(80, True), (79, False)])
-def test_halves_have_the_fewest_samples_at_least(samples, expected):
-    """Assert that what is shorter than twice the fewest samples, be it one segment, is not cut."""
-    assert divide([record(samples)], 0.4).can_be_halved == expected
 
 
 def test_first_states_are_near_the_truth():
@@ -127,6 +113,10 @@ def test_margins_belong_to_no_segment():
     """Assert that both ends of every recording stay out of the segments, but are still there."""
     segments = divide([record(300), record(200, start_time=50.0)], 1.0, margin=0.05)
     assert len(segments.outputs) == 500
+    expected = np.ones(500, dtype=bool)
+    expected[[*range(5), *range(295, 305), *range(495, 500)]] = False
+    assert np.array_equal(segments.within, expected)
+    assert np.array_equal(segments.halved().within, expected)
     edges = [(5, 295), (305, 495)]
     for (first, stop), recording in zip(edges, (0, 1), strict=True):
         own = segments.recordings == recording
@@ -134,23 +124,6 @@ def test_margins_belong_to_no_segment():
         assert (segments.starts + segments.lengths)[own].max() == stop
     assert segments.lengths.sum() == 480
     assert segments.start_times[segments.recordings == 1].min() == pytest.approx(50.05)
-
-
-def test_samples_within_segments():
-    """Assert that exactly the samples of the margins are within no segment, halved or not."""
-    segments = divide([record(300), record(200)], 1.0, margin=0.05)
-    expected = np.ones(500, dtype=bool)
-    expected[[*range(5), *range(295, 305), *range(495, 500)]] = False
-    assert np.array_equal(segments.within, expected)
-    assert np.array_equal(segments.halved().within, expected)
-
-
-def test_a_recording_that_its_margins_use_up_is_left_out():
-    """Assert that what is left between the margins has to be long enough."""
-    recordings = [record(FEWEST_SAMPLES + 9), record(FEWEST_SAMPLES + 10)]
-    segments = divide(recordings, 1.0, margin=0.05)
-    assert segments.recordings.tolist() == [1]
-    assert segments.lengths.tolist() == [FEWEST_SAMPLES]
 
 
 def test_merging_undoes_halving():
@@ -161,3 +134,18 @@ def test_merging_undoes_halving():
     for name in ("starts", "lengths", "sample_times", "start_times", "recordings"):
         assert np.array_equal(getattr(whole, name), getattr(segments, name))
     assert divide([record(400), record(300)], 1.0).merged() is None
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.05])
+def test_what_is_too_short_is_left_out(margin):
+    """Assert that a recording, less its margins, must be long enough, and is not cut shorter."""
+    more = round(2.0 * margin / 0.01)
+    segments = divide(
+        [record(FEWEST_SAMPLES - 1 + more), record(FEWEST_SAMPLES + more)], 1.0, margin=margin
+    )
+    assert segments.recordings.tolist() == [1]
+    assert segments.lengths.tolist() == [FEWEST_SAMPLES]
+    assert divide([record(400)], 0.01).lengths.min() >= FEWEST_SAMPLES
+    twice = 2 * FEWEST_SAMPLES
+    cut = [divide([record(2 * n)], 0.01 * n).can_be_halved for n in (twice, twice - 1)]
+    assert cut == [True, False]

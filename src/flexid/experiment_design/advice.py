@@ -63,36 +63,31 @@ class Advice:
     caution: str = ""  # a sentence on what no other input mends; or empty
 
 
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """A record that other inputs are tried on.
+def _sufficient(
+    rehearsal: Rehearsal, inputs: FloatArray, amplitude: float, rate: float
+) -> Addition | None:
+    """A change of the inputs as an addition, if it suffices.
 
     What the model does under another input less what it does under the recorded one is added to
     the measured motion, so that an addition of nothing leaves the log as it is.
     """
-
-    rehearsal: Rehearsal
-
-    def __call__(self, inputs: FloatArray, amplitude: float, rate: float) -> Addition | None:
-        """The addition if it suffices, else None."""
-        rehearsal = self.rehearsal
-        try:
-            change = rehearsal.change(inputs)
-            found = rehearsal.outlook(change, inputs)
-        except SimulationError:
-            return None
-        if not found.enough:
-            return None
-        positions = rehearsal.record.positions + change
-        return Addition(
-            amplitude,
-            rate,
-            found.weakest,
-            found.widths[found.weakest],
-            float(np.abs(inputs[:, 0]).max()),
-            float(np.abs(positions[:, 0]).max()),
-            float(np.abs(positions[:, 0] - positions[:, -1]).max()),
-        )
+    try:
+        change = rehearsal.change(inputs)
+        found = rehearsal.outlook(change, inputs)
+    except SimulationError:
+        return None
+    if not found.enough:
+        return None
+    positions = rehearsal.record.positions + change
+    return Addition(
+        amplitude,
+        rate,
+        found.weakest,
+        found.widths[found.weakest],
+        float(np.abs(inputs[:, 0]).max()),
+        float(np.abs(positions[:, 0]).max()),
+        float(np.abs(positions[:, 0] - positions[:, -1]).max()),
+    )
 
 
 def advise(
@@ -129,7 +124,6 @@ def beginning(recording: Samples) -> Samples:
 def _tried(rehearsal: Rehearsal) -> Advice:
     """The smallest additions that suffice."""
     record = rehearsal.record
-    trial = _Trial(rehearsal)
     size = float(np.sqrt(np.mean(record.inputs[:, 0] ** 2)))
     time = record.sample_time * np.arange(len(record), dtype=np.float64)
     best = None
@@ -139,13 +133,15 @@ def _tried(rehearsal: Rehearsal) -> Advice:
             wave = np.hstack((wave, rate * np.cos(rate * time)[:, None]))
         best = (
             _smallest(
-                lambda a, wave=wave, rate=rate: trial(record.inputs + a * wave, a, rate),
+                lambda a, wave=wave, rate=rate: _sufficient(
+                    rehearsal, record.inputs + a * wave, a, rate
+                ),
                 _LEAST * size,
                 _MOST * size if best is None else best.amplitude,
             )
             or best
         )
-    multiple = _smallest(lambda a: trial(a * record.inputs, a, 0.0), 1.0, _MOST)
+    multiple = _smallest(lambda a: _sufficient(rehearsal, a * record.inputs, a, 0.0), 1.0, _MOST)
     return Advice(best, multiple, _longer(rehearsal), _MOST * size)
 
 

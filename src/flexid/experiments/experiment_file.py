@@ -1,13 +1,31 @@
-"""Experiment files: TOML in, a checked `Experiment` out."""
+"""Experiment files: TOML in, a checked `Experiment` out, its ``[campaign]`` part tried out."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Annotated, Any, get_args
+
+from pydantic import Field
 
 from flexid.errors import ExperimentError
-from flexid.experiments.experiment import Experiment, declared_experiment
-from flexid.experiments.variation_file import read_variation
-from flexid.toml_file import parse_toml, read_bytes
+from flexid.experiments.experiment import Experiment, declared_experiment, suggestion
+from flexid.experiments.tables import Number, Positive, Table, Whole
+from flexid.experiments.variation import (
+    MEASURES,
+    MOST_RUNS,
+    Distribution,
+    Input,
+    Kept,
+    Kind,
+    Plan,
+    Variation,
+    grid_size,
+)
+from flexid.toml_file import parse_toml, read_bytes, validated
+
+_LARGEST_WHOLE = 2**53  # up to which values, which are floats, keep every digit
+_INSIDE = 0.501  # share of the draws below the value inside a distribution that is tried
 
 
 def read_experiment(path: str | Path) -> Experiment:
@@ -36,4 +54,114 @@ def read_experiment(path: str | Path) -> Experiment:
     experiment = declared_experiment(str(path), content)
     if campaign is None:
         return experiment
-    return replace(experiment, variation=read_variation(campaign, experiment))
+    return replace(experiment, variation=_variation(campaign, experiment))
+
+
+class CampaignTable(Table):
+    """What varies over many runs, and what is kept of each."""
+
+    kind: Plan
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
+    seed: Annotated[int, Field(ge=0, le=2**63)] = 0
+    keep: list[Kept] = Field(default=list(MEASURES))
+    runs_per_part: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    vary: Annotated[dict[str, Any], Field(min_length=1)]
+
+
+class ListedValues(Table):
+    """Several values of one number."""
+
+    values: Annotated[list[Number], Field(min_length=1, max_length=10_000)]
+
+
+class DistributionTable(Table):
+    """One distribution: a kind and two numbers."""
+
+    uniform: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    log_uniform: Annotated[list[Positive], Field(min_length=2, max_length=2)] | None = None
+    normal: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    integers: Annotated[list[Whole], Field(min_length=2, max_length=2)] | None = None
+
+    def distribution(self) -> Distribution | None:
+        """The one that is given, or nothing if it is not one."""
+        given = [
+            Distribution(kind, float(pair[0]), float(pair[1]))
+            for kind in get_args(Kind)
+            if (pair := getattr(self, kind)) is not None
+        ]
+        return given[0] if len(given) == 1 else None
+
+
+def _variation(campaign: Any, experiment: Experiment) -> Variation:
+    """Check a campaign against the experiment that it varies."""
+
+    def refuse(key: str, reason: str) -> ExperimentError:
+        return ExperimentError(experiment.path, f"campaign.{key}" if key else "campaign", reason)
+
+    content = validated(campaign, CampaignTable, refuse)
+    inputs: dict[str, Input] = {}
+    for path, text in _flat(content.vary, experiment):
+        if path in inputs:
+            raise refuse(f"vary.{path}", "is there twice: leave one of them out")
+        inputs[path] = _input(experiment, path, text)
+    runs = content.runs
+    if content.kind == "grid":
+        for path, choice in inputs.items():
+            if isinstance(choice, Distribution):
+                raise refuse(f"vary.{path}", "is a distribution: a grid takes a list of values")
+        if runs is not None:
+            raise refuse("runs", "is for draws: remove it, a grid has one run per combination")
+        runs = grid_size(inputs)
+        if runs > MOST_RUNS:
+            raise refuse("vary", f"makes {runs} combinations: give at most {MOST_RUNS}")
+    elif runs is None:
+        raise refuse("runs", "is missing: add it")
+    return Variation(
+        content.kind, runs, content.seed, inputs, tuple(content.keep), content.runs_per_part
+    )
+
+
+def _flat(vary: Mapping[str, Any], experiment: Experiment, path: str = "") -> Iterator[Any]:
+    """Dotted paths with their values: TOML nests tables where dotted keys are not quoted."""
+    for key, value in vary.items():
+        here = f"{path}.{key}" if path else key
+        if isinstance(value, dict) and here not in experiment.values:
+            yield from _flat(value, experiment, here)
+        else:
+            yield here, value
+
+
+def _input(experiment: Experiment, path: str, value: Any) -> Input:
+    def refuse(key: str, reason: str) -> ExperimentError:
+        place = f"campaign.vary.{path}" + (f".{key}" if key else "")
+        return ExperimentError(experiment.path, place, reason)
+
+    if path not in experiment.values:
+        raise refuse("", f"varies nothing: {suggestion(path, experiment.values)}")
+    if isinstance(value, list):
+        for place, one in enumerate(value, start=1):
+            if isinstance(one, int) and abs(one) > _LARGEST_WHOLE:
+                raise refuse(str(place), "has more digits than are kept: give at most 15")
+        chosen: Input = tuple(validated({"values": value}, ListedValues, refuse).values)
+        tried = chosen
+    elif not isinstance(value, dict):
+        raise refuse("", "must be a list of values or a distribution, e.g. { uniform = [1, 2] }")
+    else:
+        found = validated(value, DistributionTable, refuse).distribution()
+        if found is None:
+            raise refuse("", "must have exactly one of uniform, log_uniform, normal, integers")
+        if found.kind != "normal" and not found.first < found.second:
+            raise refuse(found.kind, "must rise from the first number to the second: correct it")
+        if found.kind == "normal" and not found.second > 0.0:
+            raise refuse("normal", "needs a positive standard deviation: correct it")
+        chosen = found
+        ends = () if found.kind == "normal" else (found.first, found.second)
+        tried = (*ends, float(found.quantile(_INSIDE)))
+    for number in tried:
+        try:
+            experiment.with_values({path: number})
+        except ExperimentError as error:
+            raise refuse(
+                "", f"reaches {number:g}, but the key {error.key!r} {error.reason}"
+            ) from None
+    return chosen
