@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 
 from flexid.arrays import FloatArray
 from flexid.recording import Recording, position_noise, velocities, with_velocities
-from flexid.recording.velocities import velocity
+from flexid.recording.velocities import is_noise, velocity
 
 FREQUENCIES = (2.0, 5.3, 11.0)  # rad/s
 
@@ -53,6 +53,14 @@ def test_noise_of_an_encoder_is_that_of_its_step() -> None:
     resting = np.zeros(2000)
     resting[1500:] = 0.01 * np.round(np.linspace(0.0, 30.0, 500))
     assert position_noise(resting) == pytest.approx(0.01 / sqrt(12), rel=0.1)
+
+
+def test_a_short_motion_is_no_noise() -> None:
+    """Assert that no smooth stretch passes for noise, however short, and that noise does."""
+    noise = np.random.default_rng(1).standard_normal(300)
+    for count in range(20, 300):
+        assert not is_noise(POSITION[: 17 * count : 17])
+        assert is_noise(noise[:count]) == (count >= 40)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
