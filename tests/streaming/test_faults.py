@@ -1,7 +1,6 @@
 """One fault of a stream after the other, each on a joint whose truth is known."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,14 +15,12 @@ from moving_joint import (
     all_hold,
     errors,
     loaded_stream,
-    same,
     stream,
     watched,
 )
 
 from flexid.estimators.samples import Samples
 from flexid.estimators.state_variable_filter import filtered_least_squares
-from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.gear_wraps import GearWraps
 from flexid.streaming.guard import Counts, Guard
 from flexid.streaming.health import Health
@@ -194,19 +191,6 @@ def test_encoders_that_wrap_in_front_of_a_gear_are_unwrapped(turns: int):
     spoilt = watched(np.delete(samples, wraps[7], axis=0), GEARED)
     assert spoilt.counts.wraps == session.counts.wraps
     assert errors(spoilt).max() < CLOSE
-
-
-def test_blocks_and_checkpoints_leave_the_turns_as_they_are(tmp_path: Path):
-    """Assert that a session that is saved between two turns goes on bit for bit."""
-    samples = stream()
-    in_front_of_the_gear(1, samples)
-    first = watched(samples[:2001], GEARED)
-    save_session(first, tmp_path / "state.json")
-    again = read_session(tmp_path / "state.json")
-    for row in samples[2001:2100]:
-        again.feed(row[None])
-    again.feed(samples[2100:])
-    assert same(again, watched(samples, GEARED))
 
 
 def test_a_motor_in_front_of_a_gear_that_does_not_wrap_is_left_alone():

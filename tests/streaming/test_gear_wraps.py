@@ -114,21 +114,3 @@ def test_a_motor_that_is_stopped_at_once(speed: float):
     assert wraps.unclear == 0
     wraps.undone(samples[270:])
     assert 1 <= wraps.unclear <= 2
-
-
-def test_neither_blocks_nor_a_state_that_is_kept_change_anything():
-    """Assert that any cut gives the same, bit for bit, counts included."""
-    samples = np.delete(samples_of(np.mod(moved(0.45), TURN)), [*range(300, 312), 500], axis=0)
-    samples[430:432, MOTOR] += 0.04
-    whole = GearWraps(TURN, H, MOTOR)
-    right = whole.undone(samples)
-    for cut in (1, 7, 431):
-        wraps, found = GearWraps(TURN, H, MOTOR), []
-        for first in range(0, len(samples), cut):
-            after = GearWraps(TURN, H, MOTOR)
-            after.state = wraps.state
-            wraps = after
-            found.append(wraps.undone(samples[first : first + cut]))
-        np.testing.assert_array_equal(np.concatenate(found), right)
-        np.testing.assert_array_equal(wraps.state, whole.state)
-    assert whole.unclear > 0

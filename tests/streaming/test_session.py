@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,50 +28,50 @@ WITH_FILES = settings(
 )
 
 
-def troubled() -> np.ndarray:
-    """A stream with a fault of every kind in it."""
-    samples = stream(4.0)
+KINDS = {
+    "two encoders": OPTIONS,
+    "the link alone": WatchOptions(H, ("gravity", "joint_damping"), "link"),
+    "a motor in front of a gear": replace(OPTIONS, motor_turn=2.0 * np.pi / 40.0),
+}
+
+
+def troubled(kind: str) -> tuple[WatchOptions, np.ndarray]:
+    """Options, and a stream with a fault of every kind in it."""
+    options, samples = KINDS[kind], stream(4.0)
+    if options.motor_turn:
+        samples[:, MOTOR] %= options.motor_turn
     samples[300, LINK] += 0.1
     samples[420] = np.nan
     samples[700:1000, LINK] = samples[700, LINK]
     samples[1300:1310] = samples[1299]
     samples = np.delete(samples, slice(1500, 1540), axis=0)
     samples[:, TORQUE] = np.clip(samples[:, TORQUE], -20.0, 20.0)
-    return samples
+    return options, samples[:, : options.width]
 
 
-CUTS = st.lists(st.integers(0, 1960), max_size=12).map(sorted)
-
-
+@pytest.mark.parametrize("kind", KINDS)
 @FEW
-@given(CUTS)
-def test_blocks_change_nothing(cuts: list[int]):
-    """Assert that a stream cut anywhere is known as the whole one, bit for bit."""
-    samples = troubled()
-    session = Session(OPTIONS)
+@example(cuts=list(range(1, 1961)))
+@given(cuts=st.lists(st.integers(0, 1960), max_size=12).map(sorted))
+def test_blocks_change_nothing(kind: str, cuts: list[int]):
+    """Assert that a stream cut anywhere, into samples too, is the whole one, bit for bit."""
+    options, samples = troubled(kind)
+    session = Session(options)
     for part in np.split(samples, cuts):
         session.feed(part)
-    assert same(session, watched(samples))
+    assert same(session, watched(samples, options))
 
 
-def test_one_sample_at_a_time_is_the_same():
-    """Assert the same of a stream that comes sample by sample."""
-    samples = troubled()
-    session = Session(OPTIONS)
-    for sample in samples:
-        session.feed(sample[None])
-    assert same(session, watched(samples))
-
-
+@pytest.mark.parametrize("kind", KINDS)
 @WITH_FILES
-@given(st.integers(0, 1960))
-def test_saving_and_restoring_changes_nothing(tmp_path: Path, cut: int):
+@given(cut=st.integers(0, 1960))
+def test_saving_and_restoring_changes_nothing(tmp_path: Path, kind: str, cut: int):
     """Assert that a session that goes on from a file is the one that never ended, bit for bit."""
-    samples = troubled()
-    save_session(watched(samples[:cut]), tmp_path / "session.json")
+    options, samples = troubled(kind)
+    save_session(watched(samples[:cut], options), tmp_path / "session.json")
     session = read_session(tmp_path / "session.json")
     session.feed(samples[cut:])
-    whole = watched(samples)
+    whole = watched(samples, options)
     assert same(session, whole)
     assert session.health == whole.health
 

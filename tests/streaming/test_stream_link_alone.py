@@ -22,11 +22,9 @@ from flexid.errors import RecordingError, SettingError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.free_run import free_run
 from flexid.streaming.channels import chosen_channels
-from flexid.streaming.checkpoint import read_session, save_session
 from flexid.streaming.follower import Follower
 from flexid.streaming.health import Health
 from flexid.streaming.options import WatchOptions
-from flexid.streaming.session import Session
 
 OPTIONS = WatchOptions(H, ("gravity", "motor_viscous"), "link")
 DAMPED = WatchOptions(H, ("gravity", "joint_damping"), "link")
@@ -65,28 +63,6 @@ def test_damping_is_found():
     session = watched(np.column_stack((time, positions)), DAMPED)
     low, high = session.coefficients["theta_damping"].interval
     assert low < 0.5 < high < low + 0.02
-
-
-@pytest.mark.parametrize("size", [1, 7, 333])
-def test_blocks_change_nothing(size: int):
-    """Assert that the motor's velocity does not depend on how a stream is cut."""
-    samples = np.delete(motion(2.0), [300, 301, 555], axis=0)
-    samples[700, MOTOR] = np.nan
-    session = Session(DAMPED)
-    for first in range(0, len(samples), size):
-        session.feed(samples[first : first + size])
-    assert same(session, watched(samples, DAMPED))
-
-
-def test_saving_changes_nothing(tmp_path: Path):
-    """Assert that the motor's last positions are saved, too."""
-    samples = motion(2.0)
-    session = watched(samples[:501], DAMPED)
-    save_session(session, tmp_path / "state.json")
-    restored = read_session(tmp_path / "state.json")
-    for one in (session, restored):
-        one.feed(samples[501:])
-    assert same(session, restored)
 
 
 def test_a_gap_makes_no_velocity():

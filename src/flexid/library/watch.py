@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from flexid.streaming.session import Change, Session
 
 
-_AT_ONCE = 64
-"""Samples that wait to be worked on, unless something is read."""
+_AT_ONCE = 64  # samples that wait to be worked on, unless something is read
 
 
 class Watch(Answer):

@@ -12,9 +12,7 @@ if TYPE_CHECKING:
     Frame: TypeAlias = tuple[str, Mapping[str, Any] | polars.DataFrame]
     Read: TypeAlias = Callable[[Collection[str], int], Iterator[Frame]]
 
-STAMPS = ""
-"""The column of a frame that holds time stamps: seconds, or whole nanoseconds."""
-
+STAMPS = ""  # the column of a frame that holds time stamps: seconds, or whole nanoseconds
 DEEPEST = 16  # levels of structs, messages or groups that are looked into
 LONGEST_PATH = 300  # characters
 MOST_SIGNALS = 10_000

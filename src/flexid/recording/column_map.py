@@ -20,9 +20,7 @@ from flexid.toml_file import parse_toml, read_bytes
 MapSource: TypeAlias = Path | Mapping[str, object]
 """A TOML file that holds a column map, or the same keys and values in Python."""
 
-ARGUMENT = "columns"
-"""What messages call a map that is no file: the argument by which it is given."""
-
+ARGUMENT = "columns"  # what messages call a map that is no file: the argument by which it is given
 REMEDY = (
     "write a column name, a table of column or sum, scale, offset, unit and side, or false for a "
     "channel that is not to be read"

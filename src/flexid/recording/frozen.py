@@ -28,8 +28,7 @@ _UNBRAKED = 0.7  # of the motion before: a side that brakes evenly makes a third
 _JUMP = 3.0  # times the steps after it, by which the first one is larger where samples were lost
 _TO_THE_END = (0.5, 3.0)  # of the mean motion in a sample: that of the very last, which is no jump
 
-Stretch = tuple[int, int]
-"""First sample, and the one after the last."""
+Stretch = tuple[int, int]  # first sample, and the one after the last
 
 
 def without_frozen(

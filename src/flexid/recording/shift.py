@@ -16,9 +16,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 
 ORDER = 3
-SETTLING = 32
-"""Samples at the beginning that the all-pass filter spoils: its poles lie within 0.54."""
-
+SETTLING = 32  # samples at the beginning that the all-pass filter spoils: its poles lie within 0.54
 _LASTING = 80  # samples, after which the response is below 1e-16
 
 

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
     from flexid.arrays import FloatArray
 
-EXAMPLE = "2024-05-01T10:00:00.123"
-"""A time stamp, for messages."""
-
+EXAMPLE = "2024-05-01T10:00:00.123"  # a time stamp, for messages
 DECIMAL_COMMA = r"^[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?$"
 DECIMAL_POINT = r"^[+-]?\d*\.\d+(?:[eEdD][+-]?\d+)?$"
 THOUSANDS = r"^[+-]?[1-9]\d{0,2},\d{3}$"

@@ -22,9 +22,7 @@ from flexid.recording.table import Table
 if TYPE_CHECKING:
     import polars
 
-MINUS = "\N{MINUS SIGN}".encode()
-"""As some languages' formats write it before a number."""
-
+MINUS = "\N{MINUS SIGN}".encode()  # as some languages' formats write it before a number
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 _STANDARD_INPUT = Path("-")

@@ -23,9 +23,7 @@ from flexid.streaming.options import WatchOptions
 from flexid.streaming.session import Change, Session
 
 FORMAT = "flexid watch"
-VERSION = 2
-"""Of the files that this version writes, and the only one that it reads."""
-
+VERSION = 2  # of the files that this version writes, and the only one that it reads
 PARTS = (
     "fed",
     "n_read",

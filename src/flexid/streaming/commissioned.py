@@ -18,12 +18,8 @@ if TYPE_CHECKING:
     from flexid.identification.result.identification import Identification
     from flexid.identification.vocabulary.evidence import ParameterEstimate
 
-FILTER_RATE = 20.0
-"""Rate of the filter in 1/s, where the samples come often enough for it."""
-
-LATE = 0.1
-"""Part of a sample time by which a channel may be late before it is worth a word."""
-
+FILTER_RATE = 20.0  # rate of the filter in 1/s, where the samples come often enough for it
+LATE = 0.1  # part of a sample time by which a channel may be late before it is worth a word
 _OF_THE_MOTOR = {"viscous": "motor_viscous", "coulomb": "motor_coulomb", "offset": "motor_offset"}
 
 

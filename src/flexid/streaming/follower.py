@@ -72,8 +72,7 @@ class Follower:
         stop_at_end: bool = False,
         duration: float | None = None,
     ) -> None:
-        self.session: Session | None = None
-        """None until the stream's first lines have come."""
+        self.session: Session | None = None  # None until the stream's first lines have come
         self.warnings: tuple[str, ...] = ()
         self._chosen, self._estimate = chosen, estimate
         self._kind = wanted_kind(chosen, estimate)

@@ -22,9 +22,7 @@ SAME = 0.5
 PERSISTENT = 3
 """Readings in a row that are off by a quarter of a turn: no outliers, the motor is elsewhere."""
 
-LATE_ENOUGH = 20
-"""Readings that are late in a row: the clock was set back."""
-
+LATE_ENOUGH = 20  # readings that are late in a row: the clock was set back
 _LARGEST = 1e10  # rad: what is larger is no reading
 _UNCLEAR = 0.25  # of what it wraps by, off the speed: it could as well be another wrap
 _SLACK = 0.01  # turns by which the range of an encoder may exceed what it wraps by

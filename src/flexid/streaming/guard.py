@@ -9,26 +9,13 @@ from flexid.arrays import FloatArray
 from flexid.kernels.store import load_kernel
 from flexid.recording.sampling import GAP
 
-GATE = 8.0
-"""Times the mean of an encoder's second differences, from which on a reading is an outlier."""
-
-PEAKS = 2.0
-"""And times their peak in the last minute: torque that steps makes accelerations that step."""
-
-STILL_TIME = 0.1
-"""Seconds for which an encoder may stand still while the other one moves."""
-
-DEAD_TIME = 5.0
-"""The same for one that has not yet moved as far as the other: it may be about to."""
-
-MOVED = 0.1
-"""Share of its range by which the other encoder has to move meanwhile, if that is less than"""
-
-TWISTED = 3.0
-"""times the range of the deflection so far: more than the spring can have given."""
-
-FEWEST_STILL = 20
-"""Samples for which an encoder may stand still, however long that takes."""
+GATE = 8.0  # times the mean of an encoder's second differences, from which on it is an outlier
+PEAKS = 2.0  # and times their peak in a minute: torque that steps makes accelerations that step
+STILL_TIME = 0.1  # seconds for which an encoder may stand still while the other one moves
+DEAD_TIME = 5.0  # the same for one that has not yet moved as far as the other: it may be about to
+MOVED = 0.1  # share of its range by which the other one has to move meanwhile, or if that is less
+TWISTED = 3.0  # times the range of the deflection so far: more than the spring can have given
+FEWEST_STILL = 20  # samples for which an encoder may stand still, however long that takes
 
 
 _WORDS = {

@@ -21,8 +21,7 @@ from flexid.streaming.pace import LONGEST_WAIT, Pace
 from flexid.streaming.sources import TURN, Source
 from flexid.streaming.text_stream import TextStream
 
-BLOCK = 65_536
-"""Rows of a log that are read at once."""
+BLOCK = 65_536  # rows of a log that are read at once
 
 
 class TextSamples:

@@ -25,12 +25,8 @@ from flexid.streaming.commissioned import Commissioned
 USUAL_TERMS = ("gravity", "motor_viscous", "joint_damping", "motor_coulomb")
 """Terms of the model where none are named."""
 
-RATES = (1.0, 0.25, 4.0)
-"""Multiples of the filter rate that run side by side; the first is asked."""
-
-KINDS = ("flexible", "link", "rigid")
-"""Models of the joint."""
-
+RATES = (1.0, 0.25, 4.0)  # multiples of the filter rate that run side by side; the first is asked
+KINDS = ("flexible", "link", "rigid")  # models of the joint
 USABLE_TERMS = {n: t for n, t in (TERMS | SHAPE_TERMS).items() if t.memory is None}
 """Terms that may be named: least squares has no memory."""
 

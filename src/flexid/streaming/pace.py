@@ -23,8 +23,7 @@ class Pace:
     """
 
     def __init__(self) -> None:
-        self.jumps = 0
-        """Times at which the clock jumped ahead by more than is waited for."""
+        self.jumps = 0  # times at which the clock jumped ahead by more than is waited for
         self._time = np.nan  # stamp of the last sample
         self._due = 0.0  # when that is
         self._first = (0.0, 0.0)  # stamp and due of this run's first sample

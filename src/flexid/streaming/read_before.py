@@ -8,8 +8,7 @@ import numpy as np
 from flexid.arrays import FloatArray
 from flexid.streaming.session import Session
 
-FIRST = 200
-"""Samples by which a file is known again; as many as are waited for at its beginning."""
+FIRST = 200  # samples by which a file is known again; as many as are waited for at its beginning
 
 
 class ReadBefore:

@@ -22,8 +22,7 @@ CAUSES = {
 }
 """What makes a sample bad, by its count, in words. One at the input's limit is a good one."""
 
-FEWEST = 10
-"""Equations in a window that say anything."""
+FEWEST = 10  # equations in a window that say anything
 
 
 @dataclass

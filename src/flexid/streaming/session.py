@@ -22,8 +22,7 @@ from flexid.streaming.learner import Learner, States
 from flexid.streaming.options import WatchOptions
 from flexid.streaming.recent import RecentWindow
 
-SETTLED = 2
-"""Windows that have been learnt from before motion can contradict an estimate."""
+SETTLED = 2  # windows that have been learnt from before motion can contradict an estimate
 
 
 def clock_words(time: float) -> str:
@@ -79,8 +78,7 @@ class Session:
         self.window = max(1, round(LIMITS.window / (options.filter_rate * options.sample_time)))
         states = self.learner.first_states()
         self.guard_state = self.guard.first_state()
-        self.fed = 0
-        """Samples that came."""
+        self.fed = 0  # samples that came
         self.now = Memory(0, states, False)
         self.newer = self.older = self.now
         self.recent = RecentWindow.at(self.learner, states)
@@ -88,8 +86,7 @@ class Session:
         self.changes: tuple[Change, ...] = ()
         """When the drive changed, as far as its motion says; the last hundred times."""
         self.n_changes = 0
-        self.n_read = 0
-        """Samples of the file that is followed, from its beginning, that came."""
+        self.n_read = 0  # samples of the file that is followed, from its beginning, that came
         self.first_read = np.empty((0, options.width))
         """The first of them, by which the file is known again."""
         self._found: tuple[Memory, Findings] | None = None

@@ -21,12 +21,8 @@ from urllib.parse import parse_qs, urlsplit
 from flexid.errors import RecordingError, SettingError
 from flexid.files import check_file, shown
 
-TURN = 0.1
-"""Seconds after which a source says that nothing has come."""
-
-MOST = 1 << 20
-"""Bytes that are handed over at once."""
-
+TURN = 0.1  # seconds after which a source says that nothing has come
+MOST = 1 << 20  # bytes that are handed over at once
 LINGER = 1.0
 """Seconds for which a file that was replaced must have got nothing more before it is left."""
 
@@ -204,8 +200,7 @@ class Datagrams:
             ) from None
         self.port: int = self._socket.getsockname()[1]
         """Where it listens, of use where port 0 left the choice to the system."""
-        self.is_open_to_others = not address.is_loopback
-        """Whether other machines can send to it."""
+        self.is_open_to_others = not address.is_loopback  # whether other machines can send to it
         self._came: deque[bytes] = deque()
         self._size = 0  # bytes that came and were not read
         self._lock = threading.Lock()

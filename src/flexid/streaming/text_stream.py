@@ -40,15 +40,9 @@ if TYPE_CHECKING:
     from flexid.recording.column_map import MapSource
     from flexid.recording.si_channels import Recipe
 
-HEAD_LINES = 200
-"""Lines at the beginning from which layout and sample time are taken."""
-
-LINES_FOR_LAYOUT = 8
-"""Lines from which the layout alone is taken, where the sample time is known."""
-
-FEWEST_LINES = 4
-"""The fewest of them: a header and three samples, where the stream has ended."""
-
+HEAD_LINES = 200  # lines at the beginning from which layout and sample time are taken
+LINES_FOR_LAYOUT = 8  # lines from which the layout alone is taken, where the sample time is known
+FEWEST_LINES = 4  # the fewest of them: a header and three samples, where the stream has ended
 _COMMENTS = tuple(mark.encode() for mark in COMMENTS)
 _EMPTY = r"(?i)^\s*([+-]*nan)?\s*$"
 
@@ -58,10 +52,8 @@ class _Rows:
 
     def __init__(self, source: str, layout: Layout, clock: Clock) -> None:
         self._source, self._layout, self._clock = source, layout, clock
-        self.mark = ""
-        """Of decimals; empty until a number shows it, and then of what follows."""
-        self.recipes: dict[str, Recipe] = {}
-        """Of the channels of a sample, in its order."""
+        self.mark = ""  # of decimals; empty until a number shows it, and then of what follows
+        self.recipes: dict[str, Recipe] = {}  # of the channels of a sample, in its order
 
     def again(self) -> _Rows:
         """What reads another text that is written in the same way."""
@@ -150,10 +142,8 @@ class TextStream:
         """What reads the rows, as soon as it is known what the columns are."""
         self.channels: StreamChannels | None = None
         """What the values of a sample are, as soon as that is known."""
-        self.left_out = 0
-        """Lines at the end that were too few to say what their columns are."""
-        self.rest = b""
-        """The line that has not ended yet."""
+        self.left_out = 0  # lines at the end that were too few to say what their columns are
+        self.rest = b""  # the line that has not ended yet
         if before is not None:
             self.channels = before.channels
         self._first = [] if header is None else [header.strip(" \r\n").encode()]

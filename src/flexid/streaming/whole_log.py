@@ -53,9 +53,7 @@ from flexid.streaming.session import Session
 if TYPE_CHECKING:
     from flexid.recording.column_map import MapSource
 
-HEAD_ROWS = 120_000
-"""Samples at the beginning that choices are made on: two minutes at 1 kHz."""
-
+HEAD_ROWS = 120_000  # samples at the beginning that choices are made on: two minutes at 1 kHz
 _DRIFT = 1e-6  # relative change of the sample time from the head to the whole that is worth a word
 _MATTERS = 0.01  # of a coefficient's value, from which on a warning says that it moves
 
