@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from systems import ALL
 
-from flexid.derivation.linearisation import linear_model, moving_model
+from flexid.derivation.model_functions import linear_model, moving_model
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -12,11 +12,10 @@ from typing import cast
 
 import sympy as sp
 
-from flexid.derivation.names import FreshNames
 from flexid.derivation.printing_c import RESERVED
 from flexid.derivation.regressor_classes import RegressorParts, split_regressor
 from flexid.derivation.source import ScalarPrinter
-from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
+from flexid.derivation.symbolic import FreshNames, SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
 MACROS = ("SIN", "COS", "TAN", "TANH", "EXP", "SQRT", "FABS", "POW")

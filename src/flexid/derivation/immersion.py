@@ -16,7 +16,7 @@ from sympy.integrals.manualintegrate import manualintegrate
 
 from flexid.derivation.quadrature import graded_rule
 from flexid.derivation.source import ScalarPrinter
-from flexid.derivation.special import LogCosh, log_cosh
+from flexid.derivation.symbolic import LogCosh, log_cosh
 
 Kind = Literal["closed form", "quadrature"]
 """How generated code evaluates an immersion."""

@@ -14,8 +14,7 @@ from typing import cast
 import sympy as sp
 
 from flexid.derivation.immersion import Kind, immersion
-from flexid.derivation.names import FreshNames
-from flexid.derivation.symbolic import SymbolicRow, SymbolicSystem, symbolic_system
+from flexid.derivation.symbolic import FreshNames, SymbolicRow, SymbolicSystem, symbolic_system
 from flexid.errors import AccelerationError, ModelError
 from flexid.models.parametric_system import ParametricSystem
 

@@ -15,7 +15,8 @@ def law_module(controller: Controller, system: ParametricSystem) -> str:
     values = (*controller.parameters, *controller.derived, *system.constants)
     names = {*system.states, *values, *REFERENCE_NAMES}
     lines, used = [], set()
-    for name, text in {**controller.definitions, **_inputs(controller, system)}.items():
+    inputs = {name: controller.inputs[name] for name in system.inputs}
+    for name, text in {**controller.definitions, **inputs}.items():
         expression = to_sympy(text, names, f"{controller.name}: {name}")
         used |= {str(symbol) for symbol in expression.free_symbols}
         lines.append(f"    {name} = {print_scalar(expression)}")
@@ -40,10 +41,6 @@ def law_module(controller: Controller, system: ParametricSystem) -> str:
             "",
         )
     )
-
-
-def _inputs(controller: Controller, system: ParametricSystem) -> dict[str, str]:
-    return {name: controller.inputs[name] for name in system.inputs}
 
 
 def observer_module(system: ParametricSystem) -> str:

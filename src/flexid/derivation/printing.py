@@ -10,8 +10,8 @@ from typing import cast
 
 import sympy as sp
 
-from flexid.derivation.names import FreshNames
 from flexid.derivation.observer import ObserverRow, SymbolicObserver
+from flexid.derivation.symbolic import FreshNames
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ import sympy as sp
 from sympy.printing.c import C99CodePrinter
 
 from flexid.derivation.immersion import VARIABLE
-from flexid.derivation.names import FreshNames
 from flexid.derivation.observer import SymbolicObserver
 from flexid.derivation.printing import (
     argument_groups,
@@ -22,7 +21,7 @@ from flexid.derivation.printing import (
     without_integrals,
 )
 from flexid.derivation.quadrature import graded_rule
-from flexid.derivation.special import LogCosh
+from flexid.derivation.symbolic import FreshNames, LogCosh
 
 _ARGUMENTS = ("state", "input", "input_rate", "observer_state", "gain", "constant")
 

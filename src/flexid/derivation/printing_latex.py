@@ -9,7 +9,7 @@ from sympy.printing.latex import LatexPrinter
 from flexid.derivation.immersion import VARIABLE
 from flexid.derivation.observer import SymbolicObserver
 from flexid.derivation.printing import PrintableRow, fresh_names, joined, printable_rows
-from flexid.derivation.special import LogCosh
+from flexid.derivation.symbolic import LogCosh
 
 
 class _LatexPrinter(LatexPrinter):

@@ -21,7 +21,7 @@ from flexid.derivation.printing import (
     without_integrals,
 )
 from flexid.derivation.quadrature import graded_rule
-from flexid.derivation.special import LogCosh
+from flexid.derivation.symbolic import LogCosh
 
 _ARGUMENTS = ("states", "inputs", "input_rates", "observer_states", "gains", "constants")
 

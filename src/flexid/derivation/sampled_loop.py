@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 
 from flexid.control.loop import LoopDeclaration
 from flexid.derivation.closed_loop import control_law
-from flexid.derivation.linearisation import linearisation_function
 from flexid.derivation.loop_source import loop_function
+from flexid.derivation.model_functions import linearisation_function
 from flexid.derivation.sampled_observer import sampled_observer_functions
-from flexid.derivation.source import function
+from flexid.derivation.source import function, row_function, tuple_text
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 
 
@@ -29,8 +29,8 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
         (
             sampled_observer_functions(system, purpose) + _sizes(declaration),
             linearisation_function(symbolic),
-            _row_function("as_states", "Values of all states", states),
-            _row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
+            row_function("as_states", "Values of all states", states),
+            row_function("as_parameters", "Parameters", len(declaration.parameter_names)),
             _sense_function(states),
             loop_function(
                 declaration,
@@ -39,7 +39,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
                 "Inputs that the law demands at time _t for the measured states, and q_d.",
                 {"_x": symbolic.states},
                 demanded,
-                f"    return {_tuple(_names('_u', inputs))}, _reference",
+                f"    return {tuple_text(_names('_u', inputs))}, _reference",
             ),
             _saturate_function(inputs),
             loop_function(
@@ -49,7 +49,7 @@ def sampled_loop_source(declaration: LoopDeclaration) -> str:
                 "x' of the plant.  # Huang (2003), eq. (1)",
                 {"_x": symbolic.states, "_u": symbolic.inputs},
                 rates,
-                f"    return {_tuple(list(rates))}",
+                f"    return {tuple_text(list(rates))}",
             ),
             _plant_step_function(symbolic),
         )
@@ -61,13 +61,6 @@ def _sizes(declaration: LoopDeclaration) -> str:
     starts = (0, *(part.stop for _, part in system.row_slices()))
     tracked = system.states.index(declaration.controller.tracked)
     return f"\nROW_STARTS = {starts}\nTRACKED = {tracked}\n"
-
-
-def _row_function(name: str, what: str, size: int) -> str:
-    entries = [f"_array[_n, {i}]" for i in range(size)]
-    return function(
-        f"{name}(_array, _n)", f"{what} in row _n as a tuple.", f"    return {_tuple(entries)}"
-    )
 
 
 def _sense_function(states: int) -> str:
@@ -82,11 +75,11 @@ def _sense_function(states: int) -> str:
     return function(
         "sense(_state, _draws, _position, _velocity, _step)",
         "What the sensors show, given standard normal numbers.",
-        f"    {_tuple(true)} = _state\n    {_tuple(draws)} = _draws",
+        f"    {tuple_text(true)} = _state\n    {tuple_text(draws)} = _draws",
         "\n".join(noisy),
         "    if _step > 0.0:",
         "\n".join(whole),
-        f"    return {_tuple(seen)}",
+        f"    return {tuple_text(seen)}",
     )
 
 
@@ -99,9 +92,9 @@ def _saturate_function(inputs: int) -> str:
     return function(
         "saturate(_inputs, _limit)",
         "Inputs clipped to the limit, and 1 if one was.",
-        f"    {_tuple(names)} = _inputs\n    _clipped = 0",
+        f"    {tuple_text(names)} = _inputs\n    _clipped = 0",
         "\n".join(lines),
-        f"    return {_tuple(names)}, _clipped",
+        f"    return {tuple_text(names)}, _clipped",
     )
 
 
@@ -111,25 +104,21 @@ def _plant_step_function(symbolic: SymbolicSystem) -> str:
     a, b, c, d = stages
 
     def stage(names: Sequence[str], state: Callable[[int], str]) -> str:
-        point = _tuple([state(i) for i in range(size)])
-        return f"    {_tuple(names)} = plant_rates({point}, _u, _p)"
+        point = tuple_text([state(i) for i in range(size)])
+        return f"    {tuple_text(names)} = plant_rates({point}, _u, _p)"
 
     after = [f"{x[i]} + _sixth * ({a[i]} + 2.0 * ({b[i]} + {c[i]}) + {d[i]})" for i in range(size)]
     return function(
         "plant_step(_state, _u, _p, _h)",
         "State after a step of the classical Runge-Kutta method.",
-        f"    {_tuple(x)} = _state\n    _half = 0.5 * _h\n    _sixth = _h / 6.0",
+        f"    {tuple_text(x)} = _state\n    _half = 0.5 * _h\n    _sixth = _h / 6.0",
         stage(a, lambda i: x[i]),
         stage(b, lambda i: f"{x[i]} + _half * {a[i]}"),
         stage(c, lambda i: f"{x[i]} + _half * {b[i]}"),
         stage(d, lambda i: f"{x[i]} + _h * {c[i]}"),
-        f"    return {_tuple(after)}",
+        f"    return {tuple_text(after)}",
     )
 
 
 def _names(stem: str, size: int) -> list[str]:
     return [f"{stem}{i}" for i in range(size)]
-
-
-def _tuple(entries: Sequence[str]) -> str:
-    return f"({', '.join(entries)},)"

@@ -12,7 +12,7 @@ be stored and loaded again at every sample (28 against 84 ns, measured on the fl
 from collections.abc import Sequence
 
 from flexid.derivation.model_functions import module_header, regressor_function
-from flexid.derivation.source import assignments, function
+from flexid.derivation.source import assignments, function, row_function, tuple_text
 from flexid.derivation.symbolic import SymbolicSystem, symbolic_system
 from flexid.models.parametric_system import ParametricSystem
 
@@ -27,13 +27,9 @@ def sampled_observer_functions(system: ParametricSystem, purpose: str) -> str:
             module_header(system, purpose) + sizes,
             regressor_function(symbolic),
             _advance_function(symbolic),
-            _tuple_function("as_state", "_array", "State", [f"_array[{i}]" for i in _r(state)]),
-            _tuple_function(
-                "as_sample", "_array, _n", "Sample _n", [f"_array[_n, {i}]" for i in _r(sample)]
-            ),
-            _tuple_function(
-                "as_settings", "_array", "Settings", [f"_array[{i}]" for i in _r(settings)]
-            ),
+            _tuple_function("as_state", "State", len(state)),
+            row_function("as_sample", "Sample _n", len(sample), "inner"),
+            _tuple_function("as_settings", "Settings", len(settings)),
         )
     )
 
@@ -63,8 +59,8 @@ def _advance_function(symbolic: SymbolicSystem) -> str:
     return function(
         "advance(_state, _sample, _settings)",
         "State after one more sample, and each row's innovation.",
-        f"    {_tuple(state)} = _state\n    {_tuple(sample)} = _sample",
-        f"    {_tuple(settings)} = _settings",
+        f"    {tuple_text(state)} = _state\n    {tuple_text(sample)} = _sample",
+        f"    {tuple_text(settings)} = _settings",
         "\n".join(f"    _now{j} = {name}" for j, name in enumerate(inputs)),
         "    if _held != 0.0 and _started != 0.0:",
         "\n".join(held),
@@ -75,8 +71,8 @@ def _advance_function(symbolic: SymbolicSystem) -> str:
         "\n".join(f"        _i{j} = np.nan" for j in rows),
         "    if _held != 0.0:",
         "\n".join([*current, assignments(ends, expressions, "        ")]),
-        f"    _state = {_tuple(['1.0', *coefficients, *ends, *velocities, *inputs])}",
-        f"    return _state, {_tuple([f'_i{j}' for j in rows])}",
+        f"    _state = {tuple_text(['1.0', *coefficients, *ends, *velocities, *inputs])}",
+        f"    return _state, {tuple_text([f'_i{j}' for j in rows])}",
         decorator="inner",
     )
 
@@ -106,13 +102,9 @@ def _row_update(symbolic: SymbolicSystem, place: int) -> str:
     return "\n".join(f"        {line}" for line in lines)
 
 
-def _tuple_function(name: str, arguments: str, what: str, entries: Sequence[str]) -> str:
-    body = f"    return {_tuple(entries)}"
-    return function(f"{name}({arguments})", f"{what} as a tuple.", body, decorator="inner")
-
-
-def _tuple(entries: Sequence[str]) -> str:
-    return f"({', '.join(entries)},)"
+def _tuple_function(name: str, what: str, size: int) -> str:
+    body = f"    return {tuple_text([f'_array[{i}]' for i in range(size)])}"
+    return function(f"{name}(_array)", f"{what} as a tuple.", body, decorator="inner")
 
 
 def _r(sequence: Sequence[object]) -> range:

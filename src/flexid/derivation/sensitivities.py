@@ -38,7 +38,12 @@ import sympy as sp
 
 from flexid.derivation.model_functions import module_header
 from flexid.derivation.source import assignments, function, print_scalar, unpack
-from flexid.derivation.symbolic import SymbolicMemory, SymbolicSystem, symbolic_system
+from flexid.derivation.symbolic import (
+    SymbolicMemory,
+    SymbolicSystem,
+    derivative,
+    symbolic_system,
+)
 from flexid.models.parametric_system import ParametricSystem
 
 KNOWN = -1
@@ -72,13 +77,14 @@ def sensitivity_functions(system: ParametricSystem, purpose: str) -> str:
     return "\n\n".join((module_header(system, purpose), *parts))
 
 
-def _mode(place: int) -> sp.Symbol:
+def mode_of(place: int) -> sp.Symbol:
+    """The mode of a row: the sign of its velocity, or 0 where it sticks."""
     return sp.Symbol(f"_m{place}", real=True)
 
 
 def _with_modes(symbolic: SymbolicSystem) -> SymbolicSystem:
     """The same with the mode of each row in the place of its velocity's sign."""
-    modes = [(sp.sign(row.velocity), _mode(j)) for j, row in enumerate(symbolic.rows)]
+    modes = [(sp.sign(row.velocity), mode_of(j)) for j, row in enumerate(symbolic.rows)]
     rows = tuple(
         replace(
             row,
@@ -93,23 +99,27 @@ def _with_modes(symbolic: SymbolicSystem) -> SymbolicSystem:
 def _dry(symbolic: SymbolicSystem) -> str:
     places, first = [], 0
     for j, row in enumerate(symbolic.rows):
-        own = [first + i for i, r in enumerate(row.regressor) if r.has(_mode(j))]
-        places.append((*own, *([KNOWN] if row.known.has(_mode(j)) else [])))
+        own = [first + i for i, r in enumerate(row.regressor) if r.has(mode_of(j))]
+        places.append((*own, *([KNOWN] if row.known.has(mode_of(j)) else [])))
         first += len(row.regressor)
     return f"DRY = {tuple(places)!r}\n"
 
 
 def _sizes(symbolic: SymbolicSystem) -> str:
-    # One for the value, and those of states, coefficients, and delays of inputs and of each row.
-    columns = 1 + len(symbolic.states) + len(symbolic.coefficients) + 1 + len(symbolic.rows)
-    width = _TOGETHER * -(-columns // _TOGETHER)
+    width = width_of(len(symbolic.states), len(symbolic.coefficients), len(symbolic.rows))
     return f"N_MEMORIES = {len(symbolic.memories)}\nWIDTH = {width}\n"
+
+
+def width_of(states: int, coefficients: int, rows: int) -> int:
+    """Columns of derivatives: of the value, states, coefficients, delays of inputs and of rows."""
+    columns = 1 + states + coefficients + 1 + rows
+    return _TOGETHER * -(-columns // _TOGETHER)
 
 
 def _variables(symbolic: SymbolicSystem) -> tuple[str, ...]:
     return (
         unpack("_x", symbolic.states),
-        unpack("_m", [_mode(j) for j in range(len(symbolic.rows))]),
+        unpack("_m", [mode_of(j) for j in range(len(symbolic.rows))]),
         unpack("_u", symbolic.inputs),
         unpack("_p", symbolic.coefficients),
         unpack("_c", symbolic.constants),
@@ -363,9 +373,3 @@ def variation(patterns: Sequence[Sequence[int]], paths: Sequence[Sequence[int]] 
         "\n".join(body),
         decorator="uncounted",
     )
-
-
-def derivative(expression: sp.Expr, state: sp.Symbol) -> sp.Expr:
-    """∂/∂state; the jump of a sign has derivative zero on either side, and no other is wanted."""
-    derivative = sp.diff(expression, state).replace(sp.DiracDelta, lambda *_: sp.S.Zero)
-    return cast(sp.Expr, derivative)

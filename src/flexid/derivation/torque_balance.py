@@ -18,14 +18,13 @@ from typing import cast
 import sympy as sp
 
 from flexid.derivation.model_functions import module_header
-from flexid.derivation.sensitivities import variation
+from flexid.derivation.sensitivities import mode_of, variation, width_of
 from flexid.derivation.source import assignments, function, unpack
 from flexid.derivation.symbolic import symbol, to_sympy
 from flexid.models.parametric_system import ParametricSystem
 from flexid.models.torque_balance import BodyTerm, JointTerm, TorqueBalance
 
 _INLINED = 2  # joints up to which functions are inlined where they are called
-_TOGETHER = 8  # columns that one instruction may take
 
 
 @dataclass(frozen=True)
@@ -69,10 +68,6 @@ def _acceleration(row: int) -> sp.Symbol:
     return sp.Symbol(f"_a{row}", real=True)
 
 
-def _mode(row: int) -> sp.Symbol:
-    return sp.Symbol(f"_m{row}", real=True)
-
-
 def _of_joint(term: JointTerm, joint: int) -> dict[int, sp.Expr]:
     link, motor = 2 * joint - 2, 2 * joint - 1
     if term.place == "input":
@@ -89,7 +84,7 @@ def _of_joint(term: JointTerm, joint: int) -> dict[int, sp.Expr]:
         torque = cast(sp.Expr, found.subs(dict(zip(local, apart, strict=True))))
         return {motor: torque, link: -torque}
     row = link if term.place == "link" else motor
-    placed = found.subs(sp.sign(local[1]), _mode(row))
+    placed = found.subs(sp.sign(local[1]), mode_of(row))
     return {row: cast(sp.Expr, placed.subs(dict(zip(local, sides[row], strict=True))))}
 
 
@@ -133,15 +128,13 @@ def balance_functions(balance: TorqueBalance) -> str:
 
 
 def _sizes(balance: TorqueBalance) -> str:
-    # One for the value, and those of states, parameters, and delays of inputs and of each row.
-    columns = 1 + len(balance.states) + len(balance.coefficients) + 1 + len(balance.rows)
-    width = _TOGETHER * -(-columns // _TOGETHER)
+    width = width_of(len(balance.states), len(balance.coefficients), len(balance.rows))
     return f"N_MEMORIES = 0\nN_CORNERS = 0\nWIDTH = {width}\n"
 
 
 def _dry(symbolic: SymbolicBalance) -> str:
     places = tuple(
-        tuple(k for k, c in enumerate(symbolic.columns) if row in c and c[row].has(_mode(row)))
+        tuple(k for k, c in enumerate(symbolic.columns) if row in c and c[row].has(mode_of(row)))
         for row in range(len(symbolic.balance.rows))
     )
     return f"DRY = {places!r}\n"
@@ -241,7 +234,7 @@ def _variables(balance: TorqueBalance) -> tuple[str, ...]:
     symbols = [symbol(name) for name in balance.states]
     return (
         unpack("_x", symbols),
-        unpack("_m", [_mode(row) for row in range(len(balance.rows))]),
+        unpack("_m", [mode_of(row) for row in range(len(balance.rows))]),
         unpack("_u", [symbol(name) for name in balance.inputs]),
         unpack("_c", [symbol(name) for name in balance.constants]),
     )
@@ -252,7 +245,7 @@ def _solved(symbolic: SymbolicBalance, mass: _Mass) -> tuple[str, ...]:
     dry = [
         row
         for row in range(len(symbolic.balance.rows))
-        if any(row in c and c[row].has(_mode(row)) for c in symbolic.columns)
+        if any(row in c and c[row].has(mode_of(row)) for c in symbolic.columns)
     ]
     targets = [f"_M{i}_{j}" for i, j in mass.entries]
     targets += [f"_h{i}" for i in range(len(mass.rest))]

@@ -179,6 +179,6 @@ def _matrices(system: ParametricSystem, rest: float) -> tuple[FloatArray, FloatA
 
 
 def _source(system: ParametricSystem) -> str:
-    from flexid.derivation.linearisation import linear_model
+    from flexid.derivation.model_functions import linear_model
 
     return linear_model(system)

@@ -99,7 +99,7 @@ def free_run_kernel(system: ParametricSystem) -> ModuleType:
     """Compiled module with ``right_hand_side``, ``linearised`` and ``free_run`` of a system."""
 
     def build() -> str:
-        from flexid.derivation.linearisation import moving_model
+        from flexid.derivation.model_functions import moving_model
 
         return moving_model(system, "Free run")
 

@@ -78,13 +78,9 @@ def rate(stage, i, lane):
     return at(EARLIER + stage * SIZE + i, lane)
 
 
-# A stage puts the rates at the stage before away. The compiler has to know where everything is
-# written, or the loops become no vector instructions; so there is no loop over stages.
-
-
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def second_stage(w, stop, longest_step):
-    """Begin a step, no longer than the longest one and the rest of the run."""
+def begin_step(w, stop, longest_step):
+    """Begin a step, no longer than the longest one and the rest of the run: to the second stage."""
     for lane in range(LANES):
         t = w[at(TIME, lane)]
         h = w[at(STEP, lane)]
@@ -98,102 +94,49 @@ def second_stage(w, stop, longest_step):
             w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (1.0 / 5.0 * w[rate(0, i, lane)])
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def third_stage(w):
-    """Keep the rates of the stage before, and go to the third."""
-    for lane in range(LANES):
-        h = w[at(STEP, lane)]
-        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 0.3 * h
-        for i in range(SIZE):
-            latest = w[at(RATES + i, lane)]
-            w[rate(1, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
-                3.0 / 40.0 * w[rate(0, i, lane)] + 9.0 / 40.0 * latest
-            )
+# The compiler has to know where everything is written, or the loops become no vector instructions:
+# so a stage is compiled for each number of weights, and there is no loop over stages.
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def fourth_stage(w):
-    """Keep the rates of the stage before, and go to the fourth."""
+def go_to_stage(w, node, weights):
+    """Keep the rates at STAGE, and go on; one weight for the rates of each stage so far."""
+    latest = len(weights) - 1
     for lane in range(LANES):
         h = w[at(STEP, lane)]
-        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 0.8 * h
+        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + node * h
         for i in range(SIZE):
-            latest = w[at(RATES + i, lane)]
-            w[rate(2, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
-                44.0 / 45.0 * w[rate(0, i, lane)]
-                - 56.0 / 15.0 * w[rate(1, i, lane)]
-                + 32.0 / 9.0 * latest
-            )
+            now = w[at(RATES + i, lane)]
+            w[rate(latest, i, lane)] = now
+            total = weights[0] * w[rate(0, i, lane)]
+            for j in range(1, latest):
+                total += weights[j] * w[rate(j, i, lane)]
+            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (total + weights[latest] * now)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def fifth_stage(w):
-    """Keep the rates of the stage before, and go to the fifth."""
-    for lane in range(LANES):
-        h = w[at(STEP, lane)]
-        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + 8.0 / 9.0 * h
-        for i in range(SIZE):
-            latest = w[at(RATES + i, lane)]
-            w[rate(3, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
-                19372.0 / 6561.0 * w[rate(0, i, lane)]
-                - 25360.0 / 2187.0 * w[rate(1, i, lane)]
-                + 64448.0 / 6561.0 * w[rate(2, i, lane)]
-                - 212.0 / 729.0 * latest
-            )
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def sixth_stage(w):
-    """Keep the rates of the stage before, and go to the sixth."""
-    for lane in range(LANES):
-        h = w[at(STEP, lane)]
-        w[at(STAGE_TIME, lane)] = w[at(TIME, lane)] + h
-        for i in range(SIZE):
-            latest = w[at(RATES + i, lane)]
-            w[rate(4, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
-                9017.0 / 3168.0 * w[rate(0, i, lane)]
-                - 355.0 / 33.0 * w[rate(1, i, lane)]
-                + 46732.0 / 5247.0 * w[rate(2, i, lane)]
-                + 49.0 / 176.0 * w[rate(3, i, lane)]
-                - 5103.0 / 18656.0 * latest
-            )
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def last_stage(w):
-    """Keep the rates of the sixth stage, and go to the end of the step."""
-    for lane in range(LANES):
-        h = w[at(STEP, lane)]
-        for i in range(SIZE):
-            latest = w[at(RATES + i, lane)]
-            w[rate(5, i, lane)] = latest
-            w[at(STAGE + i, lane)] = w[at(STATE + i, lane)] + h * (
-                35.0 / 384.0 * w[rate(0, i, lane)]
-                + 500.0 / 1113.0 * w[rate(2, i, lane)]
-                + 125.0 / 192.0 * w[rate(3, i, lane)]
-                - 2187.0 / 6784.0 * w[rate(4, i, lane)]
-                + 11.0 / 84.0 * latest
-            )
+# fmt: off
+THIRD = (3.0 / 40.0, 9.0 / 40.0)
+FOURTH = (44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0)
+FIFTH = (19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0)
+SIXTH = (9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0)
+LAST = (35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0)
+# fmt: on
 
 
 @njit(cache=True, error_model="numpy")
 def dormand_step(w, stop, longest_step):
     """One step of every lane from STATE to STAGE; the first stage is there, the last is RATES."""
-    second_stage(w, stop, longest_step)
+    begin_step(w, stop, longest_step)
     lane_rates(w)
-    third_stage(w)
+    go_to_stage(w, 0.3, THIRD)
     lane_rates(w)
-    fourth_stage(w)
+    go_to_stage(w, 0.8, FOURTH)
     lane_rates(w)
-    fifth_stage(w)
+    go_to_stage(w, 8.0 / 9.0, FIFTH)
     lane_rates(w)
-    sixth_stage(w)
+    go_to_stage(w, 1.0, SIXTH)
     lane_rates(w)
-    last_stage(w)
+    go_to_stage(w, 1.0, LAST)
     lane_rates_and_outputs(w)
 
 
