@@ -47,10 +47,7 @@ def balance_columns(
     signals: FloatArray,  # (n_samples, n_rows, 3)
     inputs: FloatArray,  # (n_samples, n_joints)
 ) -> FloatArray:
-    """φ of every parameter along a motion.
-
-    Returns shape (n_samples, n_rows, n_parameters).
-    """
+    """φ of every parameter along a motion, shape (n_samples, n_rows, n_parameters)."""
     kernel: Any = balance_kernel(balance)
     constants = np.array(list(balance.constants.values()), dtype=np.float64)
     found = np.zeros((len(signals), len(balance.rows), len(balance.coefficients)))

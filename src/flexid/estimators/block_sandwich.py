@@ -35,11 +35,7 @@ def block_lengths(
     filter_rate: float,  # in 1/s
     n_coefficients: int,
 ) -> list[int]:
-    """Divide contiguous recordings into blocks.
-
-    Returns equations in each block, in the recordings' order; no block crosses from one to the
-    next.
-    """
+    """Equations in each block of contiguous recordings; none crosses from one to the next."""
     total = sum(n * h for n, h in zip(lengths, sample_times, strict=True))
     blocks = []
     for n, sample_time in zip(lengths, sample_times, strict=True):
@@ -56,10 +52,7 @@ def _block_size(total: float, sample_time: float, filter_rate: float, n_coeffici
 
 
 def _divided(n: int, size: int) -> list[int]:
-    """Blocks of a size that n equations make.
-
-    What is left over is a block of its own, or belongs to the last one if it is less than half.
-    """
+    """Blocks of a size; what is left over is one more, or belongs to the last if less than half."""
     count = max(1, (2 * n + size) // (2 * size))
     return [size] * (count - 1) + [n - (count - 1) * size]
 

@@ -50,14 +50,10 @@ class Clusters:
 
 
 def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
-    """How far each block's residuals move the common unknowns, freed of the fit's bias.
+    """How far each block's residuals move the common unknowns, and degrees of freedom, shape (k,).
 
-    With U the influences, those of other problems over the same blocks among them, U Uᵀ is the
-    covariance.
-
-    Returns shape (k, n_blocks): Zero for an unknown of which the blocks show nothing.
-    degrees_of_freedom : array, shape (k,) Of each variance, for Student's t; 0 where there is
-    none.
+    With U these influences, shape (k, n_blocks), U Uᵀ is the covariance, freed of the fit's bias.
+    Both are 0 for an unknown of which the blocks show nothing.
     """
     k = len(clusters.inverse)
     influences = np.zeros((k, len(clusters.normal)))
@@ -89,10 +85,10 @@ def cluster_influences(clusters: Clusters) -> tuple[FloatArray, FloatArray]:
 def unbiased(
     influences: FloatArray,  # (k, n_blocks)
     inverse: FloatArray,  # (k, k)
-    shown: FloatArray,  # (k,), (k,), (k,), (k, k, k)
-    squares: FloatArray,  # (k,), (k,), (k,), (k, k, k)
-    across: FloatArray,  # (k,), (k,), (k,), (k, k, k)
-    gram: FloatArray,  # (k,), (k,), (k,), (k, k, k)
+    shown: FloatArray,  # (k,)
+    squares: FloatArray,  # (k,)
+    across: FloatArray,  # (k,)
+    gram: FloatArray,  # (k, k, k)
 ) -> tuple[FloatArray, FloatArray]:
     """Scale influences to the variance that white noise has, and count degrees of freedom."""
     products = inverse @ gram

@@ -26,10 +26,9 @@ def held_input(
     hold: Hold,
     delay: float,
 ) -> FloatArray:
-    """Straight lines that act like a sampled input, interval by interval.
+    """Straight lines that act like a sampled input over each interval, shape (n, n_inputs, 4).
 
-    Returns shape (n, n_inputs, 4): Over the interval from each sample on: value at its start,
-    change over it, and the derivatives of both by the delay in 1/s.
+    Value at its start, change over it, and the derivatives of both by the delay in 1/s.
     """
     # A fit that diverges may ask for any delay: beyond the samples all of it is alike.
     reach = sample_time * (len(inputs) + len(_OFFSETS))

@@ -23,11 +23,9 @@ _ORDER = 4  # of Runge and Kutta's method
 
 
 def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
-    """How far the error of the integration moves a fit, in standard deviations.
+    """How far the integration moves the combination of values that it moves most, in deviations.
 
-    Steps of half the length show it: they leave a sixteenth.
-
-    Returns of the combination of values that it moves most.
+    Steps of half the length show it: they leave a sixteenth of the error.
     """
     halved = replace(problem, substeps=2 * problem.substeps)
     equations = halved.equations(found.point)
@@ -42,9 +40,6 @@ def integration_error(problem: SegmentedMotion, found: Minimum) -> float:
 
 
 def refinement(problem: SegmentedMotion, found: Minimum) -> int:
-    """How many times as many steps a motion wants for that error to be negligible.
-
-    Returns from 1 to `MOST`.
-    """
+    """How many times as many steps, up to `MOST`, make that error negligible."""
     wanted = (integration_error(problem, found) / NEGLIGIBLE) ** (1.0 / _ORDER)
     return min(max(1, ceil(wanted)), MOST)

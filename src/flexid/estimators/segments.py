@@ -27,12 +27,9 @@ _START_EXCESS = 2.0  # root mean square of what a cubic leaves, over white noise
 class Segments:
     """All samples in one array each, and where the segments lie."""
 
-    # (n_segments,): first sample and number of samples of every segment; none crosses from one
-    # recording to the next
+    # (n_segments,): first sample of every segment; none crosses from one recording to the next
     starts: NDArray[np.int64]
-    # (n_segments,): first sample and number of samples of every segment; none crosses from one
-    # recording to the next
-    lengths: NDArray[np.int64]
+    lengths: NDArray[np.int64]  # (n_segments,): number of samples of every segment
     # (n_recordings + 1,): first sample of every recording that was cut, and the number of samples
     recording_starts: NDArray[np.int64]
     sample_times: FloatArray  # (n_segments,): time between samples in s
@@ -95,10 +92,7 @@ class Segments:
         )
 
     def first_blocks(self, duration: float) -> NDArray[np.int64]:
-        """Divide the segments into blocks of about a duration, or of their own if that is shorter.
-
-        Returns shape (n_segments + 1,): First block of every segment, and the number of blocks.
-        """
+        """First block of about a duration in every segment, and their number, (n_segments + 1,)."""
         counts = np.round(self.lengths * self.sample_times / duration).astype(np.int64)
         return np.concatenate(([0], np.cumsum(np.clip(counts, 1, self.lengths))))
 
@@ -174,10 +168,9 @@ def divide(
 def first_states(segments: Segments) -> FloatArray:
     """Initial state of every segment from cubics through its first positions.
 
-    Each cubic goes through as many of them as it follows within their noise: a stiff drive may turn
-    round within some samples where it vibrates, and rests elsewhere.
-
-    Returns shape (n_segments, n_states): Coordinate and velocity of each row in turn.
+    Shape (n_segments, n_states), coordinate and velocity of each row in turn. Each cubic goes
+    through as many positions as it follows within their noise: a stiff drive may turn round within
+    some samples where it vibrates, and rests elsewhere.
     """
     positions = segments.outputs[:, segments.measured % 2 == 0]
     own = [positions[part] for part, _ in segments.by_recording()]

@@ -20,11 +20,7 @@ def shrunken(
     white: FloatArray,  # (k, k)
     freedom: FloatArray,  # (k,)
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw a covariance towards that of white noise.
-
-    Returns shape (k, k): As it was for values without degrees of freedom. degrees_of_freedom :
-    array, shape (k,) Of both parts together.
-    """
+    """The covariance drawn towards that of white noise, and its degrees of freedom, shape (k,)."""
     known = (freedom > 0.0) & (np.diag(white) > 0.0)
     _, back = covariance_root(white[np.ix_(known, known)])
     p = int(np.count_nonzero(np.any(back != 0.0, axis=0)))
