@@ -7,7 +7,6 @@ from random import Random
 
 import pytest
 from benchmarks.fuzz import fuzz, mutated, tried
-from benchmarks.fuzz_table import GUIDED, Tally
 from benchmarks.fuzz_targets import Target, Targets, made_estimate
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -123,16 +122,3 @@ def test_what_a_fault_is(error: Exception, fault: str | None, tmp_path: Path) ->
         3 if fault else 0,
     )
     assert bool(list(tmp_path.glob("????????.x"))) is (fault is not None)
-
-
-def test_the_table_keeps_the_rows_of_other_readers(tmp_path: Path) -> None:
-    """Assert that a row takes the place of its reader's, and one of a reader that is gone goes."""
-    page = tmp_path / "page.md"
-    page.write_text("a\n<!-- fuzz-guided: begin -->\n\n<!-- fuzz-guided: end -->\nb\n")
-    for name, read in (("two", 1), ("gone", 2), ("one", 3), ("two", 4)):
-        GUIDED.write(GUIDED.row(name, Tally(read=read, seconds=9.0)), ("one", "two"), page)
-    text = page.read_text()
-    rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
-    assert [(row[0], row[2], row[3]) for row in rows[2:]] == [("one", "9", "3"), ("two", "9", "4")]
-    assert text.count("--guided --write") == 1
-    assert (text[0], text[-2]) == ("a", "b")
