@@ -12,6 +12,7 @@ from scipy.integrate import quad
 from flexid.derivation.immersion import immersion
 from flexid.derivation.source import ScalarPrinter
 from flexid.derivation.symbolic import symbol, to_sympy
+from flexid.errors import ExpressionError
 
 q, v, width = symbol("q"), symbol("v"), symbol("width")
 
@@ -89,3 +90,18 @@ def test_large_regressor_is_left_to_quadrature():
     """Assert that the search for an antiderivative is not begun on a very large expression."""
     text = " + ".join(f"sin({k}*v)*cos({k}*v + q)" for k in range(1, 30))
     assert immersion(to_sympy(text, {"q", "v"}), v)[1] == "quadrature"
+
+
+@pytest.mark.parametrize(
+    "text", ["1/0", "q/0", "0/0*q", "q**(1/0)", "sqrt(-1)*q", "(-8)**(1/3)", "tan(pi/2) + q"]
+)
+def test_no_finite_real_value(text: str):
+    """Assert that what is nowhere a finite real number is refused with the place."""
+    with pytest.raises(ExpressionError, match=r"here: .*no finite real value"):
+        to_sympy(text, {"q"}, "here")
+
+
+@pytest.mark.parametrize("text", ["1/q", "sqrt(q)", "q**(1/3)", "exp(1)*q"])
+def test_finite_somewhere(text: str):
+    """Assert that an expression that is real and finite for some values is kept."""
+    assert to_sympy(text, {"q"}).free_symbols

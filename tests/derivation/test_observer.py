@@ -36,28 +36,20 @@ def test_error_dynamics_notice_a_wrong_sign():
     assert not _is_zero(found)
 
 
-def test_flexible_joint_has_closed_forms():
-    """Assert that every immersion of the paper's system is a closed form without input rates."""
-    observer = derive_observer(PAPER)
-    assert observer.quadratures == ()
-    assert observer.input_rates == ()
-
-
-def test_quadrature_is_chosen_and_reported():
-    """Assert that the one regressor without an antiderivative, and no other, is integrated."""
-    observer = derive_observer(NO_CLOSED_FORM)
-    assert observer.quadratures == ("stribeck",)
-    assert observer.rows[0].kinds == ("closed form", "quadrature", "closed form")
-
-
-def test_unknown_input_gain_needs_the_input_rate():
-    """Assert that an unknown beta1 is accepted and its need of u' reported."""
-    assert [str(rate) for rate in derive_observer(UNKNOWN_GAIN).input_rates] == ["u_rate"]
-
-
-def test_only_rates_that_are_needed_are_reported():
-    """Assert that of two inputs only the one inside a regressor is asked for its rate."""
-    assert [str(rate) for rate in derive_observer(THREE_ROWS).input_rates] == ["u2_rate"]
+@pytest.mark.parametrize(
+    ("system", "quadratures", "rates"),
+    [
+        (PAPER, (), []),
+        (NO_CLOSED_FORM, ("stribeck",), []),
+        (UNKNOWN_GAIN, (), ["u_rate"]),
+        (THREE_ROWS, (), ["u2_rate"]),  # of two inputs only the one inside a regressor
+    ],
+)
+def test_what_an_observer_needs_is_reported(system, quadratures, rates):
+    """Assert that integrals without an antiderivative, and inputs' rates, are named, no others."""
+    observer = derive_observer(system)
+    assert observer.quadratures == quadratures
+    assert [str(rate) for rate in observer.input_rates] == rates
 
 
 def test_names_of_gains_and_states():
@@ -110,22 +102,19 @@ def test_velocity_that_cancels_is_no_dependence():
     assert str(derive_observer(system).rows[0].immersion[0]) == "q*v"
 
 
-@pytest.mark.parametrize("regressor", ["1/v", "q/v**2", "v/abs(v)", "1/sqrt(abs(v))"])
-def test_regressor_without_value_at_rest_is_refused(regressor: str):
-    """Assert that a division by the velocity is refused, instead of printed."""
-    system = ParametricSystem("rest", (Row("arm", "q", "v", {"a": regressor}),))
-    with pytest.raises(ModelError, match=r"'a' divides by zero at v = 0.*v/\(v\*\*2"):
-        derive_observer(system)
+REST = r"'a' divides by zero at v = 0.*v/\(v\*\*2"
+REFUSED = dict.fromkeys(("1/v", "q/v**2", "v/abs(v)", "1/sqrt(abs(v))"), REST)
+REFUSED |= dict.fromkeys(("sign(q)*v", "sign(u)"), r"jumps with .* smooth it")
+
+
+@pytest.mark.parametrize("regressor", REFUSED)
+def test_what_cannot_be_integrated_is_refused(regressor: str):
+    """Assert that a division by the velocity, or a jump with what else moves, is not printed."""
+    with pytest.raises(ModelError, match=REFUSED[regressor]):
+        derive_observer(ParametricSystem("arm", (Row("arm", "q", "v", {"a": regressor}),)))
 
 
 @pytest.mark.parametrize("regressor", ["q/(1 + v**2)", "1/q", "sign(v)*exp(-(v/0.1)**2)", "u/q*v"])
 def test_regressor_with_value_at_rest_is_derived(regressor: str):
     """Assert that other divisions are no concern of the velocity's integral."""
     derive_observer(ParametricSystem("rest", (Row("arm", "q", "v", {"a": regressor}),)))
-
-
-@pytest.mark.parametrize("jump", ["sign(q)*v", "sign(u)"])
-def test_jump_is_refused(jump: str):
-    """Assert that a regressor that jumps with a coordinate or an input is refused."""
-    with pytest.raises(ModelError, match=r"jumps with .* smooth it"):
-        derive_observer(ParametricSystem("jump", (Row("arm", "q", "v", {"a": jump}),)))

@@ -130,19 +130,6 @@ def symbolic_values(observer: SymbolicObserver, values: Arrays) -> tuple[list, l
     return estimates, rates
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_printed_python_has_the_symbolic_values(name: str):
-    """Assert that the printed Python runs by itself and computes (2) and (3)."""
-    observer = derive_observer(ALL[name])
-    values = random_arguments(observer)
-    namespace: dict = {}
-    exec(compile(python_observer(observer), "printed", "exec"), namespace)
-    arguments = [v.tolist() for v in values.values() if len(v)]
-    estimates, rates = symbolic_values(observer, values)
-    assert namespace["estimates"](*arguments) == pytest.approx(estimates, rel=1e-9)
-    assert namespace["rates"](*arguments) == pytest.approx(rates, rel=1e-9)
-
-
 @pytest.fixture(scope="module")
 def compile_c(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ctypes.CDLL]:
     """Return a function that compiles C99, with warnings as errors, and loads it."""
@@ -171,19 +158,6 @@ def call_c(function, values: Arrays, size: int) -> np.ndarray:
     return result
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_printed_c_has_the_symbolic_values(name: str, compile_c: Callable[[str], ctypes.CDLL]):
-    """Assert that the printed C compiles without a warning and computes (2) and (3)."""
-    observer = derive_observer(ALL[name])
-    values = random_arguments(observer)
-    library = compile_c(c_observer(observer))
-    estimates, rates = symbolic_values(observer, values)
-    size = len(estimates)
-    found = call_c(library.observer_estimates, values, size)
-    assert found == pytest.approx(estimates, rel=1e-9)
-    assert call_c(library.observer_rates, values, size) == pytest.approx(rates, rel=1e-9)
-
-
 AWKWARD = ParametricSystem(
     "awkward names",
     (
@@ -200,17 +174,26 @@ AWKWARD = ParametricSystem(
 )
 
 
-def test_names_of_the_languages_may_be_used_by_a_model(compile_c: Callable[[str], ctypes.CDLL]):
-    """Assert that names which are keywords of C, built-in in Python or Greek do no harm."""
-    observer = derive_observer(AWKWARD)
+@pytest.mark.parametrize("system", [*ALL.values(), AWKWARD], ids=[*ALL, "awkward names"])
+def test_printed_functions_have_the_symbolic_values(
+    system: ParametricSystem, compile_c: Callable[[str], ctypes.CDLL]
+):
+    """Assert that printed Python, and C without a warning, compute (2) and (3), whatever names.
+
+    Names may be keywords of C, built-in in Python, or Greek.
+    """
+    observer = derive_observer(system)
     values = random_arguments(observer)
-    estimates, _ = symbolic_values(observer, values)
+    estimates, rates = symbolic_values(observer, values)
     namespace: dict = {}
     exec(compile(python_observer(observer), "printed", "exec"), namespace)
     arguments = [v.tolist() for v in values.values() if len(v)]
-    assert namespace["estimates"](*arguments) == pytest.approx(estimates)
-    library = compile_c(c_observer(observer))
-    assert call_c(library.observer_estimates, values, 3) == pytest.approx(estimates)
+    assert namespace["estimates"](*arguments) == pytest.approx(estimates, rel=1e-9)
+    assert namespace["rates"](*arguments) == pytest.approx(rates, rel=1e-9)
+    library, size = compile_c(c_observer(observer)), len(estimates)
+    found = call_c(library.observer_estimates, values, size)
+    assert found == pytest.approx(estimates, rel=1e-9)
+    assert call_c(library.observer_rates, values, size) == pytest.approx(rates, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Which part of a regressor a filter can take as it stands."""
 
+import pytest
 import sympy as sp
 from systems import NO_CLOSED_FORM, THREE_ROWS
 
@@ -11,40 +12,21 @@ JOINT = symbolic_system(flexible_joint(TERMS))
 X1, X2, X3, X4, U = (symbol(name) for name in ("x1", "x2", "x3", "x4", "u"))
 
 
-def emitted(system, name):
-    """A constant of the generated module, read back from its source."""
-    lines = filter_functions(system, "Test").splitlines()
-    return next(line.split(" = ")[1] for line in lines if line.startswith(f"{name} = "))
+PARTS = {
+    "positions and inputs": (sp.sin(X1) * X3 + U**2, sp.sin(X1) * X3 + U**2, (0, 0), 0),
+    "the joint's damping": (3 * X1 + X2 - X4, 3 * X1, (1, -1), 0),
+    "a product": (X2 * sp.cos(X1) + X2 * (X1 + 1), 0, (1, 0), X2 * sp.cos(X1) + X1 * X2),
+    "a bracket": ((X1 + X2) ** 2, X1**2, (0, 0), 2 * X1 * X2 + X2**2),
+}
+"""What is filtered as it stands, factors of velocities, and what needs a velocity, by hand."""
 
 
-def test_positions_and_inputs_are_memoryless():
-    """Assert that a function of positions and the input is filtered as it stands."""
-    parts = split_regressor(sp.sin(X1) * X3 + U**2, JOINT)
-    assert parts.memoryless == sp.sin(X1) * X3 + U**2
-    assert parts.remainder == 0
-    assert parts.velocity_factors == (0, 0)
-
-
-def test_a_sum_with_velocities_is_split_row_by_row():
-    """Assert that the joint's damping becomes the factors 1 and -1 of the two velocities."""
-    parts = split_regressor(3 * X1 + X2 - X4, JOINT)
-    assert parts.velocity_factors == (1, -1)
-    assert parts.memoryless == 3 * X1
-    assert parts.remainder == 0
-
-
-def test_a_product_with_a_velocity_needs_the_velocity():
-    """Assert that velocity times position is no derivative the filter could take."""
-    parts = split_regressor(X2 * sp.cos(X1) + X2 * (X1 + 1), JOINT)
-    assert parts.remainder == X2 * sp.cos(X1) + X1 * X2
-    assert parts.velocity_factors == (1, 0)
-
-
-def test_a_bracket_is_opened_before_the_split():
-    """Assert that (x1 + x2)**2 loses its memoryless square to the filter."""
-    parts = split_regressor((X1 + X2) ** 2, JOINT)
-    assert parts.memoryless == X1**2
-    assert parts.remainder == 2 * X1 * X2 + X2**2
+@pytest.mark.parametrize("case", PARTS)
+def test_parts(case):
+    """Assert that a regressor is split, term by term, by its dependence on velocities."""
+    regressor, *expected = PARTS[case]
+    parts = split_regressor(regressor, JOINT)
+    assert [parts.memoryless, parts.velocity_factors, parts.remainder] == expected
 
 
 def test_dependence_on_the_input_is_seen():
@@ -53,22 +35,16 @@ def test_dependence_on_the_input_is_seen():
     assert not split_regressor(X1 - X3, JOINT).depends_on_input
 
 
-def test_the_paper_needs_no_velocity():
-    """Assert that eq. (4) with unknown input gain is estimated from positions alone."""
-    assert emitted(flexible_joint(), "VELOCITY_NEEDED") == "()"
-
-
-def test_coefficients_that_need_velocities_are_named():
-    """Assert that Coulomb friction is what needs a velocity among all terms of the joint."""
-    needed = emitted(flexible_joint(TERMS), "VELOCITY_NEEDED")
-    assert needed == "('theta_coulomb', 'alpha_coulomb')"
-
-
-def test_a_known_part_counts_as_a_signal():
-    """Assert that a known part with the input is held like a regressor with the input."""
-    assert emitted(NO_CLOSED_FORM, "HELD") == "(False, False, False, True)"
-
-
-def test_any_number_of_rows():
-    """Assert that three rows give one signal per coefficient and one known part per row."""
-    assert emitted(THREE_ROWS, "N_SIGNALS") == str(len(THREE_ROWS.coefficients) + 3)
+@pytest.mark.parametrize(
+    ("system", "name", "value"),
+    [
+        (flexible_joint(), "VELOCITY_NEEDED", "()"),
+        (flexible_joint(TERMS), "VELOCITY_NEEDED", "('theta_coulomb', 'alpha_coulomb')"),
+        (NO_CLOSED_FORM, "HELD", "(False, False, False, True)"),  # the known part has the input
+        (THREE_ROWS, "N_SIGNALS", str(len(THREE_ROWS.coefficients) + 3)),
+    ],
+)
+def test_what_is_emitted(system, name, value):
+    """Assert that velocities are asked for where they are needed, and the hold where it counts."""
+    lines = filter_functions(system, "Test").splitlines()
+    assert f"{name} = {value}" in lines

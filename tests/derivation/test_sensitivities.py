@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from systems import ALL
 
-from flexid.derivation.model_functions import model_functions
+from flexid.derivation.model_functions import linear_model, model_functions, moving_model
 from flexid.derivation.sensitivities import sensitivity_functions
 from flexid.models.parametric_system import Memory, ParametricSystem, Row
 
@@ -75,6 +75,27 @@ def test_rates_are_the_model_s(plain, name):
     plain(sensitivity_functions(system, "Test"))["state_rates"](x, u, modes, p, c, rates)
     plain(model_functions(system, "Test"))["right_hand_side"](x, u, p, c, expected)
     assert rates == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_linearisation_is_the_slope_of_the_right_hand_side(plain, name):
+    """Assert that every derivative is the limit of differences, and that nothing smooth jumps."""
+    model = plain(moving_model(ALL[name], "Test"))
+    x, u, _, p, c = drawn(ALL[name], 1)
+    found, jumps = np.empty((len(x), len(x))), np.empty(len(x) // 2)
+    model["linearised"](x, u, p, c, found, jumps)
+    again, gains = np.empty_like(found), np.empty((len(x), len(u)))
+    exec(linear_model(ALL[name]), printed := {})
+    printed["slopes"](x.tolist(), u.tolist(), p.tolist(), c.tolist(), again, gains)
+    np.testing.assert_allclose(again, found, rtol=1e-14)
+    for place, step in enumerate(1e-5 * np.eye(len(x) + len(u))):
+        ends = np.empty((2, len(x)))
+        for end, side in zip(ends, (step, -step), strict=True):
+            model["right_hand_side"](x + side[: len(x)], u + side[len(x) :], p, c, end)
+        # The differences err by step²/6 of the third derivative.
+        slope = (ends[0] - ends[1]) / 2e-5
+        np.testing.assert_allclose(np.hstack((found, gains))[:, place], slope, 1e-6, 1e-6)
+    assert not jumps.any()
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -1,5 +1,7 @@
 """The flexible joint of eq. (4) and its terms."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,11 @@ from flexid.models.flexible_joint import (
     TIES,
     flexible_joint,
 )
+from flexid.models.rigid_joint import rigid_joint
 from flexid.models.terms import with_dry_friction
+
+NOTATION = Path(__file__).parents[2] / "docs" / "commands.md"
+EVERY = TERMS | SHAPE_TERMS
 
 
 def test_paper_s_model():
@@ -46,13 +52,6 @@ def test_order_of_terms_does_not_matter():
         flexible_joint(("link_viscous", "gravity")),
     )
     assert one.digest == other.digest
-
-
-def test_spring_torque_acts_and_reacts():
-    """Assert that every joint term enters the two rows with opposite signs."""
-    for term in ("joint_damping", "cubic_stiffness"):
-        (link,), (motor,) = TERMS[term].link.values(), TERMS[term].motor.values()
-        assert link in (f"-{motor}", f"-({motor})")
 
 
 def test_an_eccentric_gear_turns_the_torque_as_it_turns_the_angle():
@@ -90,15 +89,6 @@ def test_a_spring_bends_where_it_is_said_to():
     np.testing.assert_allclose(found["link"][:, 1], -found["motor"][:, place], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("terms", "known", "word"), [(("magnets",), {}, "magnets"), ((), {"beta2": 1.0}, "beta2")]
-)
-def test_unknown_terms_and_coefficients(terms: tuple[str, ...], known: dict[str, float], word: str):
-    """Assert that a misspelled term or known coefficient is named, with the known ones."""
-    with pytest.raises(SettingError, match=word):
-        flexible_joint(terms, known)
-
-
 def test_smoothing_is_a_constant_only_where_there_is_friction():
     """Assert that models without Coulomb friction keep the constants they had."""
     assert flexible_joint(coulomb_velocity=0.02).constants == {}
@@ -107,11 +97,27 @@ def test_smoothing_is_a_constant_only_where_there_is_friction():
     }
 
 
-@pytest.mark.parametrize("velocity", [0.0, -0.1, float("nan"), float("inf")])
-def test_impossible_smoothing(velocity: float):
-    """Assert that a Coulomb velocity that divides by zero or smooths everything is refused."""
-    with pytest.raises(SettingError, match="coulomb_velocity"):
-        flexible_joint(("motor_coulomb",), coulomb_velocity=velocity)
+REFUSED = {
+    "a term": (flexible_joint, ("magnets",), {}, 0.1, "magnets"),
+    "a coefficient": (flexible_joint, (), {"beta2": 1.0}, 0.1, "beta2"),
+    "a term of the flexible joint": (rigid_joint, ("motor_viscous",), {}, 0.1, "viscous"),
+    "a coefficient of the flexible joint": (rigid_joint, (), {"theta1": 1}, 0.1, "theta1"),
+    **{
+        f"smoothing over {velocity}": (
+            *(flexible_joint, ("motor_coulomb",), {}, velocity),
+            "coulomb_velocity",
+        )
+        for velocity in (0.0, -0.1, float("nan"), float("inf"))
+    },
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_no_joint_has_is_refused(case: str):
+    """Assert that an unknown term or coefficient and an impossible smoothing are named."""
+    joint, terms, known, velocity, word = REFUSED[case]
+    with pytest.raises(SettingError, match=word):
+        joint(terms, known, velocity)
 
 
 def test_dry_friction_is_the_sign_of_its_row_s_velocity():
@@ -130,22 +136,26 @@ def test_dry_friction_is_the_sign_of_its_row_s_velocity():
             assert row.regressors[name] == before.regressors[name]
 
 
-@pytest.mark.parametrize("term", [name for name in SHAPE_TERMS if name != "eccentricity"])
-def test_shape_terms_of_the_spring_are_tied(term: str):
+@pytest.mark.parametrize("term", sorted({*EVERY} - {"eccentricity"}))
+def test_terms_of_the_spring_are_tied(term: str):
     """Assert that what acts on both sides of the spring is one torque over each side's inertia."""
-    declared = SHAPE_TERMS[term]
-    if not (declared.link and declared.motor):
-        return
-    for name, regressor in declared.link.items():
-        source, upper, lower = TIES[name]
-        assert (upper, lower) == ("theta2", "alpha1")
-        model = flexible_joint((term,))
-        point = {n: 0.1 * (i + 1) for i, n in enumerate(model.states)}
-        states = np.array([list(point.values())])
-        regressors = regressors_along(model, states, np.zeros((1, 1)))
-        here = regressors["link"][0, model.rows[0].coefficients.index(name)]
-        there = regressors["motor"][0, model.rows[1].coefficients.index(source)]
-        assert here == pytest.approx(-there), regressor
+    declared = EVERY[term]
+    model = flexible_joint((term,))
+    states = np.array([[0.1 * (i + 1) for i in range(len(model.states))]])
+    found = regressors_along(model, states, np.zeros((1, 1)))
+    for name in declared.link if declared.motor else ():
+        source, *ratio = TIES[name]
+        assert ratio == ["theta2", "alpha1"]
+        here = found["link"][0, model.rows[0].coefficients.index(name)]
+        assert here == pytest.approx(-found["motor"][0, model.rows[1].coefficients.index(source)])
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_term_is_explained(name: str):
+    """Assert that a term says what it is, and that the page on notation has its coefficients."""
+    declared = NOTATION.read_text(encoding="utf-8")
+    assert EVERY[name].description
+    assert [c for c in {*EVERY[name].link, *EVERY[name].motor} if f"`{c}`" not in declared] == []
 
 
 def test_a_spring_with_play_is_a_dead_zone():

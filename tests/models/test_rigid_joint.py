@@ -1,13 +1,12 @@
-"""The rigid joint and its relation to the flexible one."""
+"""What is made of the flexible joint: the rigid joint, and one row alone."""
 
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
-from flexid.errors import SettingError
 from flexid.models.flexible_joint import TERMS, flexible_joint
 from flexid.models.rigid_joint import RIGID_TERMS, rigid_joint, rigid_terms
+from flexid.models.row_alone import row_alone
 from flexid.simulation.free_run import free_run
 
 
@@ -60,17 +59,6 @@ def test_known_total_inertia():
     assert system.constants == {"beta1": 2.0, "coulomb_velocity": 0.02}
 
 
-@pytest.mark.parametrize(
-    ("terms", "known", "word"), [(("motor_viscous",), {}, "viscous"), ((), {"theta1": 1}, "theta1")]
-)
-def test_names_of_the_flexible_joint_are_refused(
-    terms: tuple[str, ...], known: dict[str, float], word: str
-):
-    """Assert that terms and coefficients of the other model are named as unknown."""
-    with pytest.raises(SettingError, match=word):
-        rigid_joint(terms, known)
-
-
 def test_smoothing_needs_no_other_kernel():
     """Assert that another Coulomb velocity has the same digest and acts in the free run."""
     coarse = rigid_joint(("coulomb",), coulomb_velocity=0.5)
@@ -79,3 +67,19 @@ def test_smoothing_needs_no_other_kernel():
     values, u = {"gamma_coulomb": 0.5, "beta1": 1.0}, np.full((500, 1), 0.4)
     far, near = (free_run(s, values, np.zeros(2), u, 2e-3)[-1, 0] for s in (coarse, fine))
     assert near < 0.1 * far  # friction holds against a torque below it, but for its creep
+
+
+def test_row_stays_as_it_is():
+    """Assert that states, coefficients and expressions are those of the joint's row."""
+    joint = flexible_joint(tuple(TERMS), {"theta2": 100.0})
+    alone = row_alone(joint, "link")
+    assert alone.rows == (joint.rows[0],)
+    assert alone.states == ("x1", "x2")
+
+
+def test_constants_that_only_the_other_row_uses_go():
+    """Assert that a known coefficient of the other row is no constant of this one."""
+    known = {"theta2": 100.0, "beta1": 3.0}
+    joint = flexible_joint(("gravity", "motor_coulomb"), known, 0.05)
+    assert row_alone(joint, "link").constants == {"theta2": 100.0}
+    assert row_alone(joint, "motor").constants == {"beta1": 3.0, "coulomb_velocity": 0.05}
