@@ -24,6 +24,7 @@ REFUSED = {
         ModelError,
         r"'lambda' is a word of Python.*: write lambda_$",
     ),
+    "tracked": ({"u": "-v"}, {}, ModelError, "tracks 'x1'"),
     **{name: ({"u": "-v"}, {name: 1.0}, ModelError, "another meaning") for name in CLASHES},
 }
 
@@ -32,14 +33,9 @@ REFUSED = {
 def test_laws_that_do_not_fit_are_refused(fault: str) -> None:
     """Assert that a law with a wrong expression, input or name is refused by what is wrong."""
     inputs, parameters, error, message = REFUSED[fault]
+    tracked = "x1" if fault == "tracked" else "q"
     with pytest.raises(error, match=message):
-        LoopDeclaration(ARM, Controller("law", "q", inputs, parameters), constant(1.0))
-
-
-def test_unknown_tracked_state_is_refused() -> None:
-    """Assert that the tracked state must exist."""
-    with pytest.raises(ModelError, match="tracks 'x1'"):
-        LoopDeclaration(ARM, Controller("law", "x1", {"u": "-v"}), constant(1.0))
+        LoopDeclaration(ARM, Controller("law", tracked, inputs, parameters), constant(1.0))
 
 
 def test_unknown_parameter_is_refused() -> None:

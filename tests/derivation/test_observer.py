@@ -103,15 +103,18 @@ def test_velocity_that_cancels_is_no_dependence():
 
 
 REST = r"'a' divides by zero at v = 0.*v/\(v\*\*2"
-REFUSED = dict.fromkeys(("1/v", "q/v**2", "v/abs(v)", "1/sqrt(abs(v))"), REST)
+REFUSED: dict[str, str] = dict.fromkeys(("1/v", "q/v**2", "v/abs(v)", "1/sqrt(abs(v))"), REST)
 REFUSED |= dict.fromkeys(("sign(q)*v", "sign(u)"), r"jumps with .* smooth it")
+REFUSED |= {"q - q": "'a' is 0, so that no motion", "v*2": "'b' is that of 'a', so that no motion"}
 
 
 @pytest.mark.parametrize("regressor", REFUSED)
 def test_what_cannot_be_integrated_is_refused(regressor: str):
     """Assert that a division by the velocity, or a jump with what else moves, is not printed."""
     with pytest.raises(ModelError, match=REFUSED[regressor]):
-        derive_observer(ParametricSystem("arm", (Row("arm", "q", "v", {"a": regressor}),)))
+        derive_observer(
+            ParametricSystem("arm", (Row("arm", "q", "v", {"a": regressor, "b": "-2*v"}),))
+        )
 
 
 @pytest.mark.parametrize("regressor", ["q/(1 + v**2)", "1/q", "sign(v)*exp(-(v/0.1)**2)", "u/q*v"])

@@ -29,6 +29,10 @@ REFUSED = {
         {"sample_time": 2e-3, "log": "examples/flexible_joint.csv"},
         "the log's is 0.001 s",
     ),
+    "another machine": (
+        {"what": "examples/models/pendulum.toml", "log": "examples/flexible_joint.csv"},
+        "2 positions and 1 inputs, and the model 1 and 1",
+    ),
 }
 
 
@@ -37,19 +41,8 @@ def test_what_no_drive_has_is_refused(tmp_path, name):
     """Assert that the sentence says what is wrong, and that no file is left."""
     options, sentence = REFUSED[name]
     with pytest.raises(SettingError, match=sentence):
-        flexid.export("flexible-joint", to="c99", out=tmp_path / "drive", **options)
+        flexid.export(**{"what": "flexible-joint"} | options, to="c99", out=tmp_path / "drive")
     assert not (tmp_path / "drive").exists()
-
-
-def test_a_log_of_another_machine_is_refused(tmp_path):
-    """Assert that the model's rows and inputs are compared with the log's."""
-    with pytest.raises(SettingError, match="2 positions and 1 inputs, and the model 1 and 1"):
-        flexid.export(
-            "examples/models/pendulum.toml",
-            to="c99",
-            out=tmp_path / "drive",
-            log="examples/flexible_joint.csv",
-        )
 
 
 def test_a_log_of_another_input_is_refused(tmp_path):

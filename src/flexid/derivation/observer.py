@@ -135,6 +135,7 @@ def _derive_row(
     rates: tuple[sp.Symbol, ...],
     names: FreshNames,
 ) -> ObserverRow:
+    _check_distinct(symbolic, row)
     immersions, kinds, cancelling = [], [], []
     for coefficient, regressor in zip(row.coefficients, row.regressor, strict=True):
         regressor = _without_other_velocities(symbolic, row, str(coefficient), regressor)
@@ -154,6 +155,21 @@ def _derive_row(
         tuple(names.take(f"{p}_hat") for p in row.coefficients),
         tuple(names.take(f"{p}_error") for p in row.coefficients),
     )
+
+
+def _check_distinct(symbolic: SymbolicSystem, row: SymbolicRow) -> None:
+    """Raise `ModelError` if a regressor is 0, or that of another coefficient but for its sign."""
+    found: dict[sp.Expr, str] = {}
+    for coefficient, regressor in zip(map(str, row.coefficients), row.regressor, strict=True):
+        other = found.get(regressor, found.get(-regressor))
+        if regressor == 0 or other is not None:
+            what = "0" if regressor == 0 else f"that of {other!r}"
+            raise ModelError(
+                symbolic.system.name,
+                f"row {row.name!r}: the regressor of {coefficient!r} is {what}, so that no motion "
+                f"determines it: leave it out",
+            )
+        found[regressor] = coefficient
 
 
 def _without_other_velocities(

@@ -21,7 +21,7 @@ from flexid.estimators.online import OnlineEstimator
 from flexid.kernels.store import load_kernel
 from flexid.models.parametric_system import ParametricSystem
 from flexid.simulation.free_run import free_run_kernel
-from flexid.simulation.loop import ClosedLoop
+from flexid.simulation.loop import ClosedLoop, check_values
 
 if TYPE_CHECKING:
     from control import InterconnectedSystem, NonlinearIOSystem
@@ -272,12 +272,7 @@ def _complete(
     setting: str, values: Mapping[str, float], names: tuple[str, ...]
 ) -> dict[str, float]:
     """A value for each name, in order."""
-    for name in values:
-        if name not in names:
-            raise SettingError(setting, f"{name!r} is unknown; known are {', '.join(names)}")
-    missing = [name for name in names if name not in values]
-    if missing:
-        raise SettingError(setting, f"{', '.join(missing)} missing: give a value for each")
+    check_values(setting, values, names)
     return {name: float(values[name]) for name in names}
 
 

@@ -32,9 +32,9 @@ class ClosedLoop:
 
     def __post_init__(self) -> None:
         rows = tuple(row.name for row in self.system.rows)
-        _check("coefficients", self.coefficients, self.system.coefficients, complete=True)
-        _check("observer_gains", self.observer_gains, rows, complete=True)
-        _check("initial_estimates", self.initial_estimates, self.system.coefficients)
+        check_values("coefficients", self.coefficients, self.system.coefficients)
+        check_values("observer_gains", self.observer_gains, rows)
+        check_values("initial_estimates", self.initial_estimates, self.system.coefficients, False)
         state = tuple(map(float, self.initial_state)) or (0.0,) * len(self.system.states)
         if len(state) != len(self.system.states):
             raise SettingError(
@@ -113,9 +113,10 @@ class ClosedLoop:
         return np.array(values, dtype=float)
 
 
-def _check(
-    setting: str, values: Mapping[str, float], names: tuple[str, ...], complete: bool = False
+def check_values(
+    setting: str, values: Mapping[str, float], names: tuple[str, ...], complete: bool = True
 ) -> None:
+    """Raise `SettingError` for a value of an unknown name, or if one is missing."""
     for name in values:
         if name not in names:
             raise SettingError(setting, f"{name!r} is unknown; known are {', '.join(names)}")

@@ -1,11 +1,12 @@
-"""Computed torque: feedback linearisation of the flexible joint."""
+"""Laws that hold the flexible joint: computed torque, PD control with gravity compensation."""
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from flexid.control.computed_torque import computed_torque
-from flexid.control.references import sinusoid
+from flexid.control.pd_gravity import pd_gravity
+from flexid.control.references import constant, sinusoid
 from flexid.errors import SettingError
 from flexid.models.flexible_joint import flexible_joint
 from flexid.simulation.closed_loop import simulate
@@ -13,16 +14,16 @@ from flexid.simulation.loop import ClosedLoop
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 JOINT = flexible_joint(known={"beta1": TRUE["beta1"]})
+UNKNOWN = {name: TRUE[name] for name in JOINT.coefficients}
 
 
 def test_error_follows_the_chosen_poles() -> None:
     """Assert that with true coefficients the tracking error solves the chosen linear system."""
     poles = (-2.0, -3.0, -4.0, -6.0)
-    unknown = {name: TRUE[name] for name in JOINT.coefficients}
     start = (0.2, 0.0, 0.25, 0.0)
     loop = ClosedLoop(
         JOINT,
-        unknown,
+        UNKNOWN,
         computed_torque(TRUE, poles),
         sinusoid(0.5, 3.0),
         {"link": 0.0, "motor": 0.0},
@@ -40,13 +41,22 @@ def test_error_follows_the_chosen_poles() -> None:
     assert np.max(np.abs(run.tracking_error - expected)) < 1e-7 * np.max(np.abs(expected))
 
 
-def test_unstable_poles_are_refused() -> None:
-    """Assert that a pole on the right is an error."""
-    with pytest.raises(SettingError, match="negative"):
-        computed_torque(TRUE, (-1.0, -1.0, -1.0, 1.0))
+@pytest.mark.parametrize(
+    ("coefficients", "poles", "words"),
+    [(TRUE, (-1.0, -1.0, -1.0, 1.0), "negative"), (UNKNOWN, (-1.0,) * 4, "beta1")],
+)
+def test_what_is_wrong_is_named(coefficients, poles, words) -> None:
+    """Assert that a pole on the right, and a coefficient without a value, are named."""
+    with pytest.raises(SettingError, match=words):
+        computed_torque(coefficients, poles)
 
 
-def test_missing_coefficient_is_named() -> None:
-    """Assert that a coefficient without a value is named."""
-    with pytest.raises(SettingError, match="beta1"):
-        computed_torque({name: TRUE[name] for name in JOINT.coefficients})
+@pytest.mark.parametrize("target", [-2.5, 1.0, 3.0])
+def test_settles_at_the_reference(target: float) -> None:
+    """Assert that with the true gravity the joint comes to rest where it shall, held by gravity."""
+    law = pd_gravity(40.0, 8.0, {"gravity_torque": 5.0, "joint_stiffness": 100.0})
+    loop = ClosedLoop(JOINT, UNKNOWN, law, constant(target), {"link": 1.0, "motor": 1.0})
+    run = simulate(loop, 60.0, 0.1)
+    deflection = 5.0 * np.sin(target) / 100.0
+    assert run.states[-1] == pytest.approx([target, 0.0, target + deflection, 0.0], abs=1e-6)
+    assert run.inputs[-1, 0] == pytest.approx(5.0 * np.sin(target), abs=1e-4)
