@@ -1,12 +1,16 @@
-"""Scores of blind trials, on records that are made up."""
+"""Scores of blind and of realistic trials, on records that are made up."""
 
 from math import isnan
 
 import pytest
+from benchmarks.trials.realistic import score as realistic
 from benchmarks.trials.score import Share, claims, score, scores
 
 RIGHT = [2.0, 1.9, 2.1, "determined"]
 WRONG = [2.1, 2.05, 2.15, "determined"]
+NAN = float("nan")
+KNOWN = ("family", "seed", "in_class", "terms", "truth", "core", "realistic")
+FAILED = {"error": "RecordingError: no", "refused": True}
 
 
 def record(**changes):
@@ -30,20 +34,21 @@ def record(**changes):
     } | changes
 
 
+def failed(one):
+    """The record of a log that was refused."""
+    return {name: one[name] for name in KNOWN if name in one} | FAILED
+
+
 def test_each_interval_is_counted_where_it_belongs():
     """Assert that kept, removed and delays are counted apart, removed ones against their truth."""
     found = score([record()])
-    assert found.coverage["all"] == Share(4, 5)
-    assert found.coverage["determined"] == Share(1, 1)
-    assert found.coverage["core"] == Share(1, 1)
-    assert found.coverage["removed"] == Share(1, 2)
-    assert found.coverage["delay"] == Share(1, 1)
+    shares = {"all": (4, 5), "determined": (1, 1), "core": (1, 1), "removed": (1, 2)}
+    shares["delay"] = (1, 1)
+    for name, (held, count) in shares.items():
+        assert found.coverage[name] == Share(held, count)
     assert found.core_determined == Share(1, 2)
     assert found.coverage["removed"].percent == 50.0
-
-
-def test_a_delay_that_was_given_is_no_claim():
-    """Assert that only delays that were sought count."""
+    # Of delays, only those that were sought.
     given = {"input_delay": [0.0, 0.0, 0.0, "given"], "link_delay": [1e-4, 5e-5, 2e-4, "found"]}
     assert score([record(delays=given)]).coverage["delay"] == Share(0, 1)
 
@@ -71,34 +76,24 @@ def test_an_angle_without_gravity_is_no_claim():
 
 
 @pytest.mark.parametrize(
-    ("estimate", "expected"),
+    ("estimates", "core", "everything"),
     [
-        (WRONG, 1),
-        ([2.01, 2.005, 2.015, "determined"], 0),  # less than one percent off
-        ([2.1, 1.9, 2.3, "determined"], 0),  # inside
-        ([2.1, 2.05, 2.15, "weak"], 0),  # not claimed to be determined
-        ([float("nan"), float("nan"), float("nan"), "determined"], 0),
+        ({"link_inertia": WRONG}, 1, 1),
+        ({"link_inertia": [2.01, 2.005, 2.015, "determined"]}, 0, 0),  # less than 1 % off
+        ({"link_inertia": [2.1, 1.9, 2.3, "determined"]}, 0, 0),  # inside
+        ({"link_inertia": [2.1, 2.05, 2.15, "weak"]}, 0, 0),  # not claimed to be determined
+        ({"link_inertia": [NAN, NAN, NAN, "determined"]}, 0, 0),
+        ({"motor_offset_torque": [0.4, 0.38, 0.42, "determined"]}, 0, 1),
+        # What does not act is missed, and never confidently wrong.
+        ({"link_viscous_friction": [0.1, 0.05, 0.15, "determined"]}, 0, 0),
     ],
 )
-def test_confidently_wrong(estimate, expected):
+def test_confidently_wrong(estimates, core, everything):
     """Assert that wrong is determined, outside its interval, and more than one percent off."""
-    found = score([record(estimates={"link_inertia": estimate}), record()])
-    assert found.wrong == found.wrong_core == expected
-
-
-def test_what_does_not_act_is_never_confidently_wrong_but_missed():
-    """Assert that an absent friction that is claimed costs coverage alone."""
-    claimed = record(estimates={"link_viscous_friction": [0.1, 0.05, 0.15, "determined"]})
-    found = score([claimed])
-    assert found.wrong == 0
-    assert found.coverage["determined"] == Share(0, 1)
-
-
-def test_other_parameters_are_no_core():
-    """Assert that a wrong friction counts among all parameters and not among the core."""
-    wrong = {"motor_offset_torque": [0.4, 0.38, 0.42, "determined"]}
-    found = score([record(estimates=wrong)])
-    assert (found.wrong_core, found.wrong) == (0, 1)
+    found = score([record(estimates=estimates), record()])
+    assert (found.wrong_core, found.wrong) == (core, everything)
+    if "link_viscous_friction" in estimates:
+        assert found.coverage["determined"] == Share(1, 2)
 
 
 def test_errors_and_widths_beside_the_given_structure():
@@ -114,11 +109,13 @@ def test_errors_and_widths_beside_the_given_structure():
 
 def test_a_failed_log_counts_as_undetermined():
     """Assert that an error is a row: counted, and none of its parameters determined."""
-    failed = {k: record()[k] for k in ("family", "seed", "in_class", "terms", "truth")}
-    failed |= {"error": "RecordingError: no", "refused": True}
-    found = score([failed, record()])
-    assert (found.logs, found.failed, found.refused) == (2, 1, 1)
-    assert found.core_determined == Share(1, 4)
+    for found in (
+        score([failed(record()), record()]),
+        realistic.score("some", [failed(rig()), rig()]),
+    ):
+        assert (found.logs, found.failed, found.refused) == (2, 1, 1)
+        assert found.core_determined == Share(1, 4)
+    assert isnan(realistic.score("some", [failed(rig())]).half_width)
 
 
 def test_mistaken_choices():
@@ -138,3 +135,54 @@ def test_failures_come_first():
         record(family="outside", in_class=False, estimates=wrong),
     ]
     assert [one.family for one in scores(records)] == ["bad", "good", "outside"]
+
+
+def rig(*estimate, **changes):
+    """A realistic log's record: no gravity, and no truth for an offset."""
+    estimates = {
+        "link_inertia": [2.02, 1.9, 2.1, "determined"],
+        "joint_stiffness": [10.5, 9.0, 11.0, "weak"],
+        "gravity_torque": [0.2, 0.1, 0.3, "determined"],
+        "motor_offset_torque": [0.2, 0.1, 0.3, "determined"],
+    }
+    if estimate:
+        estimates = {"link_inertia": [*estimate, "determined"]}
+    truth = {"link_inertia": 2.0, "joint_stiffness": 10.0, "gravity_torque": 0.0}
+    core = ["link_inertia", "joint_stiffness"]
+    return record(realistic=True, core=core, truth=truth, estimates=estimates) | changes
+
+
+def test_only_determined_intervals_with_a_truth_count():
+    """Assert that weak ones and those without a truth are left out, and that zero is a truth."""
+    found = realistic.score("some", [rig()])
+    assert found.determined == Share(1, 2)
+    assert found.core == Share(1, 1)
+    assert found.core_determined == Share(1, 2)
+    assert found.half_width == pytest.approx(0.05)
+    together = realistic.scores([rig(), rig(family="other")])
+    assert [one.family for one in together] == ["some", "other", "all"]
+    assert together[-1].logs == 2
+
+
+@pytest.mark.parametrize(
+    ("estimate", "expected"),
+    [
+        ((2.2, 2.15, 2.25), 1),
+        ((2.06, 2.05, 2.07), 0),  # outside, but less than 5 % off
+        ((2.2, 1.9, 2.5), 0),  # inside
+    ],
+)
+def test_wrong_is_outside_and_five_percent_off(estimate, expected):
+    """Assert that a realistic log is wrong if a core value is outside its interval and 5 % off."""
+    found = realistic.score("some", [rig(*estimate), rig()])
+    assert found.wrong == Share(expected, 2)
+
+
+@pytest.mark.parametrize(("share", "ratio"), [(1.0, 1.0), (0.5, 2.0)])
+def test_the_error_ratio_is_one_for_honest_intervals(share, ratio):
+    """Assert that normal errors with their standard errors give 1, and half of those give 2."""
+    half = 0.1 * 1.959964 * share
+    # The quartiles of a normal distribution: half the errors are smaller.
+    values = [2.0 + 0.1 * error for error in (-1.5, -0.67449, 0.3, 0.67449)]
+    of_logs = [rig(value, value - half, value + half) for value in values]
+    assert realistic.score("some", of_logs).error_ratio == pytest.approx(ratio, rel=1e-4)
