@@ -1,5 +1,6 @@
 """Experiment files: what they mean, and what is refused how."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +126,14 @@ def test_model_file_lies_beside_the_experiment(pendulum: Path):
     assert experiment.values["plant.inertia"] == 0.05
     run = experiment.run()
     assert abs(run.tracking_error[-1]) < abs(run.tracking_error[0])
+
+
+def test_experiment_travels_to_other_processes(pendulum: Path):
+    """Assert that a pickled experiment can be varied where its model file is not."""
+    sent = pickle.dumps(read_experiment(pendulum))
+    (pendulum.parent / "pendulum.toml").unlink()
+    arrived = pickle.loads(sent).with_values({"controller.parameters.stiffness": 3.0})
+    assert arrived.loop.controller.parameters == {"stiffness": 3.0}
 
 
 def test_byte_order_mark_does_not_count(tmp_path: Path):
