@@ -234,6 +234,9 @@ def test_uneven_time() -> None:
     columns = joint_columns(sample_time=1.0 / 2000.0)
     columns["time"] = np.round(columns["time"], 3)
     assert "write the time with more digits" in refused(read_columns, columns)
+    for kept in (np.r_[0:200, 200:400:4], np.r_[0:200:4, 200:400]):  # two sample times
+        words = "between 5 and 20 ms: cut the log at (0.995|1) s, where the sample time changes"
+        assert_words(words, refused(read_columns, rows(kept)))
 
 
 def test_flexible_arm(shared_data: Path) -> None:

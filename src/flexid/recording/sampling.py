@@ -81,7 +81,7 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
         return rounded
     is_gap = steps > GAP * typical
     if is_gap.mean() > MOST_GAPS:
-        raise _uneven(file, place, steps)
+        raise _uneven(file, place, time, steps)
     cuts = [0, *(np.flatnonzero(is_gap) + 1).tolist(), len(time)]
     parts = [slice(a, b) for a, b in pairwise(cuts)]
     recordings = [part for part in parts if part.stop - part.start >= FEWEST_SAMPLES]
@@ -97,7 +97,7 @@ def even_grid(table: Table, column: str, time: FloatArray) -> Grid:
     # A time stamp that is late lengthens one step and shortens the next.
     jitter = float(np.abs(within / sample_time - 1.0).max()) / 2.0
     if jitter > MOST_JITTER:
-        raise _uneven(file, place, within)
+        raise _uneven(file, place, time, within)
     warnings += (
         f"{file}: {place}: the time steps vary by {200.0 * jitter:.2g} % of the sample time of "
         f"{sample_time * 1e3:.6g} ms, so the channels were interpolated to even times: record at a "
@@ -187,12 +187,18 @@ def check_sample_time(sample_time: float) -> None:
         )
 
 
-def _uneven(file: str, place: str, steps: FloatArray) -> RecordingError:
+def _uneven(file: str, place: str, time: FloatArray, steps: FloatArray) -> RecordingError:
+    every = np.diff(time)
+    changes = np.flatnonzero(np.abs(np.diff(every)) > MOST_JITTER * every.min())
+    remedy = "record at a fixed rate, or write the time with more digits"
+    if len(changes) == 1:
+        there = f"{time[changes[0] + 1]:.6g} s"
+        remedy = f"cut the log at {there}, where the sample time changes, into two logs"
     return RecordingError(
         file,
         place,
         f"the time steps vary between {steps.min() * 1e3:.4g} and {steps.max() * 1e3:.4g} ms: "
-        f"record at a fixed rate, or write the time with more digits",
+        f"{remedy}",
     )
 
 
