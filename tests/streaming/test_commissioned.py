@@ -48,12 +48,6 @@ def test_a_drive_that_has_departed_is_said_to():
     assert "where it was 125" in reason
 
 
-def test_too_early_nothing_is_said():
-    """Assert that a departure needs as long as anything that is said of the motion."""
-    session = watched(stream()[:300], against(joint_stiffness=1000.0))
-    assert session.health.health is Health.CONVERGING
-
-
 def estimated(value: float, half: float) -> dict[str, ParameterEstimate]:
     """A parameter with its interval."""
     ends = (value - half, value + half)

@@ -31,44 +31,35 @@ def samples_of(text: str, parts: int = 1, column_map=None, header=None) -> np.nd
     return np.concatenate(found)
 
 
+MAPPED = [
+    "t;a;b;enc;tau",
+    *(
+        f"{k / 500};{200 * np.sin(k / 40):.3f};{k % 5};{np.sin(k / 30):.6f};{k % 11}"
+        for k in range(300)
+    ),
+]
+MAP = {
+    "time": "t",
+    "gear_ratio": 100,
+    "motor_torque": "tau",
+    "motor_position": {"column": "enc", "unit": "turn"},
+    "link_position": {
+        "sum": ["a", {"column": "b", "scale": -1}], "offset": 3, "unit": "mrad"
+    },
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("parts", [1, 7, 400])
-def test_samples_are_those_of_the_log(tmp_path: Path, parts: int):
-    """Assert that names and units mean the same in a stream, however its bytes are cut."""
-    text = "\n".join([HEADER, *ROWS]) + "\n"
+@pytest.mark.parametrize(("lines", "column_map"), [([HEADER, *ROWS], None), (MAPPED, MAP)])
+def test_samples_are_those_of_the_log(tmp_path: Path, parts: int, lines: list[str], column_map):
+    """Assert that names, units and a column map mean the same, however bytes are cut."""
+    text = "\n".join([*lines, ""])
     (tmp_path / "log.csv").write_text(text)
-    (recording,) = read_log(tmp_path / "log.csv").recordings
-    samples = samples_of(text, parts)
-    assert recording.input is not None
-    assert recording.link_position is not None
-    np.testing.assert_allclose(samples[:, 0], recording.time, rtol=1e-12)
-    np.testing.assert_allclose(samples[:, 1], recording.link_position, rtol=1e-12)
-    np.testing.assert_allclose(samples[:, 2], recording.motor_position, rtol=1e-12)
-    np.testing.assert_allclose(samples[:, 3], recording.input, rtol=1e-12)
-
-
-def test_a_column_map_means_the_same(tmp_path: Path):
-    """Assert that a map with a gear ratio, a sum and an offset gives what it gives for a log."""
-    raw = [
-        "t;a;b;enc;tau",
-        *(
-            f"{k / 500};{200 * np.sin(k / 40):.3f};{k % 5};{np.sin(k / 30):.6f};{k % 11}"
-            for k in range(300)
-        ),
-    ]
-    (tmp_path / "log.csv").write_text("\n".join(raw))
-    (tmp_path / "map.toml").write_text(
-        'time = "t"\ngear_ratio = 100\nmotor_torque = "tau"\n'
-        'motor_position = { column = "enc", unit = "turn" }\n'
-        'link_position = { sum = [ "a", { column = "b", scale = -1 } ], offset = 3,'
-        ' unit = "mrad" }\n'
-    )
-    (recording,) = read_log(tmp_path / "log.csv", tmp_path / "map.toml").recordings
-    samples = samples_of("\n".join([*raw, ""]), 3, tmp_path / "map.toml")
-    assert recording.input is not None
-    assert recording.link_position is not None
-    np.testing.assert_allclose(samples[:, 1], recording.link_position, atol=1e-15)
-    np.testing.assert_allclose(samples[:, 2], recording.motor_position, rtol=1e-12)
-    np.testing.assert_allclose(samples[:, 3], recording.input, rtol=1e-12)
+    (recording,) = read_log(tmp_path / "log.csv", column_map).recordings
+    samples = samples_of(text, parts, column_map)
+    channels = (recording.needed_link_position, recording.motor_position, recording.needed_input)
+    right = np.column_stack((recording.time, *channels))
+    np.testing.assert_allclose(samples, right, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("parts", [1, 40])
@@ -99,8 +90,9 @@ def test_a_stream_that_is_joined_in_the_midst_of_a_line(form: str):
     """Assert that the line costs no other sample, wherever it is cut."""
     rows = stamped(form) if form else ROWS
     header = HEADER.replace(" [ms]", "") if form else HEADER
-    whole = samples_of("\n".join([*rows, ""]), header=header)
+    whole = samples_of("\n".join([header, *rows, ""]))
     assert np.isfinite(whole).all()
+    np.testing.assert_array_equal(samples_of("\n".join([*rows, ""]), header=header), whole)
     for cut in range(2, len(rows[0])):
         samples = samples_of("\n".join([rows[0][cut:], *rows[1:], ""]), header=header)
         np.testing.assert_array_equal(samples[-len(rows) + 1 :], whole[1:])
@@ -152,31 +144,35 @@ def test_a_line_that_is_no_row_is_a_sample_without_numbers():
     assert np.isfinite(np.delete(samples, [250, 251, 252], axis=0)).all()
 
 
-def test_a_header_may_be_given():
-    """Assert that a stream that begins in the midst of it can be read."""
-    whole = samples_of("\n".join([HEADER, *ROWS, ""]))
-    np.testing.assert_array_equal(samples_of("\n".join([*ROWS, ""]), header=HEADER), whole)
-
-
 @pytest.mark.parametrize(("end", "count"), [("\n", 300), ("\r\n", 300), ("\r", 300), ("", 299)])
 def test_a_last_line_without_its_end_is_no_sample(end: str, count: int):
     """Assert that the last line counts if it has ended, be its line feed on the way."""
     assert len(samples_of("\n".join([HEADER, *ROWS]) + end)) == count
 
 
+def encoded(first: str = HEADER) -> bytes:
+    """A stream below some header."""
+    return "\n".join([first, *ROWS, ""]).encode()
+
+
 @pytest.mark.parametrize(
-    ("first", "given", "words"),
+    ("raw", "header", "words"),
     [
-        ("time,x,motor_position,y", None, "no motor_torque"),
-        ("time,foo,bar,motor_torque", None, "there is no"),
-        ("time,link_position [parsec],motor_position,motor_torque", None, "parsec"),
-        (HEADER, HEADER.replace("ms", "s"), "column names of its own.*: leave the header out"),
+        (encoded("time,x,motor_position,y"), None, "no motor_torque"),
+        (encoded("time,foo,bar,motor_torque"), None, "there is no"),
+        (encoded("time,link_position [parsec],motor_position,motor_torque"), None, "parsec"),
+        (encoded(), HEADER.replace("ms", "s"), "column names of its own.*: leave the header out"),
+        (gzip.compress(encoded()) + b"\n" * 4, None, "packed by gzip: unpack it"),
+        (encoded().decode().encode("utf-16"), None, "in UTF-16: send it in UTF-8"),
+        (encoded().replace(b",", b"\0"), None, "a binary file"),
+        (b"time,motor_torque\n1,2\n", None, "ended before"),
     ],
+    ids=lambda value: value[:30] if isinstance(value, str) else "",
 )
-def test_columns_that_do_not_do(first: str, given: str | None, words: str):
-    """Assert that a stream that lacks something, or has two headers, is refused."""
+def test_what_is_no_stream(raw: bytes, header: str | None, words: str):
+    """Assert that one that lacks something, has two headers, is no text or too short is refused."""
     with pytest.raises(RecordingError, match=words):
-        samples_of("\n".join([first, *ROWS]), header=given)
+        TextStream("stream", header=header).samples(raw, ended=True)
 
 
 def test_a_line_without_an_end():
@@ -188,28 +184,6 @@ def test_a_line_without_an_end():
     assert samples.tolist() == [[0.0, 0.0, 1.0], [1.0, 0.0, 2.0], [2.0, 0.0, 3.0]]
     with pytest.raises(RecordingError, match="more than 1000000 bytes"):
         stream.samples(b"1")
-
-
-@pytest.mark.parametrize(
-    ("encoded", "words"),
-    [
-        (gzip.compress, "packed by gzip: unpack it"),
-        (lambda raw: raw.decode().encode("utf-16"), "in UTF-16: send it in UTF-8"),
-        (lambda raw: raw.replace(b",", b"\0"), "a binary file"),
-    ],
-    ids=["gzip", "utf-16", "binary"],
-)
-def test_what_is_no_text(encoded, words: str):
-    """Assert that bytes of no text are refused as those, and not as a header."""
-    raw = encoded("\n".join([HEADER, *ROWS]).encode()) + b"\n" * 4
-    with pytest.raises(RecordingError, match=words):
-        TextStream("stream").samples(raw, ended=True)
-
-
-def test_too_little():
-    """Assert that a stream that ends at once is said to."""
-    with pytest.raises(RecordingError, match="ended before"):
-        TextStream("stream").samples(b"time,motor_torque\n1,2\n", ended=True)
 
 
 def test_sample_time():
