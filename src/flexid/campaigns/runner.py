@@ -26,36 +26,14 @@ Progress = Callable[[int, int], None]
 def run_campaign(
     experiment: Experiment,
     out: str | Path,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    workers: int | None = None,  # threads of this machine; all its cores by default
+    scheduler: str | None = None,  # address
     progress: Progress | None = None,
 ) -> None:
-    """Run a campaign, or what is missing of it.
+    """Run a campaign, or what is missing of it, here or on the workers of a Dask scheduler.
 
     Rows are kept part by part. After an interrupt the same call goes on with the campaign; every
     row is the same as without the interrupt, on any machine.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        With a ``[campaign]`` table.
-    out : str or Path
-        Directory of the rows: new, empty, or of the same campaign.
-    workers : int, optional
-        Threads on this machine; all its cores by default.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers are to run it instead.
-    progress : callable, optional
-        Called after every part.
-
-    Raises
-    ------
-    ExperimentError
-        If the experiment says nothing of a campaign, or its number of runs does not suit the plan.
-    CampaignError
-        If the directory or the scheduler cannot be used.
-    SettingError
-        If there are no workers.
     """
     if workers is not None and workers < 1:
         raise SettingError("workers", f"{workers!r} must be at least 1")

@@ -65,18 +65,7 @@ class Summary:
 
 
 def summarise(out: str | Path) -> Summary:
-    """Summarise a campaign, while it runs or later.
-
-    Parameters
-    ----------
-    out : str or Path
-        The campaign's directory.
-
-    Raises
-    ------
-    CampaignError
-        If there is no campaign, or none of its rows yet.
-    """
+    """Summarise the campaign of a directory, while it runs or later."""
     store = find_store(Path(out))
     rows, damaged = _all_rows(store)
     counts = rows[STATUS].value_counts().sort(by=["count", STATUS], descending=[True, False])

@@ -36,55 +36,25 @@ _WORSE = 1e-3  # rise of the misfit that shows a minimum to be another one
 
 @dataclass(frozen=True, eq=False)
 class PredictionErrorFit:
-    """Coefficients fitted by segmented prediction error. There is none that did not converge.
+    """Coefficients fitted by segmented prediction error. Only converged fits are returned."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        What is sought, row by row.
-    values : array, shape (k,)
-        Their values, in the system's units.
-    covariance : array, shape (k, k)
-        From the spread of the scores of blocks of a second or less; right for correlated residuals
-        too. Infinite variance marks what the data leave free, or what a single block decides.
-    degrees_of_freedom : tuple of float
-        Of each value's variance, for Student's t; 0 where there is none.
-    undetermined : tuple of str
-        Coefficients that the data leave free.
-    information : array, shape (k, k)
-        What residuals of the size `noise` say about the coefficients, the initial states unknown.
-    noise : array, shape (n_outputs,)
-        Standard deviation of the residuals of each position (and velocity, if fitted, in turn).
-    initial_states : array, shape (n_segments, n_states)
-        Fitted state at the start of every segment.
-    start_times : array, shape (n_segments,)
-        When the segments start, in s.
-    residuals : array, shape (n_samples, n_outputs)
-        Measured less fitted outputs, all segments in turn.
-    iterations : int
-        Steps taken.
-    last_step : float
-        Length of the step that was not taken any more, in standard deviations.
-    segment_duration : float
-        Wanted length of a segment in s.
-    hold : {"linear", "zero", "cubic"}
-        Hold of the inputs.
-    """
-
-    names: tuple[str, ...]
-    values: FloatArray
+    names: tuple[str, ...]  # what is sought, row by row
+    values: FloatArray  # (k,): in the system's units
+    # (k, k): from the spread of the scores of blocks of a second or less; right for correlated
+    # residuals too. Infinite variance marks what the data leave free, or what one block decides
     covariance: FloatArray
-    degrees_of_freedom: tuple[float, ...]
-    undetermined: tuple[str, ...]
+    degrees_of_freedom: tuple[float, ...]  # of each variance, for Student's t; 0 for none
+    undetermined: tuple[str, ...]  # coefficients that the data leave free
+    # (k, k): what residuals of the size `noise` say, the initial states unknown
     information: FloatArray
-    noise: FloatArray
-    initial_states: FloatArray
-    start_times: FloatArray
-    residuals: FloatArray
-    iterations: int
-    last_step: float
-    segment_duration: float
-    hold: Hold
+    noise: FloatArray  # (n_outputs,): standard deviation of the residuals
+    initial_states: FloatArray  # (n_segments, n_states): fitted, at the start of every segment
+    start_times: FloatArray  # (n_segments,): when the segments start, in s
+    residuals: FloatArray  # (n_samples, n_outputs): measured less fitted, all segments in turn
+    iterations: int  # steps taken
+    last_step: float  # length of the step that was not taken any more, in standard deviations
+    segment_duration: float  # wanted length of a segment in s
+    hold: Hold  # of the inputs
 
     @property
     def standard_deviations(self) -> FloatArray:

@@ -29,24 +29,7 @@ _INSIDE = 0.501  # share of the draws below the value inside a distribution that
 
 
 def read_experiment(path: str | Path) -> Experiment:
-    """Read an experiment file.
-
-    Parameters
-    ----------
-    path : str or Path
-        A TOML file with the tables ``plant``, ``controller``, ``reference``, ``observer`` and
-        ``run``, and optionally ``model``, ``initial_estimates``, ``initial_state``, ``sampling``
-        and ``campaign``.
-
-    Returns
-    -------
-    Experiment
-
-    Raises
-    ------
-    ExperimentError
-        If the file cannot be read or used; the text names file, key and remedy.
-    """
+    """Read an experiment file with a table for each part, and perhaps one of a campaign."""
     path = Path(path)
     refuse = partial(ExperimentError, str(path))
     content = parse_toml(read_bytes(path, "an experiment file in TOML", refuse), refuse)
