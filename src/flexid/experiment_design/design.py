@@ -6,10 +6,9 @@ import numpy as np
 
 import flexid
 from flexid.errors import SettingError, SimulationError
-from flexid.experiment_design.criterion import deviation
 from flexid.experiment_design.drive import DOUBT, Case, Drive
 from flexid.experiment_design.drive_file import DriveFile
-from flexid.experiment_design.optimise import Search
+from flexid.experiment_design.optimise import Search, deviation
 from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
 from flexid.experiment_design.result import Design, Extreme, Prediction
 from flexid.simulation.free_run import Command

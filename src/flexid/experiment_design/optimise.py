@@ -21,10 +21,8 @@ from flexid.errors import SimulationError
 from flexid.estimators.channel_timing import Timing
 from flexid.estimators.segmented_motion import Point, SegmentedMotion, segmented_motion
 from flexid.estimators.segments import divide
-from flexid.experiment_design.criterion import smooth_cost
-from flexid.experiment_design.drive import Case, Drive
+from flexid.experiment_design.drive import Case, Criterion, Drive
 from flexid.experiment_design.rehearse import CHANNELS, SEGMENT_DURATION, Rehearsed, rehearse
-from flexid.experiment_design.waveform import Waveform, waveform
 from flexid.simulation.free_run import Command
 
 _BANDWIDTH = 1.0  # times the resonance, of the position loop that follows a trajectory
@@ -37,6 +35,64 @@ _NEAR = 0.8  # use of a limit from which on a wrong drive counts as near it
 _FIRST, _SECOND = 25, 20  # iterations of the two searches
 _STEP = 1e-4  # of finite differences, over the typical size of a weight
 _LOST = 100.0  # cost of a motion that diverges
+_SHARPNESS = 4.0  # of the smooth stand-in for the smallest eigenvalue
+_FLOOR = 1e-14  # of an eigenvalue, over the largest one
+
+
+@dataclass(frozen=True, eq=False)
+class Waveform:
+    """Sums of tones at the samples of an experiment that begin and end at rest.
+
+        s(t) = w(t) Σ_k [a_k cos(ω_k t) + b_k sin(ω_k t)],    ω_k = 2π n_k / T,
+
+    with whole numbers n_k spread evenly on a logarithmic scale, and a window w that rises from 0
+    to 1 and falls back along half a cosine: signal and rate are zero at both ends.
+    """
+
+    angular_frequencies: FloatArray  # (m,): rad/s
+    time: FloatArray  # (n,): s
+    columns: FloatArray  # (n, 2 m): windowed cosines, then windowed sines
+    rate_columns: FloatArray  # (n, 2 m): their derivatives
+
+    def signal(self, weights: FloatArray) -> FloatArray:
+        """The signal, shape (n,), for weights a_1 … a_m, b_1 … b_m."""
+        return self.columns @ weights
+
+    def rate(self, weights: FloatArray) -> FloatArray:
+        """Its derivative, shape (n,)."""
+        return self.rate_columns @ weights
+
+
+def waveform(
+    duration: float, sample_time: float, ramp: float, highest_frequency: float, harmonics: int
+) -> Waveform:
+    """Windowed tones for an experiment."""
+    base = 2.0 * np.pi / duration
+    most = max(harmonics, int(highest_frequency / base))
+    numbers = np.unique(np.rint(np.geomspace(1.0, most, harmonics)).astype(int))
+    spare = [n for n in range(1, most + 1) if n not in numbers][: harmonics - len(numbers)]
+    rates = base * np.sort(np.concatenate((numbers, spare))).astype(np.float64)
+    time = sample_time * np.arange(round(duration / sample_time) + 1, dtype=np.float64)
+    window, slope = _window(time, duration, ramp)
+    phase = np.outer(time, rates)
+    cosines, sines = np.cos(phase), np.sin(phase)
+    tones = np.hstack((cosines, sines))
+    tone_rates = np.hstack((-rates * sines, rates * cosines))
+    return Waveform(
+        rates,
+        time,
+        window[:, None] * tones,
+        slope[:, None] * tones + window[:, None] * tone_rates,
+    )
+
+
+def _window(time: FloatArray, duration: float, ramp: float) -> tuple[FloatArray, FloatArray]:
+    """Window and its derivative."""
+    inner = np.clip(np.minimum(time, duration - time) / ramp, 0.0, 1.0)
+    direction = np.where(inner < 1.0, np.where(time < duration / 2, 1.0, -1.0), 0.0)
+    window = 0.5 - 0.5 * np.cos(np.pi * inner)
+    slope = direction * 0.5 * np.pi / ramp * np.sin(np.pi * inner)
+    return window, slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,3 +254,30 @@ class Search:
             options={"maxiter": iterations, "maxfun": 10**9, "eps": _STEP},
         )
         return size * result.x
+
+
+def deviation(relative_information: FloatArray, criterion: Criterion) -> float:
+    """What optimal design calls D and E, as a relative standard deviation; smaller is better.
+
+    With M the information about the coefficients' logarithms, so that 1/√λ is the relative standard
+    deviation along an eigenvector of eigenvalue λ: 1/√(min λ) for E, the worst direction, and det M
+    to the power -1/(2k) for D, the volume of the confidence ellipsoid.
+    """
+    eigenvalues = np.linalg.eigvalsh(relative_information)
+    if eigenvalues[0] <= 0.0:
+        return float("inf")
+    if criterion == "E":
+        return float(eigenvalues[0] ** -0.5)
+    return float(np.exp(-0.5 * np.mean(np.log(eigenvalues))))
+
+
+def smooth_cost(relative_information: FloatArray, criterion: Criterion) -> float:
+    """Logarithm of about that deviation, smooth where eigenvalues cross, finite everywhere."""
+    eigenvalues = np.linalg.eigvalsh(relative_information)
+    eigenvalues = np.maximum(eigenvalues, max(_FLOOR * eigenvalues[-1], 1e-300))
+    logs = np.log(eigenvalues)
+    if criterion == "D":
+        return float(-0.5 * logs.mean())
+    lowest = logs.min()
+    spread = np.log(np.sum(np.exp(-_SHARPNESS * (logs - lowest)))) / _SHARPNESS
+    return float(0.5 * (spread - lowest))
