@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexid.streaming.pace import LONGEST_WAIT, Pace
+from flexid.streaming.incoming import LONGEST_WAIT, Pace
 
 H = 0.01
 TIMES = 5.0 + H * np.arange(1000)
