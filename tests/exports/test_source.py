@@ -63,15 +63,3 @@ def test_no_drive_has_it(result, name, value):
     """Assert that a spring or an inertia that is not positive is refused by name."""
     with pytest.raises(SettingError, match=f"^{name}: is {value:g} .* makes it positive"):
         source_of_identification(doubted(result, name, value=value))
-
-
-def test_parameters_are_those_of_the_coefficients(result):
-    """Assert that an estimate one of whose two vocabularies was edited is refused."""
-    with pytest.raises(SettingError, match=r"is 5 .* 30 by its coefficients"):
-        source_of_identification(doubted(result, "alpha1", value=2000.0))
-    parameter = dataclasses.replace(result.parameters["joint_stiffness"], value=-100.0)
-    edited = dataclasses.replace(
-        result, parameters={**result.parameters, "joint_stiffness": parameter}
-    )
-    with pytest.raises(SettingError, match="joint_stiffness: is -100 in this estimate"):
-        source_of_identification(edited)

@@ -1,4 +1,4 @@
-"""A model's functions in C99, in one number type: what an estimator on a drive calls.
+"""A model's functions in C99: for an estimator on a drive, in one number type, and as a plant.
 
 Every literal stands in ``REAL(...)`` and every function behind a macro (``SIN``), so that one
 definition makes all of it float or double. The operations are those of the compiled Python, in the
@@ -108,6 +108,51 @@ class _DrivePrinter(ScalarPrinter):
         if exponent == sp.S.Half:
             return self.call("SQRT", base)
         return self.call("POW", base, exponent)
+
+
+class _PlantPrinter(_DrivePrinter):
+    """The same on doubles."""
+
+    def real(self, value: float) -> str:
+        """A literal."""
+        return repr(value) if value >= 0.0 else f"({value!r})"
+
+    def call(self, function: str, *arguments: sp.Basic) -> str:
+        """A call of the C library."""
+        return super().call(function.lower(), *arguments)
+
+    def _print_sign(self, e: sp.Function) -> str:
+        argument = self._print(e.args[0])
+        return f"(({argument} == 0.0) ? 0.0 : copysign(1.0, {argument}))"
+
+
+def plant_rates(system: ParametricSystem) -> str:
+    """Source of ``rates(x, u, p, dx)``, for simulators: p has coefficients, then constants."""
+    symbolic = symbolic_system(system)
+    groups = {
+        "x": symbolic.states,
+        "u": symbolic.inputs,
+        "p": (*symbolic.coefficients, *symbolic.constants),
+    }
+    printer = _PlantPrinter(
+        {s.name: f"{a}[{i}]" for a, g in groups.items() for i, s in enumerate(g)}
+    )
+    names = sp.numbered_symbols("e", real=True)
+    expressions = list(symbolic.right_hand_side)
+    temporaries, reduced = sp.cse(expressions, symbols=names, optimizations="basic")
+    used = set().union(*(e.free_symbols for e in expressions))
+    return _function(
+        "rates",
+        ("const double x[]", "const double u[]", "const double p[]", "double dx[]"),
+        [
+            *(f"const double {name} = {printer.doprint(value)};" for name, value in temporaries),
+            *(f"(void){array};" for array, group in groups.items() if used.isdisjoint(group)),
+        ],
+        [
+            f"dx[{place}] = {printer.doprint(value)}; /* {state}' */"
+            for place, (state, value) in enumerate(zip(symbolic.states, reduced, strict=True))
+        ],
+    )
 
 
 def _printer(symbolic: SymbolicSystem) -> _DrivePrinter:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from flexid.derivation.drive_source import comment
+from flexid.derivation.drive_source import comment, plant_rates
 from flexid.errors import SettingError
 from flexid.exports.c99_source import DriveSource
 from flexid.exports.estimator import EstimatorSettings
@@ -120,8 +120,6 @@ _CAUSALITIES: tuple[Causality, ...] = ("output", "input", "parameter")
 
 def plant_model(source: ExportSource) -> FmuModel:
     """The model with its values, as a plant."""
-    from flexid.derivation.plant_source import plant_rates
-
     system = without_jumps(source.system)
     missing = [name for name in system.coefficients if name not in source.values]
     if missing:

@@ -1,8 +1,8 @@
 """What is exported: a model with the values that are known of it, from a file or an estimate."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isclose, isfinite
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from flexid.errors import SettingError
@@ -13,9 +13,6 @@ from flexid.models.terms import SMOOTHING
 if TYPE_CHECKING:
     from flexid.identification.preparation.joint import Joint
     from flexid.identification.result.identification import Identification
-    from flexid.models.parameter_kinds import PhysicalParameter
-
-_SAME = 1e-6  # difference of a parameter to what follows from the coefficients that is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +49,6 @@ def source_of_identification(
     given = (given_coefficients(result) | SQUARES) & {*values}
     joint = joint_of(result.model)
     _check_possible(result)
-    _check_consistent(result, joint.parameters(values, input_unit_of(result) == "N m"), values)
     for name in () if with_memory else joint.grips.keys() & values.keys():
         term = joint.of_coefficient(name) or name
         raise SettingError(
@@ -92,26 +88,6 @@ def _check_possible(result: "Identification") -> None:
                 name,
                 f"is {found.value:g} {found.unit} in this estimate, and every spring and inertia "
                 "makes it positive: identify a log that determines it",
-            )
-
-
-def _check_consistent(
-    result: "Identification",
-    parameters: "Iterable[PhysicalParameter]",
-    values: Mapping[str, float],
-) -> None:
-    """Refuse parameters that do not follow from the coefficients, as in an edited file."""
-    for parameter in parameters:
-        name = parameter.name if parameter.name in result.parameters else f"{parameter.name}[1]"
-        follows = parameter.value(values)
-        if name not in result.parameters or not isfinite(follows):
-            continue
-        stored = result.parameters[name].value
-        if isfinite(stored) and not isclose(stored, follows, rel_tol=_SAME, abs_tol=_SAME):
-            raise SettingError(
-                name,
-                f"is {stored:g} in this estimate, and {follows:g} by its coefficients: give an "
-                "estimate.json as flexid identify wrote it",
             )
 
 
