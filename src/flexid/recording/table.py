@@ -108,7 +108,8 @@ class Table:
     def numbers(self, name: str) -> FloatArray:
         """A column as finite numbers, shape (n,); raise with the first cell that is none.
 
-        Of a stream such a cell is NaN, or as it stands there.
+        Of a stream such a cell is NaN, or as it stands there: a few cells come at a time, for which
+        an operation of Polars takes longer than all else.
         """
         import polars as pl
 
@@ -118,9 +119,11 @@ class Table:
         is_text = column.dtype == pl.String
         if self.row_word == "row" and not column.dtype.is_numeric():
             raise self._not_numeric(name, f"values of type {column.dtype}")
+        if is_text and self.mark is not None:
+            cells = [_plain(cell, self.mark) for cell in column]
+            numbers = pl.Series(cells, dtype=pl.String).cast(pl.Float64, strict=False)
+            return np.require(numbers.to_numpy(), np.float64, "W")
         column = column.str.strip_chars() if is_text else column
-        if self.mark == ",":  # a point stands between thousands
-            column = column.str.replace(".", "?", literal=True)
         numbers = column.cast(pl.Float64, strict=False)
         if is_text and numbers.null_count() > column.null_count():
             column = column.str.replace(_FORTRAN, "${1}e$2")
@@ -128,8 +131,6 @@ class Table:
                 column = column.str.replace(",", ".", literal=True)
             numbers = column.cast(pl.Float64, strict=False)
         values = np.require(numbers.to_numpy(), np.float64, "W")
-        if self.mark is not None:
-            return values
         with np.errstate(all="ignore"):  # of numbers too large to be added
             total = values.sum()
         # It is finite only if all numbers are, and faster than asking each.
@@ -140,7 +141,7 @@ class Table:
     @cached_property
     def has_decimal_commas(self) -> bool:
         """Whether the numbers of a text have decimal commas."""
-        return (decimal_mark(self.frame) if self.mark is None else self.mark) == ","
+        return decimal_mark(self.frame) == ","
 
     def _no_number(self, name: str, bad: NDArray[np.intp]) -> RecordingError:
         """What is wrong with the first of some cells."""
@@ -160,6 +161,16 @@ class Table:
         return RecordingError(
             self.file, f"column {name!r}", f"it holds {found}: write it as {remedy}"
         )
+
+
+def _plain(cell: str | None, mark: str) -> str | None:
+    """A cell of a stream as Polars writes numbers; with decimal commas a point is none."""
+    if cell is None:
+        return None
+    text = cell.strip()
+    if mark == ",":
+        text = text.replace(".", "?").replace(",", ".")
+    return re.sub(_FORTRAN, r"\1e\2", text) if "d" in text or "D" in text else text
 
 
 def _bad_cell(cell: object) -> str:

@@ -44,6 +44,7 @@ def is_usual(text: str) -> bool:
     return text in _USUAL or text.lower() in _WORDS
 
 
+@cache
 def scale_to_si(text: str, si_units: tuple[str, ...]) -> tuple[float, str]:
     """The factor from a unit as written in a file to SI, and which of the SI units that is."""
     if text.lower() in _COUNTS and "rad" in si_units:

@@ -69,7 +69,10 @@ class _Rows:
     def samples(self, lines: list[bytes]) -> FloatArray:
         """Samples of lines that are not empty nor comments, shape (n, n_channels)."""
         frame = self.frame(lines)
-        row = frame.height if self.mark else first_mark(frame)
+        if not frame.height:
+            return np.empty((0, len(self.recipes)))
+        may_show = not self.mark and any(c and ("." in c or "," in c) for col in frame for c in col)
+        row = first_mark(frame) if may_show else frame.height
         before = self.stacked(self.channels(self.table(frame[:row])))
         if row == frame.height:
             return before
