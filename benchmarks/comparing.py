@@ -30,7 +30,8 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.result.identification import Identification
 from flexid.recording.read import read_log
-from flexid.report.documents import identification_document, to_json
+from flexid.report.documents import to_json
+from flexid.report.identification import identification_document
 from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
 
 BLOCK = "comparing"

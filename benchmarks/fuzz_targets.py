@@ -147,8 +147,7 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
     from flexid.experiment_design.drive_file import read_drive
     from flexid.recording.frame import table_of_arrays
     from flexid.recording.read import log_of_table
-    from flexid.report.comparison_table import comparison_parts
-    from flexid.report.page.comparison_page import comparison_page
+    from flexid.report.comparison import charts, page, parts
     from flexid.report.page.render import page_html
     from flexid.report.terminal import laid_out
     from flexid.stored_estimates.estimate_file import read_estimate, stored_identification
@@ -169,7 +168,7 @@ def _estimates(estimate: bytes) -> dict[str, Callable[[], Target]]:
     def compared(path: Path) -> object:
         """Compare with what was not mutated, print it and make its page."""
         found = compare_estimates(other, stored_identification(read_estimate(path)))
-        return [*laid_out(comparison_parts(found), 80)], page_html(comparison_page(found))
+        return [*laid_out(parts(found), 80)], page_html(page(found, charts(found)))
 
     return {
         "estimate": lambda: of(lambda path: stored_identification(read_estimate(path))),
@@ -235,7 +234,8 @@ def made_estimate() -> bytes:
     from flexid.identification.identify import identify
     from flexid.identification.preparation.settings import Settings
     from flexid.recording import read_log
-    from flexid.report.documents import identification_document, to_json
+    from flexid.report.documents import to_json
+    from flexid.report.identification import identification_document
 
     with tempfile.TemporaryDirectory() as folder:
         lines = (ROOT / "examples" / "flexible_joint.csv").read_bytes().split(b"\n")[:3001]

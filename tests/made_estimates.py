@@ -21,7 +21,8 @@ from flexid.identification.vocabulary.evidence import (
 from flexid.identification.vocabulary.intervals import interval, propagated
 from flexid.models.flexible_joint import COEFFICIENT_UNITS
 from flexid.models.physical import physical_parameters
-from flexid.report.documents import identification_document, to_json
+from flexid.report.documents import to_json
+from flexid.report.identification import identification_document
 
 TRUE = {"theta1": 5.0, "theta2": 100.0, "alpha1": 1000 / 3, "alpha2": 1 / 3, "beta1": 10 / 3}
 RELATIVE = 0.01

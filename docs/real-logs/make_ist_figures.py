@@ -24,9 +24,11 @@ from flexid.identification.result.identification import Identification
 from flexid.identification.structure.validation import validate
 from flexid.recording import Log, Recording, read_log, with_velocities
 from flexid.report.charts.figure import draw
+from flexid.report.explanation_table import explanation
+from flexid.report.identification import format_fits, identification_parts
 from flexid.report.identification_charts import fit_chart
-from flexid.report.identification_table import format_fits, print_identification
 from flexid.report.style import BLUE, GREY, ORANGE, STYLE, new_figure, save
+from flexid.report.terminal import print_parts
 
 ROOT = Path(__file__).parents[2]
 ASSETS = ROOT / "docs" / "assets"
@@ -104,7 +106,7 @@ def main() -> None:
     (recording,) = log.recordings
     half = len(recording) // 2
     result = identify([log], Settings(validation_share=SHARE))
-    print_identification(result, explain=True)
+    print_parts([*identification_parts(result), *explanation(result)])
     for name, settings in {
         "three terms": Settings(terms=TERMS, validation_share=SHARE),
         "three terms, input in time": Settings(
@@ -112,7 +114,7 @@ def main() -> None:
         ),
     }.items():
         print(name)
-        print_identification(identify([log], settings))
+        print_parts(identification_parts(identify([log], settings)))
     windows = {
         "first half": recording.window(0, half),
         "second half": recording.window(half, len(recording)),

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import flexid as library
-from flexid.report.documents import identification_document, to_json
+from flexid.report.documents import to_json
+from flexid.report.identification import identification_document
 from made_estimates import TRUE, drawn, exact, with_parameter
 
 STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}

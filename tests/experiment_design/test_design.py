@@ -17,8 +17,7 @@ from flexid.experiment_design.drive_file import read_drive
 from flexid.experiment_design.rehearse import Rehearsed
 from flexid.experiment_design.result import Design
 from flexid.report.charts.description import Level, Line, Points
-from flexid.report.design_chart import design_chart
-from flexid.report.design_files import save_command
+from flexid.report.design import charts, save_command
 from flexid.simulation.free_run import free_run
 
 SEEDS = 40
@@ -146,7 +145,7 @@ def tiny_drive(examples, tmp_path_factory):
 
 def test_the_chart_shows_motion_tones_and_predictions(designed):
     """Assert that torque, position, deflection, tones and deviations are the design's."""
-    torque, link, deflection, tones, deviations = design_chart(designed).panels
+    torque, link, deflection, tones, deviations = charts(designed)[0].panels
     states = designed.run.states
     wanted = (designed.run.torque, states[:, 0], states[:, 0] - states[:, 2])
     for panel, values in zip((torque, link, deflection), wanted, strict=True):
@@ -167,7 +166,7 @@ def test_the_chart_shows_motion_tones_and_predictions(designed):
         assert points.label == one.name
         assert points.x == pytest.approx([100.0 * d for d in one.deviations.values()])
     worst, most = max(designed.prediction.deviations.items(), key=lambda item: item[1])
-    assert f"{100 * most:.2g} % ({worst}) at a peak torque" in design_chart(designed).says
+    assert f"{100 * most:.2g} % ({worst}) at a peak torque" in charts(designed)[0].says
 
 
 def test_command_writes_what_it_promises(flexid, tiny_drive, tmp_path):

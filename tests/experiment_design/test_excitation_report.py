@@ -14,8 +14,7 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.recording.read import read_log
 from flexid.report.charts.description import Level, Points
-from flexid.report.excitation_report_chart import excitation_report_chart
-from flexid.report.excitation_table import advice_lines
+from flexid.report.excitation import advice_lines, charts
 
 TERMS = ("gravity", "motor_viscous")
 PAPER = Settings(terms=TERMS)
@@ -177,7 +176,7 @@ def test_command_says_it_all(flexid, faint, tmp_path):
 def test_the_chart_shows_widths_by_verdict_and_the_advised_tone(faint):
     """Assert that each coefficient is where its interval is, and the sine to add at its place."""
     _, _, report = faint
-    widths, spectrum = excitation_report_chart(report).panels
+    widths, spectrum = charts(report)[0].panels
     coefficients = {n: c for n, c in report.assessment.coefficients.items() if c.std > 0.0}
     assert widths.y.categories == tuple(coefficients)
     points = [mark for mark in widths.marks if isinstance(mark, Points)]
@@ -202,7 +201,7 @@ def test_a_width_without_end_is_drawn_at_the_edge(faint):
     lost = replace(own, width=np.inf, width_alone=np.nan, verdict="undetermined", partner="beta1")
     coefficients = {**report.assessment.coefficients, name: lost}
     assessment = replace(report.assessment, coefficients=coefficients)
-    chart = excitation_report_chart(replace(report, assessment=assessment, advice=None))
+    (chart,) = charts(replace(report, assessment=assessment, advice=None))
     assert chart.panels[0].title == "Intervals; cut off at 10"
     assert f"The worst is {name}, undetermined, most with beta1." in chart.says
     assert not any(isinstance(mark, Points) for mark in chart.panels[1].marks)

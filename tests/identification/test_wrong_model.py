@@ -14,7 +14,8 @@ from flexid.identification.identify import identify
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.thresholds import THRESHOLDS
 from flexid.models.flexible_joint import PAPER_TERMS
-from flexid.report.documents import identification_document, to_json
+from flexid.report.documents import to_json
+from flexid.report.identification import identification_document
 from flexid.stored_estimates.validate_estimate import validate_estimate
 
 MISSING = {

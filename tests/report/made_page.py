@@ -14,7 +14,7 @@ from flexid.report.page.layout import (
     Section,
     Warned,
 )
-from flexid.report.page.layout import Points as Bullets
+from flexid.report.page.layout import Bullets as Bullets
 from flexid.report.terminal import Cell, Column, Table, numbers
 
 TIME = np.linspace(0.0, 10.0, 501)

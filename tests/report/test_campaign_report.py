@@ -10,8 +10,8 @@ from flexid.campaigns.importance import Correlation, SobolIndex
 from flexid.campaigns.store import Manifest
 from flexid.campaigns.summary import Result, Summary
 from flexid.library.campaign import CampaignResult
-from flexid.report.campaign_charts import campaign_charts
-from flexid.report.campaign_table import correlation_text, index_text, status_lines
+from flexid.report.campaign import charts as campaign_charts
+from flexid.report.campaign import correlation_text, index_text, status_lines
 from flexid.report.charts.description import Level, Line, Points
 
 NAN = float("nan")

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 import flexid
 from flexid.comparisons.comparison import compare_estimates
 from flexid.report.charts.description import Line, Points
-from flexid.report.comparison_chart import comparison_chart
+from flexid.report.comparison import charts
 from made_estimates import TRUE, exact, with_parameter
 
 STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
@@ -21,7 +21,7 @@ def marks(panel, kind):
 def test_values_and_intervals_stand_side_by_side():
     """Assert that each panel has A about zero, and B as many per cent away as it differs."""
     a, b = exact(TRUE, "a"), exact(STIFFER, "b")
-    chart = comparison_chart(compare_estimates(a, b))
+    (chart,) = charts(compare_estimates(a, b))
     assert [panel.title.partition("\n")[0] for panel in chart.panels] == [*a.parameters]
     for panel, name in zip(chart.panels, a.parameters, strict=True):
         of_a, of_b = (e.parameters[name] for e in (a, b))
@@ -41,7 +41,7 @@ def test_what_may_be_zero_has_its_unit():
     """Assert that no percentage is drawn where A's value may be zero."""
     a, b = (exact({**TRUE, "alpha_offset": value}, str(value)) for value in (1.0, 0.5))
     a = with_parameter(a, "motor_offset_torque", value=0.1, std=0.25, interval=(-0.4, 0.6))
-    chart = comparison_chart(compare_estimates(a, b))
+    (chart,) = charts(compare_estimates(a, b))
     (panel,) = [panel for panel in chart.panels if panel.title.startswith("motor_offset_torque")]
     assert panel.x.unit == "N m"
 

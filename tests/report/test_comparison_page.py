@@ -10,8 +10,9 @@ import pytest
 import flexid
 from browser import serious_faults
 from flexid.comparisons.comparison import compare_estimates
-from flexid.report.page.comparison_page import comparison_page
-from flexid.report.page.layout import Command, Points
+from flexid.report.comparison import charts
+from flexid.report.comparison import page as comparison_page
+from flexid.report.page.layout import Bullets, Command
 from made_estimates import TRUE, exact, with_parameter
 
 STIFFER = {**TRUE, "theta2": 1.1 * TRUE["theta2"], "alpha1": 1.1 * TRUE["alpha1"]}
@@ -71,7 +72,7 @@ def test_no_serious_fault(page):
 
 def word(a, b):
     """The answer to whether anything has changed, with what it means."""
-    answer = comparison_page(compare_estimates(a, b)).answers[0]
+    answer = comparison_page(compare_estimates(a, b), ()).answers[0]
     return answer.word, answer.tone
 
 
@@ -95,7 +96,7 @@ def test_the_command_repeats_it():
     a, b = exact(TRUE, "a"), exact(STIFFER, "b")
 
     def commands(*labels):
-        page = comparison_page(compare_estimates(a, b, *labels))
+        page = comparison_page(compare_estimates(a, b, *labels), ())
         (origin,) = [section for section in page.sections if section.name == "origin"]
         return [item.text for item in origin.content if isinstance(item, Command)]
 
@@ -107,7 +108,7 @@ def test_the_command_repeats_it():
 def test_what_is_not_compared_is_explained():
     """Assert that the reason stands below both values."""
     b = with_parameter(exact(TRUE, "b"), "joint_stiffness", verdict="undetermined", reason="odd")
-    page = comparison_page(compare_estimates(exact(TRUE, "a"), b))
+    page = comparison_page((found := compare_estimates(exact(TRUE, "a"), b)), charts(found))
     (values,) = [section for section in page.sections if section.name == "values"]
-    (said,) = [item for item in values.content if isinstance(item, Points)]
+    (said,) = [item for item in values.content if isinstance(item, Bullets)]
     assert [*said.lines] == ["joint_stiffness: in B odd"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexid.comparisons.comparison import compare_estimates
-from flexid.report.comparison_table import comparison_parts, outcome_texts
+from flexid.report.comparison import outcome_texts, parts
 from flexid.report.digits import format_with_interval
 from flexid.report.terminal import laid_out
 from made_estimates import TRUE, drawn
@@ -28,7 +28,7 @@ def comparison():
 @pytest.mark.parametrize("width", range(40, 201))
 def test_it_fits_every_width(comparison, width):
     """Assert that each line fits, and that each value and each interval stands whole."""
-    lines = [line.plain for line in laid_out(comparison_parts(comparison), width)]
+    lines = [line.plain for line in laid_out(parts(comparison), width)]
     assert max(map(len, lines)) <= width
     page = " ".join(" ".join(lines).split())
     for d in comparison.parameters.values():

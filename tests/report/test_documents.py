@@ -9,7 +9,8 @@ import pytest
 from made_result import made_result
 
 from flexid.errors import SettingError
-from flexid.report.documents import identification_document, output_directory, to_json
+from flexid.report.documents import output_directory, to_json
+from flexid.report.identification import identification_document
 
 
 def test_json_has_no_infinities():

@@ -7,9 +7,9 @@ import pytest
 
 from flexid.report.charts.description import Line
 from flexid.report.documents import to_json
-from flexid.report.huang2003_charts import error_chart, reproduction_charts, theorem_chart
-from flexid.report.huang2003_document import reproduction_document
-from flexid.report.huang2003_table import reproduction_parts
+from flexid.report.reproduction import document as reproduction_document
+from flexid.report.reproduction import parts
+from flexid.report.reproduction_charts import error_chart, reproduction_charts, theorem_chart
 from flexid.report.terminal import print_parts
 
 
@@ -26,7 +26,7 @@ def test_document_survives_json(reproduction):
 
 def test_printed_tables_fit_80_columns(reproduction, capsys):
     """Assert that no line is longer than 80 characters and every claim is printed."""
-    print_parts(reproduction_parts(reproduction))
+    print_parts(parts(reproduction))
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     assert sum("holds" in line or "does not hold" in line for line in lines) >= 15

@@ -15,9 +15,8 @@ from flexid.analysis.excitation import excitation_of_gram
 from flexid.identification.preparation.settings import Settings
 from flexid.identification.vocabulary.evidence import ModelError
 from flexid.report.identification_charts import identification_charts
-from flexid.report.page.identification_answers import next_step, trust
-from flexid.report.page.identification_page import identification_page
-from flexid.report.page.layout import Command, Facts, Points
+from flexid.report.page.identification_page import identification_page, next_step, trust
+from flexid.report.page.layout import Bullets, Command, Facts
 from flexid.report.page.origin import identification_command
 
 HOSTILE = "<script>alert(1)<"
@@ -217,10 +216,10 @@ def test_the_confounded_pair_is_named():
     bad = excitation_of_gram("link", ["a", "b"], np.array([[1.0, 0.9999], [0.9999, 1.0]]))
     good = excitation_of_gram("motor", ["c", "d"], np.array([[1.0, 0.3], [0.3, 1.0]]))
     answer = next_step(verdicts("weak", excitation={"motor": good, "link": bad}), "")
-    (reasons,) = [item for item in answer.content if isinstance(item, Points)]
+    (reasons,) = [item for item in answer.content if isinstance(item, Bullets)]
     assert reasons.lines[1:] == ["a and b are hardest to tell apart: they correlate by 1.000"]
     answer = next_step(verdicts("weak", excitation={"motor": good}), "")
-    (reasons,) = [item for item in answer.content if isinstance(item, Points)]
+    (reasons,) = [item for item in answer.content if isinstance(item, Bullets)]
     assert len(reasons.lines) == 1
 
 
@@ -232,13 +231,13 @@ def test_advice_takes_the_commands_place():
     assert not any(isinstance(item, Command) for item in answer.content)
     page = identification_page(result, (), advice=("Add a sine.", "Or record 20 s."))
     (section,) = [section for section in page.sections if section.name == "next"]
-    assert section.content[0] == Points(("Add a sine.", "Or record 20 s."))
+    assert section.content[0] == Bullets(("Add a sine.", "Or record 20 s."))
 
 
 def test_the_worst_is_named_first():
     """Assert that of what is lacking the undetermined comes before the weak."""
     answer = next_step(verdicts("weak", "undetermined"), "")
-    (reasons,) = [item for item in answer.content if isinstance(item, Points)]
+    (reasons,) = [item for item in answer.content if isinstance(item, Bullets)]
     assert reasons.lines[0] == "p1: is wide"
 
 

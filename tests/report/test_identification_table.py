@@ -7,7 +7,7 @@ import pytest
 from made_result import made_result
 
 from flexid.report.digits import format_with_interval
-from flexid.report.identification_table import identification_parts, prediction_lines
+from flexid.report.identification import identification_parts, prediction_lines
 
 
 @pytest.mark.parametrize(

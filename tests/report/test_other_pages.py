@@ -9,14 +9,11 @@ from test_campaign_report import made_result, made_summary
 from flexid.campaigns.importance import Correlation
 from flexid.experiments import read_experiment
 from flexid.experiments.measures import measure
-from flexid.report.campaign_charts import campaign_charts
-from flexid.report.huang2003_charts import reproduction_charts
-from flexid.report.page.campaign_page import campaign_page
+from flexid.report import campaign, simulated_run
+from flexid.report import reproduction as reproduced
 from flexid.report.page.layout import Command
 from flexid.report.page.render import page_html
-from flexid.report.page.reproduction_page import reproduction_page
-from flexid.report.page.run_page import run_page
-from flexid.report.run_charts import run_charts
+from flexid.report.reproduction_charts import reproduction_charts
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 NAN = float("nan")
@@ -39,7 +36,7 @@ def test_a_run_says_which_estimates_settle(simulated, late, word, tone):
     experiment, run, measures = simulated
     names = list(measures.settling_times)
     times = {name: NAN if place < late else 0.1 for place, name in enumerate(names)}
-    page = run_page(experiment, run, replace(measures, settling_times=times), ())
+    page = simulated_run.page(experiment, run, replace(measures, settling_times=times), ())
     answer = page.answers[0]
     assert (answer.word, answer.tone) == (word, tone)
     said = [str(item) for item in answer.content]
@@ -49,14 +46,14 @@ def test_a_run_says_which_estimates_settle(simulated, late, word, tone):
 def test_a_run_is_on_its_page(simulated):
     """Assert that the HTML has the table, the figures, the lines and the commands."""
     experiment, run, measures = simulated
-    charts = run_charts(experiment.name, run)
+    charts = simulated_run.charts(experiment, run, measures)
     made = page_html(
-        run_page(experiment, run, measures, charts, "flexid simulate x", "a b.parquet")
+        simulated_run.page(experiment, run, measures, charts, "flexid simulate x", "a b")
     )
     assert made.count('class="chart wide"') == 2
     for text in ("theta1", "Tracking error:", "flexid simulate x", experiment.digest):
         assert text in made
-    assert "flexid identify &#39;a b.parquet&#39;" in made
+    assert "flexid identify &#39;a b/log.parquet&#39;" in made
 
 
 def test_a_campaign_names_what_matters_most():
@@ -68,10 +65,10 @@ def test_a_campaign_names_what_matters_most():
         made_result([strong], name="tracking_peak"),
         made_result([weak], name="settling_time.theta1"),
     ]
-    page = campaign_page(made_summary(results=tuple(results)), ())
+    page = campaign.page(made_summary(results=tuple(results)), ())
     assert page.answers[1].word == "controller.k"
     nothing = made_summary(results=(made_result([chance]),))
-    assert campaign_page(nothing, ()).answers[1].word == "Nothing that was varied"
+    assert campaign.page(nothing, ()).answers[1].word == "Nothing that was varied"
 
 
 @pytest.mark.parametrize(
@@ -84,15 +81,15 @@ def test_a_campaign_names_what_matters_most():
 )
 def test_a_campaign_says_how_its_runs_ended(statuses, word, tone):
     """Assert that the first answer counts the runs that finished."""
-    answer = campaign_page(made_summary(statuses=statuses), ()).answers[0]
+    answer = campaign.page(made_summary(statuses=statuses), ()).answers[0]
     assert (answer.word, answer.tone) == (word, tone)
 
 
 def test_a_campaign_is_on_its_page():
     """Assert that quantiles, what matters, the figures and the command are in the HTML."""
     summary = made_summary(results=(made_result([Correlation("controller.k", -0.9, True)]),))
-    charts = campaign_charts(summary)
-    made = page_html(campaign_page(summary, charts))
+    charts = campaign.charts(summary)
+    made = page_html(campaign.page(summary, charts))
     assert made.count('class="chart wide"') == len(charts)
     for text in ("tracking_<wbr>rms", "controller.k -0.90", "flexid campaign --summary out"):
         assert text in made
@@ -101,7 +98,7 @@ def test_a_campaign_is_on_its_page():
 def test_the_paper_is_on_its_page(reproduction):
     """Assert that every claim has its verdict, and the figures are there."""
     charts = reproduction_charts(reproduction)
-    page = reproduction_page(reproduction, charts)
+    page = reproduced.page(reproduction, charts)
     shown = [row[1].at(0) for row in page.lead.rows if row]
     assert shown == [claim.verdict for claim in reproduction.claims]
     hold = shown.count("holds")

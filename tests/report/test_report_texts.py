@@ -12,9 +12,9 @@ from made_result import made_result
 
 from flexid.comparisons.comparison import compare_estimates
 from flexid.identification.vocabulary.evidence import ModelError
-from flexid.report.comparison_table import comparison_parts
+from flexid.report.comparison import parts
 from flexid.report.explanation_table import explanation
-from flexid.report.identification_table import identification_parts
+from flexid.report.identification import identification_parts
 from flexid.report.terminal import USUAL, laid_out
 from made_estimates import TRUE, exact
 
@@ -42,7 +42,7 @@ def comparison():
     a, b = exact(TRUE, "one"), exact({**stiffer, "alpha_offset": 3.0}, "two")
     offset = replace(b.parameters["motor_offset_torque"], value=0.001, interval=(-0.1, 0.1))
     a = replace(a, removed={offset.name: offset})
-    return comparison_parts(compare_estimates(a, b, ("before.json", "after.json")))
+    return parts(compare_estimates(a, b, ("before.json", "after.json")))
 
 
 @pytest.mark.parametrize("answer", [identification, exact_fit, comparison])

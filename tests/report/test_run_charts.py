@@ -7,7 +7,7 @@ import pytest
 
 from flexid.experiments import read_experiment
 from flexid.report.charts.description import Band, Level, Line
-from flexid.report.run_charts import motion_chart, observer_chart, run_charts
+from flexid.report.simulated_run import motion_chart, observer_chart
 from flexid.simulation.run import Run
 
 FOLDER = Path(__file__).parents[2] / "experiments"
@@ -59,6 +59,7 @@ def test_every_estimate_is_drawn_beside_its_truth(run: Run):
 
 def test_charts_carry_the_name_of_the_experiment(run: Run):
     """Assert that both have it as it is, and the names of their files."""
-    charts = run_charts(r"gain $\frac of $x", run)
-    assert {chart.title for chart in charts} == {r"gain $\frac of $x"}
+    name = r"gain $\frac of $x"
+    charts = motion_chart(name, run), observer_chart(name, run)
+    assert {chart.title for chart in charts} == {name}
     assert [chart.name for chart in charts] == ["motion", "estimates"]

@@ -9,7 +9,8 @@ import pytest
 from made_result import made_result
 
 from flexid.errors import SettingError
-from flexid.report.documents import identification_document, to_json
+from flexid.report.documents import to_json
+from flexid.report.identification import identification_document
 from flexid.stored_estimates.estimate_file import (
     FORMAT_VERSION,
     read_estimate,

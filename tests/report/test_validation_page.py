@@ -8,9 +8,8 @@ import pytest
 from flexid.identification.vocabulary.evidence import FreeRun
 from flexid.report.page.layout import Command
 from flexid.report.page.render import page_html
-from flexid.report.page.validation_page import validation_page
 from flexid.report.residual_chart import residual_chart
-from flexid.report.validation_chart import validation_chart
+from flexid.report.validation import fit_chart, page
 from flexid.stored_estimates.validate_estimate import EstimateValidation
 
 TIME = np.linspace(0.0, 1.0, 101)
@@ -44,36 +43,36 @@ def with_fit(fit: float, *warnings: str) -> EstimateValidation:
 )
 def test_the_first_screen_says_how_much_is_predicted(result, word, tone, then):
     """Assert that the answer is the free run's worst fit, and what to do follows from it."""
-    first, second = validation_page(result, ()).answers
+    first, second = page(result, ()).answers
     assert (first.word, first.tone) == (word, tone)
     assert second.word == then
 
 
 def test_the_rest_is_spoken_of_where_there_is_one():
     """Assert that one channel has no rest."""
-    (first, _) = validation_page(MADE, ()).answers
+    (first, _) = page(MADE, ()).answers
     assert str(first.content[0]) == "Of the motor position in a free run."
     both = replace(MADE, fit_percent={"motor_position": 97.53, "link_position": 98.0}, horizons={})
-    (first, _) = validation_page(both, ()).answers
+    (first, _) = page(both, ()).answers
     assert str(first.content[0]) == "Of the motor position in a free run, and more of the rest."
 
 
 def test_residuals_are_held_against_noise():
     """Assert that what a free run is off is named as a multiple of the noise."""
-    first, _ = validation_page(MADE, ()).answers
+    first, _ = page(MADE, ()).answers
     assert str(first.content[-1]) == "The error is at most 2.5 times the sensor noise."
 
 
 def test_a_command_can_be_pasted():
     """Assert that a file with a blank in its name is quoted."""
-    _, then = validation_page(with_fit(0.0), ()).answers
+    _, then = page(with_fit(0.0), ()).answers
     assert then.content[-1] == Command("flexid identify 'runs/my log.csv'")
 
 
 def test_all_of_it_is_on_the_page():
     """Assert that figures, tables, warnings, the command and the log's hash are in the HTML."""
-    charts = (validation_chart(MADE), residual_chart(MADE))
-    made = page_html(validation_page(with_fit(97.53, "beware"), charts, "flexid validate e.json"))
+    charts = (fit_chart(MADE), residual_chart(MADE))
+    made = page_html(page(with_fit(97.53, "beware"), charts, "flexid validate e.json"))
     for text in ("my log.csv", "97.53", ">beware<", "flexid validate e.json", ">ab<"):
         assert text in made
     assert made.count('class="chart wide"') == 2

@@ -7,12 +7,12 @@ import pytest
 
 from flexid.identification.vocabulary.evidence import ParameterEstimate, Verdict
 from flexid.report.terminal import laid_out
-from flexid.report.watch_table import (
+from flexid.report.watch import (
     Sparks,
     live_view,
     next_to_none,
+    parts,
     sparkline,
-    watch_parts,
 )
 from flexid.streaming.guard import Counts
 from flexid.streaming.options import WatchOptions
@@ -33,7 +33,7 @@ def session() -> Session:
 
 def test_the_report_begins_with_the_health(session: Session):
     """Assert that health, reason, parameters and samples are printed, within the width."""
-    lines = [line.plain for line in laid_out(watch_parts(session), 80)]
+    lines = [line.plain for line in laid_out(parts(session), 80)]
     assert lines[0].startswith("not excited: the motion so far does not separate")
     assert any(line.startswith("joint_stiffness") for line in lines)
     assert lines[-1] == "Samples: 1500 of 1500 learnt from"
@@ -62,7 +62,7 @@ def test_a_friction_that_is_not_there_is_next_to_none(monkeypatch: pytest.Monkey
     session = Session(WatchOptions(2e-3, ("motor_coulomb",), hold="linear"))
     small = {"motor_coulomb_friction": parameter("motor_coulomb_friction", -1.0, 2.0, "determined")}
     monkeypatch.setattr(Session, "parameters", property(lambda _: small))
-    lines = [line.plain for line in laid_out(watch_parts(session), 120)]
+    lines = [line.plain for line in laid_out(parts(session), 120)]
     assert any(line.startswith("Next to none, or none at all: motor_coulomb") for line in lines)
 
 

@@ -12,8 +12,9 @@ from flexid.identification.preparation.settings import Settings
 from flexid.models.flexible_joint import flexible_joint
 from flexid.models.rigid_joint import rigid_joint
 from flexid.recording.read import read_log
-from flexid.report.documents import identification_document, to_json
-from flexid.report.validation_table import validation_parts
+from flexid.report.documents import to_json
+from flexid.report.identification import identification_document
+from flexid.report.validation import parts
 from flexid.simulation.free_run import free_run
 from flexid.stored_estimates.validate_estimate import validate_estimate
 from made_estimates import stored_document, stored_value
@@ -109,9 +110,9 @@ def test_an_estimate_of_another_drive_is_said(log):
     """Assert that a free run that explains next to nothing is named with its channel."""
     found = validate_estimate(stored(), [log])
     poor = replace(found, fit_percent={**found.fit_percent, "deflection": 12.3})
-    said = " ".join(map(str, validation_parts(poor)))
+    said = " ".join(map(str, parts(poor)))
     assert "the free run explains 12.3 % of deflection" in said
-    assert "does not describe" not in " ".join(map(str, validation_parts(found)))
+    assert "does not describe" not in " ".join(map(str, parts(found)))
 
 
 def test_delays_are_heeded(tmp_path):

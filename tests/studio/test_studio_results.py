@@ -13,7 +13,7 @@ import pytest
 from rich.text import Text
 
 from flexid.report.page.layout import Answer as PageAnswer
-from flexid.report.page.layout import Command, Link, Points
+from flexid.report.page.layout import Bullets, Command, Link
 from flexid.studio import jobs
 from flexid.studio.jobs import Answer, Said
 from flexid.studio.pages import fragment
@@ -177,7 +177,7 @@ async def test_a_result_says_that_something_else_was_chosen(
 
 def test_the_answers_are_those_of_the_report():
     """Assert that word and tone are kept, and what they rest on, in the report's order."""
-    content = [Text("All are."), Link("2 warnings", "warnings"), Points(["a", "b"]), Command("c")]
+    content = [Text("All are."), Link("2 warnings", "warnings"), Bullets(["a", "b"]), Command("c")]
     found = jobs._said(PageAnswer("Can I?", "With care", "fair", content))
     assert found == Said("Can I?", "With care", "fair", ("All are.", "a", "b"), "c")
     page = fragment(

@@ -82,7 +82,7 @@ def _follow(
     """Follow the stream until it ends, or an interruption; show what is known meanwhile."""
     from rich.live import Live
 
-    from flexid.report.watch_table import Sparks, live_view
+    from flexid.report.watch import Sparks, live_view
 
     saved = drawn = time.monotonic()
     warned = 0

@@ -1,12 +1,13 @@
 """What all answers have in common: text, a page of a notebook, a document, figures, files."""
 
 import base64
-import html
 import io
 import json
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from html import escape
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,48 +15,63 @@ from typing import TYPE_CHECKING, Any
 from flexid.library.checks import as_path
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
+    from flexid.report.presenter import Presenter
     from flexid.report.terminal import Part
 
 _WIDTH = 100  # columns of a text
 
 
-class Answer(ABC):
+class Answer:
     """What a function of flexid returns.
 
     In a notebook it shows itself as tables and a figure; `print` of its `summary` is what the
     command of the same name prints.
     """
 
+    result: Any  # what was found
+    _report = ""  # the module of `flexid.report` that presents it
     _file = "result.json"  # among what the command writes
     _formats: tuple[str, ...] = ("png",)  # of the figures
 
-    @abstractmethod
+    @property
+    def _presenter(self) -> "Presenter":
+        return import_module(f"flexid.report.{self._report}").PRESENTER
+
+    @property
+    def _shown(self) -> tuple[Any, ...]:
+        """What the presenter takes."""
+        return (self.result,)
+
     def _parts(self) -> "Iterable[Part]":
         """Tables and sentences of the answer."""
+        return self._presenter.parts(*self._shown)
 
     def _evidence(self) -> "Iterable[Part]":
         """What the choices rest on, for ``--explain``."""
-        return ()
+        return self._presenter.evidence(*self._shown)
 
-    @abstractmethod
     def _document(self) -> Mapping[str, Any]:
         """Everything but the time series; numbers that JSON does not have may be in it."""
+        return self._presenter.document(*self._shown)
 
     def _charts(self) -> "Sequence[Chart]":
         """Figures, the most important one first."""
-        return ()
+        return self._presenter.charts(*self._shown)
+
+    def _page(self, command: str = "", out: str = "") -> "Page | None":
+        """A page to send; `command` repeats the answer, whose files are in `out`."""
+        page = self._presenter.page
+        return None if page is None else page(*self._shown, self._drawn, command, out)
 
     @cached_property
     def _drawn(self) -> "Sequence[Chart]":
         """The figures, made once for files, page and notebook."""
         return self._charts()
-
-    def _write_data(self, directory: Path, *, csv: bool) -> None:  # noqa: B027 - most have none
-        """Write the time series of the answer."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -109,10 +125,6 @@ class Answer(ABC):
         with output_directory(as_path("save_figures", "directory", directory)) as files:
             save_charts(self._drawn, files, self._formats)
 
-    def _page(self, command: str = "", out: str = "") -> "Page | None":  # noqa: ARG002
-        """A page to send; `command` repeats the answer, whose files are in `out`."""
-        return None
-
     def _write_files(self, directory: Path, command: str, out: str, *, csv: bool) -> None:
         """Write what the command writes: document, time series, figures and page."""
         from flexid.report.charts.figure import save_charts
@@ -120,27 +132,35 @@ class Answer(ABC):
         from flexid.report.page.render import save_page
 
         (directory / self._file).write_text(to_json(self._document()), encoding="utf-8")
-        self._write_data(directory, csv=csv)
+        self._presenter.write_data(*self._shown, directory, csv)
         save_charts(self._drawn, directory, self._formats)
         page = self._page(command, out)
         if page is not None:
             save_page(page, directory)
 
     def _repr_html_(self) -> str:
+        from rich.console import Console
+
+        from flexid.report.terminal import laid_out
+
+        with io.StringIO() as nowhere:
+            console = Console(record=True, file=nowhere, width=_WIDTH)
+            for line in laid_out(self._parts(), _WIDTH):
+                console.print(line, soft_wrap=True)
+            text = console.export_html(inline_styles=True, code_format="<pre>{code}</pre>")
+        warnings = (f"<p>Warning: {escape(warning)}</p>" for warning in self.warnings)
+        figure = self._leading_figure()
+        return "".join((text, *warnings, "" if figure is None else _html_figure(figure)))
+
+    def _leading_figure(self) -> "Figure | None":
+        """The figure that a notebook shows."""
         from flexid.report.charts.figure import draw
 
-        text = f"<pre>{html.escape(self.summary())}</pre>"
-        warnings = (html_paragraph(f"Warning: {warning}") for warning in self.warnings)
-        figures = (html_figure(draw(chart)) for chart in self._drawn[:1])
-        return "".join((text, *warnings, *figures))
+        return draw(self._drawn[0]) if self._drawn else None
 
 
 class ReportedAnswer(Answer):
     """An answer that has a page to send."""
-
-    @abstractmethod
-    def _page(self, command: str = "", out: str = "") -> "Page":
-        """The page to send."""
 
     def report(self, path: "str | PathLike[str]") -> None:
         """Write a page to send: one HTML file with the answer, its tables and all figures.
@@ -160,7 +180,43 @@ class ReportedAnswer(Answer):
         from flexid.report.documents import write_document
         from flexid.report.page.render import page_html
 
-        write_document(as_path("report", "path", path), page_html(self._page()))
+        page = self._page()
+        assert page is not None
+        write_document(as_path("report", "path", path), page_html(page))
+
+
+class TabularAnswer(Answer):
+    """An answer that is a data frame, too."""
+
+    @abstractmethod
+    def _columns(self) -> Mapping[str, Any]:
+        """The columns of the data frame."""
+
+    def to_dataframe(self, backend: str = "polars") -> Any:
+        """The answer as a data frame.
+
+        Parameters
+        ----------
+        backend : {"polars", "pandas", "pyarrow"}, optional
+            Whose data frame; the library has to be installed.
+        """
+        return data_frame(self._columns(), backend)
+
+
+class PlottedAnswer(Answer):
+    """An answer with one figure."""
+
+    def plot(self, ax: "Axes | None" = None) -> "Figure":
+        """The figure that the command writes with ``--out``.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            In whose place the panels are drawn.
+        """
+        from flexid.report.charts.figure import draw
+
+        return draw(self._drawn[0], ax=ax)
 
 
 def as_text(parts: "Iterable[Part]") -> str:
@@ -170,23 +226,7 @@ def as_text(parts: "Iterable[Part]") -> str:
     return "\n".join(line.plain for line in laid_out(parts, _WIDTH))
 
 
-def html_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table for a notebook; a cell may be HTML already if it begins with ``<``."""
-
-    def cell(text: str) -> str:
-        return f"<td>{text if text.startswith('<span') else html.escape(text)}</td>"
-
-    head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
-    body = "".join(f"<tr>{''.join(map(cell, row))}</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def html_paragraph(text: str) -> str:
-    """A sentence of a page."""
-    return f"<p>{html.escape(text)}</p>"
-
-
-def html_figure(figure: "Figure") -> str:
+def _html_figure(figure: "Figure") -> str:
     """A figure within a page."""
     with io.BytesIO() as file:
         figure.savefig(file, format="png", dpi=figure.dpi)

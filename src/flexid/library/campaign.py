@@ -6,22 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexid.errors import ArgumentError
-from flexid.library.answer import ReportedAnswer, data_frame
+from flexid.library.answer import ReportedAnswer, TabularAnswer
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from flexid.campaigns import Summary
-    from flexid.campaigns.summary import Result
-    from flexid.report.charts.description import Chart
-    from flexid.report.page.layout import Page
-    from flexid.report.terminal import Part
 
 
-class CampaignResult(ReportedAnswer):
-    """What a campaign says, finished or not.
+class CampaignResult(ReportedAnswer, TabularAnswer):
+    """What a campaign says, finished or not; as a data frame, a row for each run that is done.
 
     Parameters
     ----------
@@ -29,6 +23,7 @@ class CampaignResult(ReportedAnswer):
         Statuses, distributions, and which input matters.
     """
 
+    _report = "campaign"
     _file = "summary.json"
 
     def __init__(self, result: "Summary") -> None:
@@ -49,71 +44,16 @@ class CampaignResult(ReportedAnswer):
         """Whether every run has its row."""
         return self.result.complete
 
-    def _document(self) -> Mapping[str, Any]:
-        summary = self.result
-        manifest = summary.manifest
-        return {
-            "kind": manifest.kind,
-            "runs": manifest.runs,
-            "done": summary.done,
-            "complete": summary.complete,
-            "damaged": summary.damaged,
-            "statuses": summary.statuses,
-            "first_error": summary.first_error,
-            "inputs": manifest.inputs,
-            "results": {result.name: _result_document(result) for result in summary.results},
-            "provenance": {
-                "version": manifest.flexid,
-                "experiment": manifest.experiment,
-                "plan": manifest.plan,
-            },
-        }
-
-    def to_dataframe(self, backend: str = "polars") -> Any:
-        """The rows, one for each run that is done.
-
-        Parameters
-        ----------
-        backend : {"polars", "pandas", "pyarrow"}, optional
-            Whose data frame; the library has to be installed.
-        """
+    def _columns(self) -> Mapping[str, Any]:
         from flexid.campaigns.summary import campaign_rows
 
-        return data_frame(campaign_rows(self.directory).to_dict(as_series=False), backend)
-
-    def _charts(self) -> "Sequence[Chart]":
-        from flexid.report.campaign_charts import campaign_charts
-
-        return campaign_charts(self.result)
-
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.campaign_table import campaign_parts
-
-        return campaign_parts(self.result)
-
-    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
-        from flexid.report.page.campaign_page import campaign_page
-
-        return campaign_page(self.result, self._drawn)
+        return campaign_rows(self.directory).to_dict(as_series=False)
 
     def __repr__(self) -> str:
         statuses = ", ".join(f"{name} {count}" for name, count in self.statuses.items())
         return (
             f"<CampaignResult: {self.result.done} of {self.result.manifest.runs} runs: {statuses}>"
         )
-
-
-def _result_document(result: "Result") -> dict[str, Any]:
-    from flexid.campaigns.summary import QUANTILES
-
-    shares = zip(QUANTILES, result.quantiles, strict=True)
-    return {
-        "finite": len(result.values) - result.missing,
-        "missing": result.missing,
-        "quantiles": {f"{share:g}": value for share, value in shares},
-        "rank_correlations": result.correlations,
-        "sobol_indices": result.indices,
-    }
 
 
 @entrance

@@ -5,28 +5,22 @@ from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from flexid.library.answer import ReportedAnswer, data_frame
+from flexid.library.answer import PlottedAnswer, ReportedAnswer, TabularAnswer
 from flexid.library.entrance import entrance
 from flexid.library.estimates import identified
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from flexid.comparisons.comparison import Comparison
     from flexid.comparisons.number_difference import Difference
     from flexid.library.joint_estimate import JointEstimate
-    from flexid.report.charts.description import Chart
-    from flexid.report.page.layout import Page
-    from flexid.report.terminal import Part
 
 
-class EstimateComparison(ReportedAnswer):
+class EstimateComparison(ReportedAnswer, TabularAnswer, PlottedAnswer):
     """What differs between two estimates, and whether chance explains it.
 
-    `flexid.compare` returns one.
+    `flexid.compare` returns one. As a data frame it has a row for each number, with the columns
+    name, kind, unit, a, b, difference, lower, upper, percent, percent_lower, percent_upper,
+    probability, outcome and reason.
 
     Parameters
     ----------
@@ -34,6 +28,7 @@ class EstimateComparison(ReportedAnswer):
         What was found.
     """
 
+    _report = "comparison"
     _file = "comparison.json"
 
     def __init__(self, result: "Comparison") -> None:
@@ -75,24 +70,11 @@ class EstimateComparison(ReportedAnswer):
         """What limits the comparison."""
         return self.result.warnings
 
-    def to_dataframe(self, backend: str = "polars") -> Any:
-        """Differences as a data frame.
-
-        Parameters
-        ----------
-        backend : {"polars", "pandas", "pyarrow"}, optional
-            Whose data frame; the library has to be installed.
-
-        Returns
-        -------
-        data frame
-            A row for each number, with the columns name, kind, unit, a, b, difference, lower,
-            upper, percent, percent_lower, percent_upper, probability, outcome and reason.
-        """
+    def _columns(self) -> Mapping[str, Any]:
         rows = [*self.parameters.values(), *self.coefficients.values()]
         kinds = ["parameter"] * len(self.parameters) + ["coefficient"] * len(self.coefficients)
         nothing = float("nan")
-        columns = {
+        return {
             "name": [d.name for d in rows],
             "kind": kinds,
             "unit": [d.unit for d in rows],
@@ -108,70 +90,11 @@ class EstimateComparison(ReportedAnswer):
             "outcome": [d.outcome for d in rows],
             "reason": [d.reason for d in rows],
         }
-        return data_frame(columns, backend)
-
-    def plot(self, ax: "Axes | None" = None) -> "Figure":
-        """Both values of each number with their intervals, relative to A's, a panel each.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
-        from flexid.report.charts.figure import draw
-
-        return draw(self._drawn[0], ax=ax)
-
-    def _charts(self) -> "Sequence[Chart]":
-        from flexid.report.comparison_chart import comparison_chart
-
-        return (comparison_chart(self.result),)
-
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.report.comparison_summary import comparison_summary
-
-        comparison = self.result
-        return {
-            "agree": comparison.agree,
-            "differ": comparison.differ,
-            "a": comparison.labels[0],
-            "b": comparison.labels[1],
-            "models": comparison.models,
-            "logs": comparison.logs,
-            "parameters": _differences(comparison.parameters),
-            "coefficients": _differences(comparison.coefficients),
-            "together": comparison.together,
-            "settings": {name: {"a": a, "b": b} for name, (a, b) in comparison.settings.items()},
-            "summary": comparison_summary(comparison),
-            "warnings": comparison.warnings,
-            "provenance": comparison.provenance,
-        }
-
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.comparison_table import comparison_parts
-
-        return comparison_parts(self.result)
-
-    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
-        from flexid.report.page.comparison_page import comparison_page
-
-        return comparison_page(self.result, command)
 
     def __repr__(self) -> str:
         compared = sum(d.compared for d in self.result.decisive.values())
         changed = ", ".join(self.changed) or "none"
         return f"<EstimateComparison: {compared} compared, changed: {changed}>"
-
-
-def _differences(differences: "Mapping[str, Difference]") -> dict[str, Any]:
-    from flexid.report.documents import plain
-
-    found = {}
-    for name, difference in differences.items():
-        document = plain(difference)
-        del document["name"]
-        found[name] = document | {"difference": document.pop("value")}
-    return found
 
 
 @entrance

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexid.errors import ArgumentError, SettingError
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import Answer, data_frame
+from flexid.library.answer import PlottedAnswer, TabularAnswer
 from flexid.library.checks import as_path, kind_of
 from flexid.library.entrance import entrance
 from flexid.library.estimates import estimate_content
@@ -15,19 +14,14 @@ from flexid.library.options import as_number
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from flexid.experiment_design.result import Design
     from flexid.library.joint_estimate import JointEstimate
-    from flexid.report.charts.description import Chart
-    from flexid.report.terminal import Part
 
 
-class ExperimentDesign(Answer):
+class ExperimentDesign(TabularAnswer, PlottedAnswer):
     """An experiment that determines the coefficients within limits, with its predictions.
+
+    As a data frame it is what a drive can play: the columns of ``command.csv``.
 
     Parameters
     ----------
@@ -37,6 +31,7 @@ class ExperimentDesign(Answer):
         Parts of an estimate that the design does not use, or that are uncertain.
     """
 
+    _report = "design"
     _file = "design.json"
 
     def __init__(self, result: "Design", warnings: tuple[str, ...] = ()) -> None:
@@ -58,69 +53,10 @@ class ExperimentDesign(Answer):
         """Whether every coefficient would be determined to 10 % or better."""
         return self.result.supported
 
-    def _document(self) -> Mapping[str, Any]:
-        import numpy as np
+    def _columns(self) -> Mapping[str, Any]:
+        from flexid.report.design import command_columns
 
-        result = self.result
-        cosines, sines = np.split(result.weights, 2)
-        return {
-            "drive": result.drive.document(),
-            "coefficients": result.drive.coefficients,
-            "tones": {
-                "angular_frequencies": result.angular_frequencies,
-                "cosines": cosines,
-                "sines": sines,
-            },
-            "position_loop_gains": result.command.gains,
-            "prediction": result.prediction,
-            "references": result.references,
-            "references_within_limits": result.kept_references,
-            "largest_use": result.largest_use,
-            "largest_deviations": result.largest_deviations,
-            "scale": result.scale,
-            "supported": result.supported,
-            "seed": result.seed,
-            "provenance": result.provenance,
-        }
-
-    def to_dataframe(self, backend: str = "polars") -> Any:
-        """What a drive can play, as a data frame: the columns of ``command.csv``.
-
-        Parameters
-        ----------
-        backend : {"polars", "pandas", "pyarrow"}, optional
-            Whose data frame; the library has to be installed.
-        """
-        from flexid.report.design_files import command_columns
-
-        return data_frame(command_columns(self.result), backend)
-
-    def plot(self, ax: "Axes | None" = None) -> "Figure":
-        """The torque, the motion that it makes, its tones, and what they would determine.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
-        from flexid.report.charts.figure import draw
-
-        return draw(self._drawn[0], ax=ax)
-
-    def _charts(self) -> "Sequence[Chart]":
-        from flexid.report.design_chart import design_chart
-
-        return (design_chart(self.result),)
-
-    def _write_data(self, directory: Path, *, csv: bool) -> None:  # noqa: ARG002
-        from flexid.report.design_files import save_command
-
-        save_command(self.result, directory)
-
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.design_table import design_parts
-
-        return design_parts(self.result)
+        return command_columns(self.result)
 
     def __repr__(self) -> str:
         wanted = self.result.drive.experiment

@@ -112,9 +112,9 @@ class ValidationPlots:
 
     def fit(self, ax: "Axes | None" = None) -> "Figure":
         """Free run over each log, channel by channel, with the residual below."""
-        from flexid.report.validation_chart import validation_chart
+        from flexid.report.validation import fit_chart
 
-        return drawn(validation_chart(self._result), ax)
+        return drawn(fit_chart(self._result), ax)
 
     def residuals(self, ax: "Axes | None" = None) -> "Figure":
         """What is between measured and predicted motion, and how it correlates in time."""

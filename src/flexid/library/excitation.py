@@ -1,10 +1,10 @@
 """What a log can say, and what to add: `flexid.excitation`."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from flexid.identification.vocabulary.progress import Progress, silent
-from flexid.library.answer import Answer
+from flexid.library.answer import PlottedAnswer
 from flexid.library.entrance import entrance
 from flexid.library.identify import identify
 from flexid.library.options import joint_settings
@@ -12,22 +12,15 @@ from flexid.library.shared_options import options_of
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from flexid.experiment_design.advice import Advice
     from flexid.experiment_design.assessment import CoefficientAssessment
     from flexid.experiment_design.excitation_report import ExcitationReport
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
     from flexid.library.options import JointOptions
-    from flexid.report.charts.description import Chart
-    from flexid.report.terminal import Part
 
 
-class LogExcitation(Answer):
+class LogExcitation(PlottedAnswer):
     """How well a log determines each coefficient, what confuses it, and what to add.
 
     Parameters
@@ -36,6 +29,7 @@ class LogExcitation(Answer):
         What was found.
     """
 
+    _report = "excitation"
     _file = "excitation.json"
 
     def __init__(self, result: "ExcitationReport") -> None:
@@ -72,50 +66,6 @@ class LogExcitation(Answer):
     def warnings(self) -> tuple[str, ...]:
         """What one should know before trusting the numbers."""
         return self.result.identification.warnings
-
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.report.documents import excitation_summary
-
-        assessment, found = self.result.assessment, self.result.identification
-        alignment = found.choices.alignment
-        return {
-            "model": found.model,
-            "coefficients": assessment.coefficients,
-            "excitation": {row: excitation_summary(e) for row, e in assessment.excitation.items()},
-            "correlations": assessment.correlations,
-            "advice": self.result.advice,
-            "noise": self.result.noise,
-            "residual_excess": found.residual_excess,
-            "terms": found.choices.terms,
-            "hold": found.choices.hold,
-            "input_delay": alignment.input_delay,
-            "link_delay": alignment.link_delay,
-            "supported": found.supports(),
-            "warnings": found.warnings,
-            "provenance": found.provenance,
-        }
-
-    def plot(self, ax: "Axes | None" = None) -> "Figure":
-        """Widths of the intervals, and the tones of the input.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            In whose place the panels are drawn.
-        """
-        from flexid.report.charts.figure import draw
-
-        return draw(self._drawn[0], ax=ax)
-
-    def _charts(self) -> "Sequence[Chart]":
-        from flexid.report.excitation_report_chart import excitation_report_chart
-
-        return (excitation_report_chart(self.result),)
-
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.excitation_table import excitation_parts
-
-        return excitation_parts(self.result)
 
     def __repr__(self) -> str:
         found = [c.verdict for c in self.coefficients.values()]

@@ -22,20 +22,12 @@ from flexid.identification.vocabulary.evidence import (
     Verdict,
 )
 from flexid.identification.vocabulary.intervals import CONFIDENCE, checked_level
-from flexid.library.answer import (
-    ReportedAnswer,
-    as_text,
-    data_frame,
-    html_figure,
-    html_paragraph,
-    html_table,
-)
+from flexid.library.answer import ReportedAnswer, as_text, data_frame
 from flexid.library.entrance import did_you_mean
 from flexid.library.estimate_plots import EstimatePlots
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from flexid.frequency.frequency_response import FrequencyResponse
@@ -46,7 +38,6 @@ if TYPE_CHECKING:
     from flexid.recording.recording import Log
     from flexid.report.charts.description import Chart
     from flexid.report.page.layout import Page
-    from flexid.report.terminal import Part
 
 
 class JointEstimate(ReportedAnswer):
@@ -62,6 +53,7 @@ class JointEstimate(ReportedAnswer):
         The same as a document, if it was read from one.
     """
 
+    _report = "identification"
     _file = "estimate.json"
 
     def __init__(
@@ -302,25 +294,10 @@ class JointEstimate(ReportedAnswer):
         """
         return as_text([*self._parts(), *(self._evidence() if explain else ())])
 
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.identification_table import identification_parts
-
-        return identification_parts(self.result)
-
-    def _evidence(self) -> "Iterable[Part]":
-        from flexid.report.explanation_table import explanation
-
-        return explanation(self.result)
-
     @property
     def plot(self) -> EstimatePlots:
         """Figures: ``plot.fit()``, ``plot.residuals()``, ``plot.regions()`` and others."""
         return EstimatePlots(self.result)
-
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.report.documents import identification_document
-
-        return identification_document(self.result)
 
     @property
     def document(self) -> Mapping[str, Any]:
@@ -442,7 +419,7 @@ class JointEstimate(ReportedAnswer):
         if self.verdict == "determined" or self._made_from is None:
             return []
         from flexid.experiment_design.excitation_report import look_into
-        from flexid.report.excitation_table import advice_lines
+        from flexid.report.excitation import advice_lines
 
         found = look_into(self.result, *self._made_from)
         return [*advice_lines(found.advice, found.input_unit)]
@@ -454,28 +431,5 @@ class JointEstimate(ReportedAnswer):
         worst = f", free run {min(fits):.1f} %" if fits else ""
         return f"<JointEstimate: {self.model} joint, parameters: {determined}{worst}>"
 
-    def _repr_html_(self) -> str:
-        from flexid.report.digits import format_with_interval
-        from flexid.report.style import STATUS_COLOURS
-
-        def rows(values: Mapping[str, ValueEstimate]) -> list[list[str]]:
-            lines = []
-            for name, e in values.items():
-                value, lower, upper = format_with_interval(e.value, *e.interval)
-                ends = f"[{lower}, {upper}]" if e.interval[0] != e.interval[1] else e.reason
-                verdict = f'<span style="color:{STATUS_COLOURS[e.verdict]}">{e.verdict}</span>'
-                why = "" if e.interval[0] == e.interval[1] else e.reason
-                lines.append([name, value, ends, e.unit, verdict, why])
-            return lines
-
-        headings = ("", "value", "95 % interval", "unit", "verdict", "reason")
-        parts = [html_table(headings, rows(self.parameters))]
-        parts.append(
-            "<details><summary>Coefficients of the model</summary>"
-            f"{html_table(headings, rows(self.coefficients))}</details>"
-        )
-        sentences = [*self.result.summary, *(f"Warning: {text}" for text in self.warnings)]
-        parts += [html_paragraph(text) for text in sentences]
-        if self.result.validation.runs:
-            parts.append(html_figure(self.plot.fit()))
-        return "".join(parts)
+    def _leading_figure(self) -> "Figure | None":
+        return self.plot.fit() if self.result.validation.runs else None

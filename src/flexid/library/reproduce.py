@@ -1,7 +1,6 @@
 """The paper, run and checked: `flexid.reproduce`."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexid.identification.vocabulary.progress import Progress, silent
 from flexid.library.answer import ReportedAnswer
@@ -9,11 +8,6 @@ from flexid.library.entrance import entrance
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from flexid.report.charts.description import Chart
-    from flexid.report.page.layout import Page
-    from flexid.report.terminal import Part
     from flexid.studies.huang2003.evidence import Claim
     from flexid.studies.huang2003.reproduction import Reproduction
 
@@ -27,6 +21,7 @@ class PaperReproduction(ReportedAnswer):
         All runs, and what they amount to.
     """
 
+    _report = "reproduction"
     _formats = ("png", "pdf")
 
     def __init__(self, result: "Reproduction") -> None:
@@ -36,26 +31,6 @@ class PaperReproduction(ReportedAnswer):
     def claims(self) -> "tuple[Claim, ...]":
         """The paper's claims, decided."""
         return self.result.claims
-
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.report.huang2003_document import reproduction_document
-
-        return reproduction_document(self.result)
-
-    def _charts(self) -> "Sequence[Chart]":
-        from flexid.report.huang2003_charts import reproduction_charts
-
-        return reproduction_charts(self.result)
-
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.huang2003_table import reproduction_parts
-
-        return reproduction_parts(self.result)
-
-    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
-        from flexid.report.page.reproduction_page import reproduction_page
-
-        return reproduction_page(self.result, self._drawn)
 
     def __repr__(self) -> str:
         verdicts = [claim.verdict for claim in self.claims]

@@ -1,33 +1,29 @@
 """A stored estimate, or one at hand, on other logs."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import isnan
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from flexid.library.answer import ReportedAnswer, data_frame
+from flexid.library.answer import ReportedAnswer, TabularAnswer
 from flexid.library.entrance import entrance
 from flexid.library.estimates import estimate_content
 from flexid.library.threads import in_one_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from flexid.library.estimate_plots import ValidationPlots
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns, Logs
-    from flexid.report.charts.description import Chart
-    from flexid.report.page.layout import Page
-    from flexid.report.terminal import Part
     from flexid.stored_estimates.validate_estimate import EstimateValidation as Validated
 
 
-class EstimateValidation(ReportedAnswer):
+class EstimateValidation(ReportedAnswer, TabularAnswer):
     """How well, and for how long, an estimate predicts logs that it was not made from.
 
-    `flexid.validate` and `JointEstimate.validate` return one.
+    `flexid.validate` and `JointEstimate.validate` return one. As a data frame it has a row for each
+    channel and horizon in s, infinite for the free run, with the columns channel, horizon,
+    fit_percent, residual and noise, the last two in rad.
 
     Parameters
     ----------
@@ -35,6 +31,7 @@ class EstimateValidation(ReportedAnswer):
         What was found.
     """
 
+    _report = "validation"
     _file = "validation.json"
 
     def __init__(self, result: "Validated") -> None:
@@ -83,53 +80,16 @@ class EstimateValidation(ReportedAnswer):
 
         return ValidationPlots(self.result)
 
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.report.documents import plain
-
-        document = plain(replace(self.result, runs=()))
-        del document["runs"]
-        return document
-
-    def to_dataframe(self, backend: str = "polars") -> Any:
-        """Fits and residuals as a data frame.
-
-        Parameters
-        ----------
-        backend : {"polars", "pandas", "pyarrow"}, optional
-            Whose data frame; the library has to be installed.
-
-        Returns
-        -------
-        data frame
-            A row for each channel and horizon in s, infinite for the free run, with the columns
-            channel, horizon, fit_percent, residual and noise, the last two in rad.
-        """
+    def _columns(self) -> Mapping[str, Any]:
         fits = {**self.horizons, float("inf"): self.fit_percent}
         pairs = [(channel, horizon) for horizon in fits for channel in self.noise]
-        columns = {
+        return {
             "channel": [channel for channel, _ in pairs],
             "horizon": [horizon for _, horizon in pairs],
             "fit_percent": [fits[horizon][channel] for channel, horizon in pairs],
             "residual": [self.residuals[horizon][channel] for channel, horizon in pairs],
             "noise": [self.noise[channel] for channel, _ in pairs],
         }
-        return data_frame(columns, backend)
-
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.validation_table import validation_parts
-
-        return validation_parts(self.result)
-
-    def _charts(self) -> "Sequence[Chart]":
-        from flexid.report.residual_chart import residual_chart
-        from flexid.report.validation_chart import validation_chart
-
-        return (validation_chart(self.result), residual_chart(self.result))
-
-    def _page(self, command: str = "", out: str = "") -> "Page":  # noqa: ARG002
-        from flexid.report.page.validation_page import validation_page
-
-        return validation_page(self.result, self._drawn, command)
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{channel} {fit:.1f} %" for channel, fit in self.fit_percent.items())

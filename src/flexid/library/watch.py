@@ -13,8 +13,6 @@ from flexid.library.entrance import entrance
 from flexid.streaming.health import Health, Judgement
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from numpy.typing import ArrayLike
 
     from flexid.analysis.excitation import Excitation
@@ -23,7 +21,6 @@ if TYPE_CHECKING:
     from flexid.library.joint_estimate import JointEstimate
     from flexid.library.logs import Columns
     from flexid.library.options import Known, Terms
-    from flexid.report.terminal import Part
     from flexid.streaming.commissioned import Commissioned, Departure
     from flexid.streaming.follower import Follower
     from flexid.streaming.guard import Counts
@@ -36,6 +33,7 @@ _AT_ONCE = 64  # samples that wait to be worked on, unless something is read
 class Watch(Answer):
     """A stream that is watched: fed, or followed, and read at any time; `flexid.watch` makes it."""
 
+    _report = "watch"
     _file = "watch.json"
 
     def __init__(
@@ -279,15 +277,9 @@ class Watch(Answer):
 
         save_session(self.session, as_path("save_checkpoint", "path", path))
 
-    def _document(self) -> Mapping[str, Any]:
-        from flexid.report.watch_document import watch_document
-
-        return watch_document(self.session)
-
-    def _parts(self) -> "Iterable[Part]":
-        from flexid.report.watch_table import watch_parts
-
-        return watch_parts(self.session)
+    @property
+    def _shown(self) -> tuple[Any, ...]:
+        return (self.session,)
 
     def __repr__(self) -> str:
         health = self.health

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import floor, inf, isfinite, isnan, log10
 
+from flexid.identification.vocabulary.evidence import Verdict
 from flexid.report.terminal import Cell
 
 _MOST = 15  # significant digits, beyond which a float's own rounding begins
@@ -59,6 +60,18 @@ def _scientific(x: float, place: int) -> str:
 def _own_place(x: float, place: int) -> int:
     """The last place of a number: it keeps one digit at least."""
     return min(place, floor(log10(abs(x)))) if x else place
+
+
+VERDICT_STYLES: dict[Verdict, str] = {
+    "determined": "green",
+    "weak": "yellow",
+    "undetermined": "red",
+}
+
+
+def verdict_cell(verdict: Verdict) -> Cell:
+    """A verdict for a table, in its colour."""
+    return Cell((verdict,), VERDICT_STYLES[verdict])
 
 
 def value_cells(value: float, lower: float, upper: float) -> tuple[Cell, Cell]:

@@ -1,7 +1,5 @@
 """Result objects as plain documents for JSON, and files that appear whole or not at all."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -10,38 +8,13 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexid.analysis.excitation import Excitation
 from flexid.atomic import write_atomically
 from flexid.errors import SettingError
-from flexid.stored_estimates.estimate_file import FORMAT_VERSION
-
-if TYPE_CHECKING:  # most documents are not an identification's
-    from flexid.identification.result.identification import Identification
-
-
-def identification_document(result: Identification) -> dict[str, Any]:
-    """Everything of an identification but its time series, ready for JSON.
-
-    `flexid.stored_estimates.estimate_file.stored_identification` is the way back.
-    """
-    validation, observer = result.validation, result.observer
-    document = plain(replace(result, recordings=(), validation=replace(validation, runs=())))
-    del document["recordings"], document["validation"]["runs"]
-    for kind in ("coefficients", "parameters", "removed"):
-        for estimate in document[kind].values():
-            del estimate["name"]
-    final = dict(zip(observer.names, observer.estimates[-1], strict=True))
-    return {
-        "format_version": FORMAT_VERSION,
-        **document,
-        "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
-        "observer": plain({"final": final, "gains": observer.gains}),
-        "choices": document["choices"] | document["choices"].pop("alignment"),
-    }
 
 
 def excitation_summary(excitation: Excitation) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from flexid.arrays import FloatArray
 from flexid.identification.vocabulary.evidence import FreeRun, Validation
 from flexid.report.charts.description import Axis, Chart, Level, Line, Panel
 from flexid.report.charts.limits import with_margin
-from flexid.report.identification_table import format_fit
+from flexid.report.identification import format_fit
 
 _MARGIN = 0.15  # of the measured range, above and below it
 _BELOW = 0.5  # height of a panel of residuals over that of the motion above it

@@ -167,14 +167,14 @@ def _said(answer: PageAnswer) -> Said:
     """An answer of the report as texts."""
     from rich.text import Text
 
-    from flexid.report.page.layout import Command, Points
+    from flexid.report.page.layout import Bullets, Command
 
     lines: list[str] = []
     command = ""
     for item in answer.content:
         if isinstance(item, Text):
             lines.append(item.plain)
-        elif isinstance(item, Points):
+        elif isinstance(item, Bullets):
             lines.extend(item.lines)
         elif isinstance(item, Command):
             command = item.text

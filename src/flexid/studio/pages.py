@@ -38,7 +38,7 @@ def fragment(template: str, **content: Any) -> str:
 @cache
 def assets() -> dict[str, tuple[bytes, str]]:
     """Scripts and style sheets by name, with their types."""
-    from flexid.report.page.assets import drawing_style
+    from flexid.report.page.render import drawing_style
 
     page = files("flexid.studio") / "page"
     own = {name: ((page / name).read_bytes(), kind) for name, kind in _ASSETS.items()}

@@ -19,7 +19,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Points:
+class Bullets:
     """Sentences below each other."""
 
     lines: Sequence[str]
@@ -55,7 +55,7 @@ class Folded:
     content: "Sequence[Item]"  # what it holds
 
 
-Item = Part | Chart | Command | Points | Facts | Warned | Link | Folded
+Item = Part | Chart | Command | Bullets | Facts | Warned | Link | Folded
 
 
 def drawn(charts: Sequence[Chart], name: str) -> list[Chart]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import re
 from functools import cache
 from pathlib import Path
@@ -10,12 +12,13 @@ from typing import Any
 import flexid
 from flexid.report.charts.description import Chart
 from flexid.report.charts.svg import chart_html
-from flexid.report.page.assets import content_hash, page_style
-from flexid.report.page.layout import Command, Facts, Folded, Link, Page, Points, Warned
+from flexid.report.page.layout import Bullets, Command, Facts, Folded, Link, Page, Warned
 from flexid.report.style import GREEN, ORANGE, RED
 from flexid.report.terminal import Table
 
 NAME = "report.html"
+
+_HERE = Path(__file__).parent
 
 _TONES = {
     **dict.fromkeys(("green", GREEN), "good"),
@@ -27,7 +30,7 @@ _TESTS = {
     "chart": Chart,
     "folded": Folded,
     "command": Command,
-    "points": Points,
+    "points": Bullets,
     "facts": Facts,
     "link": Link,
     "warning": Warned,
@@ -41,7 +44,7 @@ def page_html(page: Page) -> str:
     """
     from markupsafe import Markup
 
-    style = page_style()
+    style = _page_style()
     return (
         _environment()
         .get_template("page.html")
@@ -49,7 +52,7 @@ def page_html(page: Page) -> str:
             page=page,
             version=flexid.__version__,
             style=Markup(style),
-            style_hash=Markup(content_hash(style)),
+            style_hash=Markup(_content_hash(style)),
         )
     )
 
@@ -65,7 +68,7 @@ def _environment() -> Any:
     from markupsafe import Markup
 
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=FileSystemLoader(_HERE / "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -86,3 +89,22 @@ def breakable(name: str) -> Any:
     from markupsafe import Markup, escape
 
     return Markup("<wbr>").join(map(escape, re.split("(?<=_)", name)))
+
+
+@cache
+def drawing_style() -> str:
+    """The style sheet of figures, with the colours by day and by night."""
+    return (_HERE / "chart.css").read_text(encoding="utf-8")
+
+
+@cache
+def _page_style() -> str:
+    """The style sheet of a page."""
+    page = (_HERE / "page.css").read_text(encoding="utf-8")
+    return f"{drawing_style()}\n{page}"
+
+
+def _content_hash(text: str) -> str:
+    """How a Content-Security-Policy names a script or a style sheet within a page."""
+    digest = hashlib.sha256(text.encode()).digest()
+    return f"'sha256-{base64.b64encode(digest).decode()}'"

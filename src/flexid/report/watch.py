@@ -1,14 +1,17 @@
-"""What is known of a stream, as it is printed: the last report, and a view that is renewed."""
+"""What is known of a stream, as tables, JSON, and a view that is renewed."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from math import isfinite
+from typing import Any
 
 from rich.text import Text
 
 from flexid.comparisons.angles import ANGLES, difference
-from flexid.report.digits import value_cells
-from flexid.report.identification_table import next_to_none
+from flexid.report.digits import value_cells, verdict_cell
+from flexid.report.identification import next_to_none
+from flexid.report.presenter import Presenter
 from flexid.report.terminal import Cell, Column, Part, Table, encodable, laid_out
 from flexid.streaming.health import Health
 from flexid.streaming.session import Session, clock_words
@@ -21,13 +24,12 @@ COLOURS = {
     Health.SENSOR_FAULT: "red",
 }
 
-_VERDICTS = {"determined": "green", "weak": "yellow", "undetermined": "red"}
 _BARS = "▁▂▃▄▅▆▇█"
 _PLAIN_BARS = "_.-~=+*#"
 _SPARKS = 24  # values of a sparkline
 
 
-def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
+def parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Part]:
     """Tables and sentences of what is known."""
     judgement = session.health
     yield Text.assemble(
@@ -54,7 +56,7 @@ def watch_parts(session: Session, sparks: "Sparks | None" = None) -> Iterator[Pa
             value,
             interval,
             found.unit,
-            Cell((found.verdict,), _VERDICTS[found.verdict]),
+            verdict_cell(found.verdict),
         ]
         if name in reference:
             was = reference[name][0]
@@ -127,6 +129,41 @@ def live_view(session: Session | None, sparks: Sparks, width: int) -> Text:
         return Text("waiting for the first samples")
     lines = [
         Text(f"flexid watch, {clock_words(session.time)}"),
-        *laid_out(watch_parts(session, sparks), width),
+        *laid_out(parts(session, sparks), width),
     ]
     return Text("\n").join(lines)
+
+
+def document(session: Session) -> dict[str, Any]:
+    """Health, parameters and what happened to the samples."""
+    judgement = session.health
+    return {
+        "time": session.time,
+        "health": judgement.health.words,
+        "reason": judgement.reason,
+        "parameters": _values(session.parameters),
+        "coefficients": _values(session.coefficients),
+        "excitation": {name: found.condition_number for name, found in session.excitation.items()},
+        "samples": asdict(session.counts),
+        "changes": [asdict(change) for change in session.changes],
+        "departures": [
+            {"name": d.name, "unit": d.unit, "was": d.was, "now": d.now, "change": d.change}
+            for d in session.departures
+        ],
+        "options": session.options.document,
+    }
+
+
+def _values(found: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: {
+            "value": estimate.value,
+            "interval": list(estimate.interval),
+            "unit": estimate.unit,
+            "verdict": estimate.verdict,
+        }
+        for name, estimate in found.items()
+    }
+
+
+PRESENTER = Presenter(parts, document)

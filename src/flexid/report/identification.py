@@ -1,30 +1,29 @@
-"""The printed answer of an identification."""
+"""An identification as tables, sentences and JSON."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from math import isfinite, isnan
+from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
 from flexid.comparisons.angles import ANGLES
 from flexid.identification.result.identification import Identification
 from flexid.identification.vocabulary.evidence import (
-    CoefficientEstimate,
     ModelError,
     ParameterEstimate,
     Validation,
     ValueEstimate,
-    Verdict,
 )
-from flexid.report.digits import value_cells
+from flexid.report.digits import VERDICT_STYLES, value_cells, verdict_cell
+from flexid.report.documents import excitation_summary, plain
 from flexid.report.explanation_table import explanation
-from flexid.report.terminal import Cell, Column, Part, Table, numbers, print_parts
+from flexid.report.presenter import Presenter
+from flexid.report.terminal import Cell, Column, Part, Table, numbers
+from flexid.stored_estimates.estimate_file import FORMAT_VERSION
 
-_COLOURS: dict[Verdict, str] = {"determined": "green", "weak": "yellow", "undetermined": "red"}
-
-
-def print_identification(result: Identification, *, explain: bool = False) -> None:
-    """Print parameters, coefficients, validation and choices on standard output."""
-    print_parts([*identification_parts(result), *(explanation(result) if explain else ())])
+if TYPE_CHECKING:  # few answers are of an arm
+    from flexid.arms.result import ArmParameter
 
 
 def identification_parts(result: Identification) -> Iterator[Part]:
@@ -47,12 +46,12 @@ def identification_parts(result: Identification) -> Iterator[Part]:
 
 def parameters_table(result: Identification) -> Table:
     """Physical parameters with their intervals and verdicts."""
-    return _estimates("Physical parameters", result.parameters.values())
+    return estimates_table("Physical parameters", result.parameters)
 
 
 def coefficients_table(result: Identification) -> Table:
     """Lumped coefficients likewise."""
-    return _estimates("Coefficients", result.coefficients.values())
+    return estimates_table("Coefficients", result.coefficients)
 
 
 def next_to_none(parameters: Iterable[ValueEstimate]) -> list[str]:
@@ -70,7 +69,7 @@ def verdict_reasons(result: Identification) -> Iterator[Text]:
     """Why coefficients are not determined, a line each."""
     for name, c in result.coefficients.items():
         if c.verdict != "determined":
-            yield Text(f"  {name}: {c.reason}", style=_COLOURS[c.verdict])
+            yield Text(f"  {name}: {c.reason}", style=VERDICT_STYLES[c.verdict])
 
 
 def excitation_lines(result: Identification) -> Iterator[str]:
@@ -153,7 +152,10 @@ def _at_most(parameter: ParameterEstimate) -> str:
     return f"{parameter.name} below {largest:.2g} {parameter.unit}"
 
 
-def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEstimate]) -> Table:
+def estimates_table(
+    title: str, estimates: "Mapping[str, ValueEstimate] | Mapping[str, ArmParameter]"
+) -> Table:
+    """Values by name, with intervals and verdicts."""
     columns = (
         Column("name"),
         *numbers("value", "95 % interval"),
@@ -161,17 +163,13 @@ def _estimates(title: str, estimates: Iterable[CoefficientEstimate | ParameterEs
         Column("verdict"),
     )
     table = Table(title, columns)
-    for e in estimates:
+    for name, e in estimates.items():
         value, interval = value_cells(e.value, *e.interval)
         if e.interval[0] == e.interval[1]:
-            interval = Cell((_fixed(e),))
-        table.add(e.name, value, interval, e.unit, Cell((e.verdict,), _COLOURS[e.verdict]))
+            known = e.reason in ("given", "at its bound")
+            interval = Cell((e.reason if known else "fixed",))  # why there is none
+        table.add(name, value, interval, e.unit, verdict_cell(e.verdict))
     return table
-
-
-def _fixed(estimate: CoefficientEstimate | ParameterEstimate) -> str:
-    """Why something has no interval."""
-    return estimate.reason if estimate.reason in ("given", "at its bound") else "fixed"
 
 
 def format_fits(fits: Mapping[str, float]) -> str:
@@ -184,3 +182,27 @@ def format_fit(fit: float) -> str:
     if isnan(fit):
         return "not tested (at rest)"
     return f"{fit:.1f} %" if fit > -1000.0 else "the model runs away"
+
+
+def identification_document(result: Identification) -> dict[str, Any]:
+    """Everything of an identification but its time series, ready for JSON.
+
+    `flexid.stored_estimates.estimate_file.stored_identification` is the way back.
+    """
+    validation, observer = result.validation, result.observer
+    made = plain(replace(result, recordings=(), validation=replace(validation, runs=())))
+    del made["recordings"], made["validation"]["runs"]
+    for kind in ("coefficients", "parameters", "removed"):
+        for estimate in made[kind].values():
+            del estimate["name"]
+    final = dict(zip(observer.names, observer.estimates[-1], strict=True))
+    return {
+        "format_version": FORMAT_VERSION,
+        **made,
+        "excitation": {row: excitation_summary(e) for row, e in result.excitation.items()},
+        "observer": plain({"final": final, "gains": observer.gains}),
+        "choices": made["choices"] | made["choices"].pop("alignment"),
+    }
+
+
+PRESENTER = Presenter(identification_parts, identification_document, evidence=explanation)

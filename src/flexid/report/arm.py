@@ -1,0 +1,123 @@
+"""The result of an arm as tables, JSON and a page."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
+
+from flexid.arms.result import ArmIdentification, ArmParameter
+from flexid.report.charts.description import Chart
+from flexid.report.digits import VERDICT_STYLES
+from flexid.report.identification import estimates_table
+from flexid.report.page.layout import Answer, Command, Page, Section, Warned
+from flexid.report.presenter import Presenter
+from flexid.report.terminal import Column, Part, Table, numbers
+
+
+def parts(result: ArmIdentification) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    for joint in range(1, result.arm.joints + 1):
+        yield joint_table(result, joint)
+        yield from reasons(result.of_joint(joint))
+    yield free_run_table(result)
+    yield from map(Text, timing_lines(result))
+
+
+def joint_table(result: ArmIdentification, joint: int) -> Table:
+    """The parameters of one joint."""
+    found = {p.name.removesuffix(f"_{joint}"): p for p in result.of_joint(joint)}
+    return estimates_table(f"Joint {joint}", found)
+
+
+def reasons(parameters: list[ArmParameter]) -> Iterator[Text]:
+    """Why parameters are not determined, a line each."""
+    for p in parameters:
+        if p.verdict != "determined":
+            yield Text(f"  {p.name}: {p.reason}", style=VERDICT_STYLES[p.verdict])
+
+
+def free_run_table(result: ArmIdentification) -> Table:
+    """How much of the last third a free run explains, joint by joint."""
+    title = "Free run over the last third, from a fit to the rest (% explained)"
+    table = Table(title, (Column("joint"), *numbers("motor", "link", "deflection")))
+    for joint in range(1, result.arm.joints + 1):
+        shares = (result.free_run.get(f"{c}_{joint}") for c in ("motor", "link", "deflection"))
+        table.add(str(joint), *("not tested" if s is None else f"{s:.2f}" for s in shares))
+    return table
+
+
+def timing_lines(result: ArmIdentification) -> Iterator[str]:
+    """How the input lies in time, what is left over, and how alike parameters look."""
+    held = "held between samples" if result.hold == "zero" else "on straight lines between samples"
+    late = f", {1e3 * result.input_delay:.3g} ms late" if result.input_delay else ""
+    yield f"Input: {held}{late}. Segments of {result.segment_duration:.2g} s."
+    left = ", ".join(f"{name} {x:.2f}" for name, x in result.residual_excess.items())
+    yield f"Residual over the encoders' noise: {left}"
+    yield f"Excitation: condition number {result.condition_number:.3g}"
+
+
+def page(
+    result: ArmIdentification, _charts: Sequence[Chart], command: str = "", _out: str = ""
+) -> Page:
+    """What there is to say of an arm."""
+    joints = range(1, result.arm.joints + 1)
+    sections = [Section("warnings", "Warnings", [*map(Warned, result.warnings)])]
+    sections += [
+        Section(
+            f"joint-{joint}",
+            f"Joint {joint}",
+            [joint_table(result, joint), *reasons(result.of_joint(joint))],
+        )
+        for joint in joints[1:]
+    ]
+    sections += [
+        Section(
+            "prediction",
+            "Prediction",
+            [free_run_table(result), *map(Text, timing_lines(result))],
+        ),
+        Section("origin", "How to repeat it", [Command(command)]),
+    ]
+    logs = [Path(log["file"]).name for log in result.provenance["inputs"]]
+    return Page(
+        "identification",
+        f"Planar arm of {result.arm.joints} joint{'s' if len(joints) > 1 else ''}",
+        ", ".join(logs),
+        joint_table(result, 1),
+        (_trust(result, joints),),
+        [section for section in sections if section.content],
+    )
+
+
+def _trust(result: ArmIdentification, joints: Iterable[int]) -> Answer:
+    lacking = [p.name for p in result.parameters.values() if p.verdict != "determined"]
+    word = "Not all of them" if lacking else "Yes"
+    said = [Text(f"Not determined or weak: {', '.join(lacking)}.")] if lacking else []
+    for joint in joints:
+        share = result.free_run.get(f"deflection_{joint}")
+        if share is not None:
+            said.append(Text(f"A free run explains {share:.1f} % of deflection {joint}."))
+    return Answer("Can these numbers be trusted?", word, "fair" if lacking else "good", said)
+
+
+def document(result: ArmIdentification) -> dict[str, Any]:
+    """Everything that was found of an arm, for JSON."""
+    joints = range(1, result.arm.joints + 1)
+    return {
+        "kind": "planar arm",
+        "arm": result.arm,
+        "joints": [{p.name: p for p in result.of_joint(joint)} for joint in joints],
+        "fit": {"names": result.names, "covariance": result.covariance, "fixed": result.fixed},
+        "free_run_percent": result.free_run,
+        "residual_excess": result.residual_excess,
+        "hold": result.hold,
+        "input_delay": result.input_delay,
+        "segment_duration": result.segment_duration,
+        "condition_number": result.condition_number,
+        "warnings": result.warnings,
+        "provenance": result.provenance,
+    }
+
+
+PRESENTER = Presenter(parts, document, page=page)

@@ -1,0 +1,308 @@
+"""A campaign as tables, JSON, figures and a page."""
+
+import shlex
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from rich.text import Text
+
+import flexid
+from flexid.arrays import FloatArray
+from flexid.campaigns.summary import QUANTILES, Result, Summary
+from flexid.experiments.units import Units
+from flexid.report.charts.description import Axis, Chart, Dash, Level, Line, Panel, Points
+from flexid.report.charts.limits import whole_decades
+from flexid.report.page.layout import Answer, Bullets, Command, Facts, Page, Section
+from flexid.report.presenter import Presenter
+from flexid.report.terminal import Column, Part, Table, number, numbers
+
+DETAILS = ("final_error.", "final_state.")
+"""Prefixes of results that are quantified, but of which no more is said."""
+
+_SHOWN = 4  # inputs named for a result
+
+
+def parts(summary: Summary) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    yield from (Text(line) for line in status_lines(summary))
+    yield Text()
+    yield quantiles_table(summary)
+    yield from importance_parts(summary)
+
+
+def importance_parts(summary: Summary) -> Iterator[Part]:
+    """What matters for each result, as tables."""
+    yield _importance(summary, "What matters most: rank correlation", correlation_text)
+    if summary.manifest.kind == "sobol-indices":
+        title = "Share of the variance (Sobol indices), interactions included (and alone)"
+        yield _importance(summary, title, index_text)
+    missing = [result for result in summary.results if result.missing]
+    if missing:
+        yield Text(
+            "None: finished runs without this result; an estimate that does not stay within 5 % "
+            "of the truth has no settling time."
+        )
+
+
+def status_lines(summary: Summary) -> Iterator[str]:
+    """How many runs are done, and how they ended, in sentences."""
+    total = summary.manifest.runs
+    if summary.complete:
+        yield f"{total} runs, {summary.manifest.kind}"
+    else:
+        yield (
+            f"Unfinished: {summary.done} of {total} runs, {summary.manifest.kind}; the command "
+            f"that began the campaign goes on with it"
+        )
+    yield ", ".join(
+        f"{name} {count} ({100 * count / summary.done:.3g} %)"
+        for name, count in summary.statuses.items()
+    )
+    if summary.first_error:
+        yield f"The first error: {summary.first_error}"
+    if summary.damaged:
+        yield (
+            f"Damaged and left out: {', '.join(summary.damaged)}; the command that began the "
+            f"campaign replaces them"
+        )
+
+
+def quantiles_table(summary: Summary) -> Table:
+    """Quantiles of each result over the finished runs."""
+    shares = (f"{100 * share:g} %" for share in QUANTILES)
+    columns = (Column("result"), *numbers(*shares, "none"))
+    table = Table(f"{summary.finished} finished runs, SI units", columns)
+    for result in summary.results:
+        shown = (number(value, 4) if isfinite(value) else "" for value in result.quantiles)
+        table.add(result.name, *shown, str(result.missing or ""))
+    return table
+
+
+def _importance(summary: Summary, title: str, text: Callable[[Result], str]) -> Table:
+    table = Table(title, (Column("result"), Column("inputs", wraps=True)))
+    for result in summary.results:
+        if not result.name.startswith(DETAILS):
+            table.add(result.name, text(result))
+    return table
+
+
+def correlation_text(result: Result) -> str:
+    """The strongest rank correlations of a result in words."""
+    shown = [f"{one.input} {one.value:+.2f}" for one in result.correlations if one.significant]
+    return _sentence(shown, len(result.correlations))
+
+
+def index_text(result: Result) -> str:
+    """The largest Sobol indices of a result in words."""
+    shown = [
+        f"{one.input} {one.total:.2f} ± {one.total_half_width:.2f} ({one.first:.2f})"
+        for one in result.indices
+        if one.total > one.total_half_width
+    ]
+    return _sentence(shown, len(result.indices))
+
+
+def _sentence(significant: Sequence[str], inputs: int) -> str:
+    if not inputs:
+        return "does not vary, or in too few runs"
+    if not significant:
+        return "none is significant"
+    parts = [*significant[:_SHOWN]]
+    if len(significant) > _SHOWN:
+        parts.append(f"and {len(significant) - _SHOWN} more")
+    others = inputs - len(significant)
+    return ", ".join(parts) + (f"; {others} not significant" if others else "")
+
+
+_COLUMNS = 3
+_BINS = 40
+_MOST_POINTS = 3000
+_MANY = 200  # points, from which on each is small and faint
+_LOGARITHMIC_FROM = 30.0  # ratio of the largest value to the smallest
+_SMALLEST = 1e-12  # share of the largest value below which all values are drawn alike
+_LINES: tuple[tuple[str, Dash], ...] = (("5 %", "dotted"), ("median", "solid"), ("95 %", "dotted"))
+
+
+def charts(summary: Summary) -> tuple[Chart, ...]:
+    """Distributions and dependence, where there is something to draw."""
+    shown = [result for result in summary.results if _drawable(result)]
+    depending = [result for result in shown if _strongest(result) is not None]
+    units = Units(summary.manifest.text)
+    found = []
+    if shown:
+        found.append(_distributions(summary, shown, units))
+    if depending:
+        found.append(_dependence(summary, depending, units))
+    return tuple(found)
+
+
+def _drawable(result: Result) -> bool:
+    finite = result.values[np.isfinite(result.values)]
+    varies = len(finite) > 1 and bool(np.ptp(finite) > 0.0)
+    return varies and not result.name.startswith(DETAILS)
+
+
+def _distributions(summary: Summary, results: list[Result], units: Units) -> Chart:
+    panels = tuple(_distribution(result, units.of_result(result.name)) for result in results)
+    first = results[0]
+    low, _, high = first.quantiles
+    unit = units.of_result(first.name)
+    says = (
+        f"In nine of ten runs {first.name} is between {low:.3g} and {high:.3g}"
+        f"{f' {unit}' if unit not in ('', '1') else ''}; the dotted lines are these limits for "
+        "each result, the full line its median."
+    )
+    title = f"Distributions of the results of {summary.finished} finished runs"
+    return Chart("distributions", title, says, panels, _COLUMNS, linked=False)
+
+
+def _dependence(summary: Summary, results: list[Result], units: Units) -> Chart:
+    panels = tuple(_cloud(result, summary, units) for result in results)
+    strongest = "; ".join(f"{result.name}: {_strongest(result)}" for result in results[:3])
+    says = f"The input that matters most for each result is below it ({strongest})."
+    title = "Each result against the input that matters most for it"
+    return Chart("dependence", title, says, panels, _COLUMNS, linked=False)
+
+
+def _distribution(result: Result, unit: str) -> Panel:
+    """Counts of a result, and its quantiles."""
+    values, said, limits = _scaled(result.values[np.isfinite(result.values)])
+    spread = np.geomspace if limits else np.linspace
+    edges = spread(values.min(), values.max(), _BINS)
+    counts, _ = np.histogram(values, edges)
+    heights = np.concatenate([[0.0], np.repeat(counts.astype(np.float64), 2), [0.0]])
+    marks = (
+        Line("runs", np.repeat(edges, 2), heights, "blue", 0.8, filled=True),
+        *(
+            Level(label, value, "x", "orange", dash)
+            for value, (label, dash) in zip(result.quantiles, _LINES, strict=True)
+        ),
+    )
+    x = Axis(result.name, unit, logarithmic=limits is not None, limits=limits)
+    y = Axis("runs", limits=(0.0, 1.08 * float(counts.max())))
+    return Panel(result.name + said, x, y, marks)
+
+
+def _cloud(result: Result, summary: Summary, units: Units) -> Panel:
+    """A result over its strongest input, run by run."""
+    name = _strongest(result)
+    assert name is not None
+    values, inputs = result.values[:_MOST_POINTS], summary.inputs[name][:_MOST_POINTS]
+    there = np.isfinite(values)
+    values, said, limits = _scaled(values[there])
+    inputs = inputs[there]
+    across = whole_decades(inputs) if _logarithmic(inputs) else None
+    many = len(values) >= _MANY
+    points = Points("runs", inputs, values, "blue", 3.0 if many else 3.7, faint=many)
+    return Panel(
+        result.name + said,
+        Axis(name, units.of_value(name), logarithmic=across is not None, limits=across),
+        Axis("value", units.of_result(result.name), logarithmic=limits is not None, limits=limits),
+        (points,),
+    )
+
+
+def _scaled(values: FloatArray) -> tuple[FloatArray, str, tuple[float, float] | None]:
+    """Values as they are drawn, what is said of small ones, and whole decades if they need them."""
+    if not _logarithmic(values):
+        return values, "", None
+    edge = _SMALLEST * values.max()
+    few = int(np.sum(values < edge))
+    values = np.maximum(values, edge)
+    return values, f"\n{few} below {edge:.0e} are drawn there" if few else "", whole_decades(values)
+
+
+def _strongest(result: Result) -> str | None:
+    """The input that matters most, if one does."""
+    if result.indices:
+        return result.indices[0].input
+    significant = [one.input for one in result.correlations if one.significant]
+    return significant[0] if significant else None
+
+
+def _logarithmic(values: FloatArray) -> bool:
+    return bool(values.min() > 0.0 and values.max() > _LOGARITHMIC_FROM * values.min())
+
+
+_NAMED = 3
+
+
+def page(summary: Summary, charts: Sequence[Chart], _command: str = "", _out: str = "") -> Page:
+    """What there is to say of a campaign."""
+    first, *rest = status_lines(summary)
+    directory = str(summary.directory)
+    command = Command(shlex.join(["flexid", "campaign", "--summary", directory]))
+    facts = Facts([("flexid", flexid.__version__), ("rows", directory)])
+    return Page(
+        "campaign",
+        f"Campaign {summary.directory.name}",
+        first,
+        quantiles_table(summary),
+        (_finished(summary, rest), _matters(summary)),
+        (
+            Section("matters", "What matters", [*charts, *importance_parts(summary)]),
+            Section("origin", "How to repeat it", [command, facts]),
+        ),
+    )
+
+
+def _finished(summary: Summary, lines: Sequence[str]) -> Answer:
+    done, wanted = summary.finished, summary.manifest.runs
+    word = "All of them" if done == wanted else f"{done} of {wanted}"
+    tone = "good" if done == wanted else "fair" if done else "bad"
+    return Answer("Did the runs finish?", word, tone, [Text(line) for line in lines])
+
+
+def _matters(summary: Summary) -> Answer:
+    """The input that most results depend on most, and on which the first ones depend."""
+    strongest = {
+        result.name: max(found, key=lambda one: abs(one.value))
+        for result in summary.results
+        if (found := [one for one in result.correlations if one.significant])
+        and not result.name.startswith(DETAILS)
+    }
+    question = "What matters most?"
+    if not strongest:
+        return Answer(question, "Nothing that was varied", "", [])
+    (most, _), *_ = Counter(one.input for one in strongest.values()).most_common()
+    lines = [f"{name}: {one.input} ({one.value:+.2f})" for name, one in strongest.items()]
+    shown = [Text("Strongest rank correlation of each result:"), Bullets(lines[:_NAMED])]
+    return Answer(question, most, "", shown)
+
+
+def document(summary: Summary) -> dict[str, Any]:
+    """A campaign in numbers, for JSON."""
+    manifest = summary.manifest
+    return {
+        "kind": manifest.kind,
+        "runs": manifest.runs,
+        "done": summary.done,
+        "complete": summary.complete,
+        "damaged": summary.damaged,
+        "statuses": summary.statuses,
+        "first_error": summary.first_error,
+        "inputs": manifest.inputs,
+        "results": {result.name: _result_document(result) for result in summary.results},
+        "provenance": {
+            "version": manifest.flexid,
+            "experiment": manifest.experiment,
+            "plan": manifest.plan,
+        },
+    }
+
+
+def _result_document(result: Result) -> dict[str, Any]:
+    shares = zip(QUANTILES, result.quantiles, strict=True)
+    return {
+        "finite": len(result.values) - result.missing,
+        "missing": result.missing,
+        "quantiles": {f"{share:g}": value for share, value in shares},
+        "rank_correlations": result.correlations,
+        "sobol_indices": result.indices,
+    }
+
+
+PRESENTER = Presenter(parts, document, charts, page)

@@ -1,0 +1,228 @@
+"""A design as tables, JSON, a figure, and the file that a drive can play."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from rich.text import Text
+
+from flexid.experiment_design.drive import DOUBT
+from flexid.experiment_design.result import Design, Prediction
+from flexid.report.charts.description import Axis, Chart, Colour, Level, Line, Mark, Panel, Points
+from flexid.report.charts.limits import whole_decades
+from flexid.report.presenter import Presenter
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
+
+_UNITS = {"torque": "N m", "velocity": "rad/s", "position": "rad", "deflection": "rad"}
+
+
+def parts(result: Design) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    yield _predictions(result)
+    yield _limits(result)
+    wanted = result.drive.experiment
+    broken = [p.name for p in result.references if not p.within_limits]
+    if broken:
+        yield Text(f"Beyond the limits at this torque: {', '.join(broken)}.")
+    tones = ", ".join(f"{rate:.3g}" for rate in result.angular_frequencies)
+    what = "torque" if wanted.kind == "multisine" else "motor position"
+    yield Text(f"Tones of the {what}: {tones} rad/s; {wanted.duration:g} s; seed {result.seed}.")
+    yield Text(
+        f"What the search found was played {result.scale:.3g} times as large, so that every drive "
+        f"wrong by {100 * DOUBT:.0f} % keeps to the limits."
+    )
+
+
+def _predictions(result: Design) -> Table:
+    inputs = (result.prediction, *result.references)
+    worst = Column(f"design, worst of ±{100 * DOUBT:.0f} %")
+    columns = (Column("coefficient"), *numbers(*(one.name for one in inputs)), worst)
+    wanted = result.drive.experiment
+    how = f"{wanted.criterion}-optimal {wanted.kind}"
+    title = f"Predicted standard deviations, {how}, equal peak torque"
+    table = Table(title, columns)
+    for name in result.prediction.deviations:
+        extreme = result.largest_deviations[name]
+        table.add(
+            name,
+            *(_percent(one.deviations[name]) for one in inputs),
+            _percent(extreme.value).with_unit(f"({extreme.case})"),
+        )
+    table.rule()
+    for label, value in _summaries().items():
+        table.add(label, *(value(one) for one in inputs))
+    table.rule()
+    within = (result.prediction, *result.kept_references)
+    table.add("worst, within limits", *(_percent(one.worst) for one in within))
+    return table
+
+
+def _summaries() -> dict[str, Callable[[Prediction], Cell]]:
+    return {
+        "worst": lambda one: _percent(one.worst),
+        "criterion E": lambda one: _percent(one.e_deviation),
+        "criterion D": lambda one: _percent(one.d_deviation),
+        "torque, peak": lambda one: number(one.peaks["torque"], 3, "N m"),
+        "torque, rms": lambda one: number(one.torque_rms, 3, "N m"),
+    }
+
+
+def _limits(result: Design) -> Table:
+    share = Column(f"largest share, ±{100 * DOUBT:.0f} %")
+    table = Table("Limits", (Column("channel"), *numbers("limit", "as believed"), share))
+    for channel, unit in _UNITS.items():
+        extreme = result.largest_use[channel]
+        table.add(
+            channel,
+            number(getattr(result.drive.limits, channel), 3, unit),
+            number(result.prediction.peaks[channel], 3, unit),
+            f"{100 * extreme.value:.0f} % ({extreme.case})",
+        )
+    return table
+
+
+def _percent(share: float) -> Cell:
+    return number(100 * share, 3, "%")
+
+
+_COLOURS: tuple[Colour, ...] = ("blue", "orange", "green")
+_APART = 0.2  # of the distance of two coefficients, between the inputs of one
+
+
+def charts(result: Design) -> tuple[Chart]:
+    """Torque, positions, tones and predicted deviations."""
+    panels = (
+        _torque(result),
+        _positions(result),
+        _deflection(result),
+        _tones(result),
+        _deviations(result),
+    )
+    peak = float(np.abs(result.run.torque).max())
+    others = ", ".join(f"{one.name} {_worst(one)}" for one in result.references)
+    says = (
+        "The coefficient that it determines the least would have a standard deviation of "
+        f"{_worst(result.prediction)} at a peak torque of {peak:.3g} N m; "
+        f"at the same peak, {others}."
+    )
+    return (Chart("design", "The design", says, panels, columns=2),)
+
+
+def _worst(prediction: Prediction) -> str:
+    """The largest deviation that an input leaves, and of which coefficient."""
+    name, deviation = max(prediction.deviations.items(), key=lambda item: item[1])
+    return f"{100.0 * deviation:.2g} % ({name})"
+
+
+def _torque(result: Design) -> Panel:
+    played = (
+        "played"
+        if result.drive.experiment.kind == "multisine"
+        else "that the position loop asks for"
+    )
+    line = Line("torque", result.time, result.run.torque, "blue", 1.0)
+    return Panel(f"Torque {played}", Axis("time", "s"), Axis("torque", "N m"), (line,), span=2)
+
+
+def _positions(result: Design) -> Panel:
+    marks: list[Mark] = [Line("link", result.time, result.run.states[:, 0], "blue")]
+    if result.drive.experiment.kind == "trajectory":
+        reference = result.command.reference[:, 0]
+        marks.append(Line("motor reference", result.time, reference, "orange", 1.0, "dashed"))
+    title = "Link position, simulated with the assumed drive"
+    return Panel(title, Axis("time", "s"), Axis("position", "rad"), tuple(marks), span=2)
+
+
+def _deflection(result: Design) -> Panel:
+    x = result.run.states
+    line = Line("deflection", result.time, x[:, 0] - x[:, 2], "blue", 1.0)
+    y = Axis("deflection", "rad")
+    return Panel("Deflection", Axis("time", "s"), y, (line,), 0.7, span=2)
+
+
+def _tones(result: Design) -> Panel:
+    unit = "N m" if result.drive.experiment.kind == "multisine" else "rad"
+    rates, sizes = result.angular_frequencies, result.amplitudes
+    resonance = result.drive.resonance
+    ends = whole_decades(np.append(rates, resonance))
+    return Panel(
+        "Tones",
+        Axis("angular frequency", "rad/s", logarithmic=True, limits=ends),
+        Axis("amplitude", unit, limits=(0.0, 1.1 * float(sizes.max()))),
+        (
+            Level("resonance of the drive", resonance, "x", "grey", "dashed"),
+            Points("tones", rates, sizes, "ink", 6.0, stems=True),
+        ),
+        1.3,
+    )
+
+
+def _deviations(result: Design) -> Panel:
+    inputs = (result.prediction, *result.references)
+    names = tuple(result.prediction.deviations)
+    places = np.arange(float(len(names)))
+    marks, shown = [], []
+    for shift, (one, colour) in enumerate(zip(inputs, _COLOURS, strict=True)):
+        values = np.array([100.0 * one.deviations[name] for name in names])
+        marks.append(Points(one.name, values, places + _APART * (shift - 1), colour, 6.0))
+        shown.append(values)
+    decades = whole_decades(np.concatenate(shown))
+    return Panel(
+        "Predictions at the same peak torque",
+        Axis("predicted standard deviation", "%", logarithmic=True, limits=decades),
+        Axis("", categories=names),
+        tuple(marks),
+        1.3,
+    )
+
+
+_DIGITS = 10  # significant; a drive has fewer
+
+
+def save_command(result: Design, directory: Path, _csv: bool = False) -> None:
+    """Write command.csv: the torque to play, or the reference with the torque to be expected."""
+    pl.DataFrame(command_columns(result)).write_csv(directory / "command.csv")
+
+
+def command_columns(result: Design) -> dict[str, np.ndarray]:
+    """What a drive can play, by name with unit."""
+    columns = {"time [s]": result.time}
+    if result.drive.experiment.kind == "trajectory":
+        columns["motor_position_reference [rad]"] = result.command.reference[:, 0]
+        columns["motor_velocity_reference [rad/s]"] = result.command.reference[:, 1]
+    columns["motor_torque [N m]"] = result.run.torque
+    return {name: _rounded(values) for name, values in columns.items()}
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    size = float(np.abs(values).max()) or 1.0
+    return np.round(values, max(0, _DIGITS - 1 - int(np.floor(np.log10(size))))) + 0.0
+
+
+def document(result: Design) -> dict[str, Any]:
+    """A design and what it would determine, for JSON."""
+    cosines, sines = np.split(result.weights, 2)
+    return {
+        "drive": result.drive.document(),
+        "coefficients": result.drive.coefficients,
+        "tones": {
+            "angular_frequencies": result.angular_frequencies,
+            "cosines": cosines,
+            "sines": sines,
+        },
+        "position_loop_gains": result.command.gains,
+        "prediction": result.prediction,
+        "references": result.references,
+        "references_within_limits": result.kept_references,
+        "largest_use": result.largest_use,
+        "largest_deviations": result.largest_deviations,
+        "scale": result.scale,
+        "supported": result.supported,
+        "seed": result.seed,
+        "provenance": result.provenance,
+    }
+
+
+PRESENTER = Presenter(parts, document, charts, write_data=save_command)

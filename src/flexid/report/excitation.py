@@ -1,0 +1,282 @@
+"""What a log determines, as tables, advice, JSON and a figure."""
+
+from collections.abc import Iterator, Sequence
+from math import isfinite, isnan, pi
+from typing import Any
+
+import numpy as np
+from rich.text import Text
+
+from flexid.experiment_design.advice import Addition, Advice
+from flexid.experiment_design.assessment import Assessment, CoefficientAssessment
+from flexid.experiment_design.excitation_report import ExcitationReport
+from flexid.identification.vocabulary.thresholds import THRESHOLDS
+from flexid.report.charts.description import (
+    VERDICT_COLOURS,
+    Axis,
+    Chart,
+    Level,
+    Line,
+    Mark,
+    Panel,
+    Points,
+)
+from flexid.report.charts.limits import whole_decades
+from flexid.report.digits import VERDICT_STYLES, value_cells, verdict_cell
+from flexid.report.documents import excitation_summary
+from flexid.report.presenter import Presenter
+from flexid.report.terminal import Column, Part, Table
+
+_MANY = 99  # times, beyond which a factor is no more than large
+_LITTLE = 1e-4  # share below which one is no more than small
+
+
+def parts(report: ExcitationReport) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    yield _table(report.assessment)
+    for name, c in report.assessment.coefficients.items():
+        if c.verdict != "determined":
+            yield Text(f"  {name}: {c.reason}", style=VERDICT_STYLES[c.verdict])
+    yield Text()
+    for row, excitation in report.assessment.excitation.items():
+        pair = " and ".join(excitation.correlated)
+        detail = f"; {pair} correlate by {excitation.correlation:.3f}" if pair else ""
+        yield Text(
+            f"Excitation, {row} row: condition number {excitation.condition_number:.3g}{detail}"
+        )
+    noise = ", ".join(f"{name} {std:.3g} rad" for name, std in report.noise.items())
+    yield Text(f"Residuals: {noise}")
+    yield from map(Text, report.identification.summary)
+    yield Text()
+    for line in advice_lines(report.advice, report.input_unit):
+        yield Text(line)
+
+
+def _table(assessment: Assessment) -> Table:
+    columns = (
+        Column("coefficient"),
+        Column("value", right=True),
+        Column("unit"),
+        Column("within", right=True),
+        Column("alone", right=True, spare=2),
+        Column("times", right=True, spare=1),
+        Column("partner", spare=1),
+        Column("verdict"),
+    )
+    table = Table("What this log says: 95 % intervals, and what the partner costs", columns)
+    for name, c in assessment.coefficients.items():
+        table.add(
+            name,
+            value_cells(c.value, *c.interval)[0],
+            c.unit,
+            c.reason if c.std == 0.0 else format_percent(c.width),
+            "" if c.std == 0.0 or isnan(c.width_alone) else format_percent(c.width_alone),
+            _cost(c),
+            f"{c.partner} {c.correlation:+.2f}" if c.partner else "",
+            verdict_cell(c.verdict),
+        )
+    return table
+
+
+def _cost(c: CoefficientAssessment) -> str:
+    """How much wider the others make an interval; empty where that does not apply."""
+    if c.std == 0.0 or (isnan(c.width_alone) and isfinite(c.width)):
+        return ""
+    if not isfinite(c.inflation):
+        return "unknown"
+    return _two_digits(c.inflation) if c.inflation < _MANY else f">{_MANY}"
+
+
+def format_percent(share: float) -> str:
+    """A share as text, in percent.
+
+    Examples
+    --------
+    >>> format_percent(0.01234), format_percent(3.7), format_percent(float("inf"))
+    ('1.2 %', '370 %', 'unknown')
+    """
+    if not isfinite(share):
+        return "unknown"
+    return f"{_two_digits(100 * share)} %" if share >= _LITTLE else f"<{100 * _LITTLE:g} %"
+
+
+def _two_digits(number: float) -> str:
+    return f"{float(f'{number:.2g}'):g}"
+
+
+def advice_lines(advice: Advice | None, unit: str) -> Iterator[str]:
+    """What to add, in sentences."""
+    if advice is None:
+        yield "Nothing needs to be added: every coefficient is determined."
+        return
+    if advice.rule is not None:
+        amplitude, rate = advice.rule
+        yield (
+            f"By rule of thumb, add a sine of {amplitude:.3g} {unit} at {_frequency(rate)}: the "
+            f"log yields no model to try others on. Then look again."
+        )
+    else:
+        yield from _additions(advice, unit)
+    if advice.caution:
+        yield f"{advice.caution}."
+
+
+def _additions(advice: Advice, unit: str) -> Iterator[str]:
+    if advice.sine is not None:
+        sine = advice.sine
+        yield (
+            f"Add a sine of {sine.amplitude:.3g} {unit} at {_frequency(sine.angular_frequency)}. "
+            f"{_outcome(sine, unit)}"
+        )
+    elif advice.largest > 0.0:
+        yield (
+            f"No single sine of up to {advice.largest:.3g} {unit} added to this input is enough: "
+            f"see flexid design."
+        )
+    elif advice.caution:
+        yield "Another input does not remedy this:"
+    else:
+        yield "The input never moves: play one that does (see flexid design)."
+    if advice.multiple is not None:
+        multiple = advice.multiple
+        yield (
+            f"Or play the same input {multiple.amplitude:.3g} times as large. "
+            f"{_outcome(multiple, unit)}"
+        )
+    if advice.longer is not None:
+        yield f"Or record about {_two_digits(advice.longer)} s of the same motion."
+
+
+def _frequency(rate: float) -> str:
+    return f"{rate:.3g} rad/s ({rate / (2 * pi):.3g} Hz)"
+
+
+def _outcome(addition: Addition, unit: str) -> str:
+    goal = THRESHOLDS.determined_width
+    kept = f", below {100 * goal:.0f} %" if addition.width <= goal else ", which is negligible"
+    deflection = (
+        f", deflection {addition.peak_deflection:.3g} rad" if addition.peak_deflection else ""
+    )
+    return (
+        f"Then the worst, {addition.weakest}, is known within {format_percent(addition.width)}"
+        f"{kept}; peaks: input {addition.peak_input:.3g} {unit}, position "
+        f"{addition.peak_position:.3g} rad{deflection}."
+    )
+
+
+_UNKNOWN = 10.0  # drawn for a width that is infinite
+_FLOOR = 1e-3  # of the spectrum, over its largest amplitude
+_HEIGHT = 1.5
+
+
+def charts(report: ExcitationReport) -> tuple[Chart]:
+    """Widths of intervals on the left, the input's tones on the right."""
+    coefficients = [c for c in report.assessment.coefficients.values() if c.std > 0.0]
+    panels = _widths(coefficients), _spectrum(report)
+    title = "What the log determines, and the tones of its input"
+    chart = Chart("excitation", title, _says(coefficients), panels, columns=2, linked=False)
+    return (chart,)
+
+
+def _says(coefficients: Sequence[CoefficientAssessment]) -> str:
+    says = (
+        "Each line ends at a coefficient's interval, and begins where it would be if all others "
+        "were known: a long line means correlation with another coefficient."
+    )
+    if coefficients:
+        order = [*VERDICT_COLOURS]  # from the best verdict to the worst
+        worst = max(coefficients, key=lambda c: (order.index(c.verdict), c.width))
+        partner = f", most with {worst.partner}" if worst.partner else ""
+        says += f" The worst is {worst.name}, {worst.verdict}{partner}."
+    return says
+
+
+def _widths(coefficients: Sequence[CoefficientAssessment]) -> Panel:
+    """Half the interval of each coefficient over its value, and what it would be alone."""
+    places = np.arange(float(len(coefficients)))
+    shown = np.minimum([c.width for c in coefficients], _UNKNOWN)
+    alone = np.array([c.width_alone for c in coefficients])
+    alone = np.where(np.isnan(alone), shown, np.minimum(alone, _UNKNOWN))
+    gaps = np.full(len(places), np.nan)
+    between = np.column_stack([alone, shown, gaps]).ravel()
+    marks: list[Mark] = [
+        Line("", between, np.repeat(places, 3), "grey", 1.5),
+        Points("if all others were known", alone, places, "grey", 4.5),
+    ]
+    for verdict, colour in VERDICT_COLOURS.items():
+        such = np.array([c.verdict == verdict for c in coefficients], dtype=bool)
+        if such.any():
+            marks.append(Points(f"as it is: {verdict}", shown[such], places[such], colour, 6.5))
+    limits = THRESHOLDS.determined_width, THRESHOLDS.weak_width
+    marks.append(Level("weak from here", limits[0], "x", "orange", "dashed"))
+    marks.append(Level("undetermined from here", limits[1], "x", "red", "dashed"))
+    clipped = "; cut off at 10" if (shown >= _UNKNOWN).any() else ""
+    lowest, _ = whole_decades(np.concatenate([alone, shown, limits]))
+    ends = lowest, 2.0 * float(max(shown.max(initial=0.0), limits[1]))
+    return Panel(
+        f"Intervals{clipped}",
+        Axis("half the 95 % interval over the value", "–", logarithmic=True, limits=ends),
+        Axis("", categories=tuple(c.name for c in coefficients)),
+        tuple(marks),
+        _HEIGHT,
+    )
+
+
+def _spectrum(report: ExcitationReport) -> Panel:
+    """Amplitudes of the input over angular frequency, and the tone to add."""
+    rates, amplitudes = report.spectrum
+    largest = float(amplitudes.max())
+    last = int(np.flatnonzero(amplitudes > _FLOOR * largest).max(initial=0)) + 1
+    marks: list[Mark] = [Line("input of the log", rates[:last], amplitudes[:last], "blue")]
+    ends = [rates[:last]]
+    tone = _tone(report)
+    if tone is not None:
+        size, rate = (np.array([value]) for value in tone)
+        marks.append(Points("add this", rate, size, "ink", 7.0))
+        ends.append(rate)
+    rate_limits = whole_decades(np.concatenate(ends))
+    return Panel(
+        "Tones of the input",
+        Axis("angular frequency", "rad/s", logarithmic=True, limits=rate_limits),
+        Axis(
+            "amplitude",
+            report.input_unit,
+            logarithmic=True,
+            limits=(_FLOOR * largest, 3.0 * largest),
+        ),
+        tuple(marks),
+        _HEIGHT,
+    )
+
+
+def _tone(report: ExcitationReport) -> tuple[float, float] | None:
+    """Amplitude and angular frequency of what is advised, if a tone is."""
+    advice = report.advice
+    if advice is not None and advice.sine is not None:
+        return advice.sine.amplitude, advice.sine.angular_frequency
+    return None if advice is None else advice.rule
+
+
+def document(report: ExcitationReport) -> dict[str, Any]:
+    """What a log determines, and what to add, for JSON."""
+    assessment, found = report.assessment, report.identification
+    alignment = found.choices.alignment
+    return {
+        "model": found.model,
+        "coefficients": assessment.coefficients,
+        "excitation": {row: excitation_summary(e) for row, e in assessment.excitation.items()},
+        "correlations": assessment.correlations,
+        "advice": report.advice,
+        "noise": report.noise,
+        "residual_excess": found.residual_excess,
+        "terms": found.choices.terms,
+        "hold": found.choices.hold,
+        "input_delay": alignment.input_delay,
+        "link_delay": alignment.link_delay,
+        "supported": found.supports(),
+        "warnings": found.warnings,
+        "provenance": found.provenance,
+    }
+
+
+PRESENTER = Presenter(parts, document, charts)

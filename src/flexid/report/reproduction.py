@@ -1,0 +1,295 @@
+"""The reproduction of Huang (2003) as tables, JSON and a page."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rich.text import Text
+
+import flexid
+from flexid.analysis.excitation import Excitation
+from flexid.models.flexible_joint import COEFFICIENT_UNITS
+from flexid.report.charts.description import Chart
+from flexid.report.documents import plain
+from flexid.report.page.layout import Answer, Command, Facts, Page, Section
+from flexid.report.presenter import Presenter
+from flexid.report.reproduction_charts import reproduction_charts
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
+from flexid.studies.huang2003.evidence import Claim, Verdict
+from flexid.studies.huang2003.readings import TOLERANCE, Reading, SteadyRun
+from flexid.studies.huang2003.reproduction import Reproduction
+from flexid.studies.huang2003.table1 import (
+    AMPLITUDE,
+    ATTENUATION,
+    DURATION,
+    FREQUENCY,
+    INITIAL_ESTIMATES,
+    OBSERVER_GAIN,
+    PHYSICAL,
+    TRUE,
+    UNKNOWN,
+)
+from flexid.studies.huang2003.theorem1 import TheoremCase
+
+_COLOURS: dict[Verdict, str] = {
+    "holds": "green",
+    "does not hold": "red",
+    "depends on the reading": "yellow",
+}
+_SHORT: dict[Verdict, str] = {
+    "holds": "holds",
+    "does not hold": "does not hold",
+    "depends on the reading": "depends",
+}
+
+
+def parts(result: Reproduction) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    yield _readings(result)
+    yield _parameter_errors(result)
+    yield _cases(result.cases)
+    yield _claims(result.claims)
+
+
+def _readings(result: Reproduction) -> Table:
+    columns = (
+        Column("reading"),
+        Column("", wraps=True),
+        *numbers("rightmost pole (1/s)", "|x1 - qd| to 0.3 s (rad)", "20-30 s (rad)"),
+    )
+    title = f"Readings (a,b,c) of the gains k^a JlM/kem, k^b, k^c JrM, with k = {ATTENUATION:g}"
+    table = Table(title, columns)
+    for reading in result.readings.values():
+        stable = reading.rightmost.real < 0
+        table.add(
+            f"({reading.name})",
+            reading.meaning,
+            Cell((_pole(reading.rightmost),), "green" if stable else "red"),
+            number(reading.early_tracking_error, 4),
+            _steady_error(reading),
+        )
+    return table
+
+
+def _pole(pole: complex) -> str:
+    return f"{pole.real:+.3g} ± {abs(pole.imag):.3g}j"
+
+
+def _steady_error(reading: Reading) -> Cell | str:
+    run = reading.simulated
+    return number(run.max_tracking_error, 4) if run else "not simulated"
+
+
+def _parameter_errors(result: Reproduction) -> Table:
+    runs = result.runs
+    headings = (text for name in runs for text in (f"({name})", "share"))
+    table = Table("Parameter errors at 30 s", (Column("coefficient"), *numbers("true", *headings)))
+    for name in UNKNOWN:
+        cells: list[Cell] = []
+        for run in runs.values():
+            share = 100 * run.relative_errors[name]
+            cells += [number(run.parameter_errors[name], 6), number(share, 2, "%")]
+        table.add(f"{name} ({COEFFICIENT_UNITS[name]})", number(TRUE[name], 6), *cells)
+    return table
+
+
+def _cases(cases: tuple[TheoremCase, ...]) -> Table:
+    columns = (
+        Column("case"),
+        Column("reference", wraps=True),
+        Column("rows"),
+        *numbers("condition number", "settled", "largest error left"),
+    )
+    table = Table("Theorem 1 in three cases, gains (1,2,3)", columns)
+    for case in cases:
+        left = max(abs(limit.last / limit.first) for limit in case.limits)
+        table.add(
+            case.name,
+            f"{case.reference}, {case.duration:g} s",
+            ", ".join(case.judged),
+            number(case.worst_condition, 2),
+            "yes" if case.settled else "no",
+            number(100 * left, 3, "%"),
+        )
+    return table
+
+
+def claim_verdicts(claims: tuple[Claim, ...]) -> Table:
+    """Claims without what decides them."""
+    table = Table("Claims of the paper", (Column("claim", wraps=True), Column("verdict")))
+    for claim in claims:
+        verdict = Cell((claim.verdict,), _COLOURS[claim.verdict])
+        table.add(f"{claim.statement} [{claim.source}]", verdict)
+    return table
+
+
+def _claims(claims: tuple[Claim, ...]) -> Table:
+    columns = (Column("claim, and what decides it", wraps=True), *numbers("value", "wanted"))
+    table = Table("Claims of the paper", (*columns, Column("", right=True)))
+    for claim in claims:
+        verdict = Cell((_SHORT[claim.verdict],), _COLOURS[claim.verdict])
+        table.add(f"{claim.statement} [{claim.source}]", "", "", verdict)
+        for finding in claim.findings:
+            relation = {"<=": "≤", ">=": "≥"}[finding.relation]
+            subject = "" if finding.subject == "any" else f"{finding.subject}: "
+            table.add(
+                Cell((f"  {subject}{finding.quantity}",), "dim"),
+                number(finding.value, 4, "" if finding.unit == "1" else finding.unit),
+                f"{relation} {finding.limit:g}",
+                Cell(("yes",), "green") if finding.holds else Cell(("no",), "red"),
+            )
+        if claim is not claims[-1]:
+            table.rule()
+    return table
+
+
+def document(result: Reproduction) -> dict[str, Any]:
+    """Everything of the reproduction but its time series; SI units."""
+    return {
+        "readings": {
+            name: _reading_document(result.readings[name]) | _run_document(run)
+            for name, run in result.runs.items()
+        },
+        "unstable_readings": {
+            name: _reading_document(reading)
+            for name, reading in result.readings.items()
+            if reading.simulated is None
+        },
+        "claims": [_claim_document(claim) for claim in result.claims],
+        "theorem1": [_case_document(case) for case in result.cases],
+        "rates": result.rates,
+        "attenuation": result.attenuation,
+        "late_tracking_errors": {
+            "1,1,3": {f"{end:g}": error for end, error in result.late_tracking_errors.items()}
+        },
+        "provenance": {
+            "flexid_version": flexid.__version__,
+            "integrator": "Rodas5P",
+            "relative_tolerance": TOLERANCE,
+            "duration": DURATION,
+            "table1": {
+                "parameters": PHYSICAL,
+                "coefficients": TRUE,
+                "initial_estimates": INITIAL_ESTIMATES,
+                "observer_gain": OBSERVER_GAIN,
+                "attenuation_factor": ATTENUATION,
+                "amplitude": AMPLITUDE,
+                "frequency": FREQUENCY,
+            },
+        },
+    }
+
+
+def _reading_document(reading: Reading) -> dict[str, Any]:
+    return {
+        "meaning": reading.meaning,
+        "poles": [[float(pole.real), float(pole.imag)] for pole in reading.poles],
+        "largest_real_part": reading.rightmost.real,
+        "early_tracking_error": reading.early_tracking_error,
+    }
+
+
+def _run_document(run: SteadyRun) -> dict[str, Any]:
+    return {
+        "parameter_errors_at_30s": run.parameter_errors,
+        "max_tracking_error_20_30": run.max_tracking_error,
+        "peak_torque": run.peak_torque,
+        "peak_motor_velocity": run.peak_motor_velocity,
+        "excitation": _excitation_document(run.excitation),
+        "lyapunov": {
+            "first": float(run.monitor.value[0]),
+            "last": float(run.monitor.value[-1]),
+            "rise_in_tolerances": run.monitor.rise_in_tolerances,
+        },
+        "steps": run.run.statistics,
+    }
+
+
+def _excitation_document(rows: dict[str, Excitation]) -> dict[str, Any]:
+    return {
+        row: {"condition_number": e.condition_number, "level": e.level} for row, e in rows.items()
+    }
+
+
+def _claim_document(claim: Claim) -> dict[str, Any]:
+    return {
+        "key": claim.key,
+        "source": claim.source,
+        "statement": claim.statement,
+        "verdict": claim.verdict,
+        "findings": [plain(finding) | {"holds": finding.holds} for finding in claim.findings],
+    }
+
+
+def _case_document(case: TheoremCase) -> dict[str, Any]:
+    return {
+        "name": case.name,
+        "reference": case.reference,
+        "duration": case.duration,
+        "judged_rows": case.judged,
+        "settled": case.settled,
+        "vanished": case.vanished,
+        "limits": {
+            limit.coefficient: {
+                "first": limit.first,
+                "last": limit.last,
+                "drift": limit.drift,
+                "largest_rate": limit.largest_rate,
+            }
+            for limit in case.monitor.limits
+        },
+        "excitation": _excitation_document(case.excitation),
+        "rise_in_tolerances": case.monitor.rise_in_tolerances,
+    }
+
+
+_PAPER = (
+    "J. T. Huang, A New Approach to Parametric Identification of a Single-Link Flexible-Joint "
+    "Manipulator, Journal of Intelligent and Robotic Systems 37 (2003) 273–284"
+)
+
+
+def page(result: Reproduction, charts: Sequence[Chart], _command: str = "", _out: str = "") -> Page:
+    """What there is to say of the paper."""
+    facts = Facts(
+        [
+            ("flexid", flexid.__version__),
+            ("duration of a run", f"{DURATION:g} s"),
+            ("integrator", f"Rodas5P, relative tolerance {TOLERANCE:g}"),
+        ]
+    )
+    return Page(
+        "reproduction",
+        "Huang (2003), reproduced",
+        _PAPER,
+        claim_verdicts(result.claims),
+        (_holds(result), _which_readings(result)),
+        (
+            Section("figures", "Its figures, and Theorem 1", charts),
+            Section("numbers", "The numbers behind each verdict", [*parts(result)]),
+            Section("origin", "How to repeat it", [Command("flexid reproduce"), facts]),
+        ),
+    )
+
+
+def _holds(result: Reproduction) -> Answer:
+    verdicts = [claim.verdict for claim in result.claims]
+    hold, depend = verdicts.count("holds"), verdicts.count("depends on the reading")
+    content = [
+        Text(f"{depend} more depend on how the printed gains are read."),
+        Text(f"{len(verdicts) - hold - depend} do not hold."),
+    ]
+    word = f"{hold} of {len(verdicts)}"
+    return Answer("Do its claims hold?", word, "good" if hold == len(verdicts) else "fair", content)
+
+
+def _which_readings(result: Reproduction) -> Answer:
+    """Which readings of the gains keep the loop stable."""
+    stable = [f"({r.name})" for r in result.readings.values() if r.rightmost.real < 0.0]
+    said = Text(
+        f"As powers (a,b,c) of k; of {len(result.readings)} readings only these keep the closed "
+        f"loop stable."
+    )
+    return Answer("How are its gains to be read?", ", ".join(stable) or "None", "", [said])
+
+
+PRESENTER = Presenter(parts, document, reproduction_charts, page)

@@ -1,0 +1,259 @@
+"""A simulated run as tables, JSON, figures, time series and a page."""
+
+import shlex
+from collections.abc import Iterator, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from rich.text import Text
+
+import flexid
+from flexid.arrays import FloatArray
+from flexid.experiments.experiment import Experiment
+from flexid.experiments.measures import SETTLED, Measures
+from flexid.experiments.run_columns import coefficient_unit, is_joint, log_columns, run_columns
+from flexid.recording.write import write_parquet
+from flexid.report.charts.description import Axis, Band, Chart, Colour, Level, Line, Panel
+from flexid.report.documents import excitation_summary
+from flexid.report.page.layout import Answer, Bullets, Command, Facts, Item, Page, Section
+from flexid.report.presenter import Presenter
+from flexid.report.terminal import Column, Part, Table, number, numbers
+from flexid.simulation.run import Run
+
+
+def parts(experiment: Experiment, run: Run, measures: Measures) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    length = f"{run.time[-1]:g} s {experiment.mode}"
+    yield Text(f"{experiment.name}: {length}, {_statistics(run)}")
+    yield estimates_table(experiment, run, measures)
+    yield from map(Text, run_lines(run, measures))
+
+
+def run_lines(run: Run, measures: Measures) -> Iterator[str]:
+    """Tracking, inputs and excitation, a line each."""
+    angle = " rad" if is_joint(run) else ""
+    yield (
+        f"Tracking error: {measures.tracking_rms:.4g}{angle} root mean square, "
+        f"{measures.tracking_peak:.4g}{angle} at most"
+    )
+    if is_joint(run):
+        yield f"Motor torque: {max(measures.peak_inputs.values()):.4g} N m at most"
+    else:
+        peaks = ", ".join(f"{name} {peak:.4g}" for name, peak in measures.peak_inputs.items())
+        yield f"Inputs: {peaks} at most"
+    for row, excitation in measures.excitation.items():
+        yield f"Excitation, {row} row: condition number {excitation.condition_number:.3g}"
+
+
+def estimates_table(experiment: Experiment, run: Run, measures: Measures) -> Table:
+    """Where the observer's estimates begin and end."""
+    headings = ("true", "initial", "final", "error", f"within {100 * SETTLED:.0f} %")
+    columns = (Column("coefficient"), *numbers(*headings), Column("unit"))
+    table = Table("Estimates of the observer", columns)
+    for place, (name, error) in enumerate(measures.final_errors.items()):
+        true = experiment.loop.coefficients[name]
+        table.add(
+            name,
+            number(true, 6),
+            number(experiment.loop.initial_estimates.get(name, 0.0), 6),
+            number(float(run.estimates[-1, place]), 6),
+            number(100 * error / true, 3, "%") if true else number(error, 3),
+            _settled(measures.settling_times[name]),
+            coefficient_unit(run, name),
+        )
+    return table
+
+
+def _settled(time: float) -> str:
+    return f"from {time:.3g} s" if isfinite(time) else "never"
+
+
+def _statistics(run: Run) -> str:
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in run.statistics.items())
+
+
+_COLOURS: tuple[Colour, ...] = ("blue", "orange", "green", "red", "grey")  # of the inputs
+_USUAL = 0.99  # share of the samples that has to be seen
+_BEYOND = 4.0  # times what is usual, from which on a few samples are left out of the frame
+
+
+def charts(experiment: Experiment, run: Run, _measures: Measures) -> tuple[Chart, Chart]:
+    """The motion, and the estimates."""
+    return motion_chart(experiment.name, run), observer_chart(experiment.name, run)
+
+
+def motion_chart(name: str, run: Run) -> Chart:
+    """Reference and tracked state, the error between them, and the inputs."""
+    joint, tracked = is_joint(run), run.loop.controller.tracked
+    label = "link position" if joint and tracked == "x1" else tracked
+    unit = "rad" if joint else ""
+    state = run.states[:, run.loop.system.states.index(tracked)]
+    time = Axis("time", "s")
+    motion = (
+        Line("reference", run.time, run.reference[:, 0], "grey", 2.4),
+        Line(label, run.time, state, "blue", 1.0),
+    )
+    error = (Line("tracking error", run.time, run.tracking_error, "orange"),)
+    drive = tuple(
+        Line("motor torque" if joint else symbol, run.time, run.inputs[:, i], _colour(i))
+        for i, symbol in enumerate(run.loop.system.inputs)
+    )
+    kept, away = _frame(run.tracking_error)
+    driven, beyond = _frame(run.inputs)
+    panels = (
+        Panel(f"Reference and {label}", time, Axis(label, unit), motion),
+        Panel(f"Tracking error{away}", time, Axis("error", unit, limits=kept), error),
+        Panel(
+            f"{'Motor torque' if joint else 'Inputs'}{beyond}",
+            time,
+            Axis("torque" if joint else "inputs", "N m" if joint else "", limits=driven),
+            drive,
+        ),
+    )
+    half = 0.5 * float(run.time[-1])
+    largest = run.largest_tracking_error(half, float(run.time[-1]))
+    said = f"{largest:.3g} {unit}".rstrip()
+    says = f"In the second half of the run the tracking error stays within {said}."
+    return Chart("motion", name, says, panels)
+
+
+def observer_chart(name: str, run: Run) -> Chart:
+    """Every estimate over time, with the true value and the band in which it counts as settled."""
+    panels = []
+    for place, coefficient in enumerate(run.loop.system.coefficients):
+        true = run.loop.coefficients[coefficient]
+        band = SETTLED * abs(true)
+        edges = np.full(2, true - band), np.full(2, true + band)
+        marks = (
+            Band(f"±{100 * SETTLED:g} %", run.time[[0, -1]], *edges, "blue"),
+            Level("true", true, "y", "ink"),
+            Line("observer", run.time, run.estimates[:, place], "orange"),
+        )
+        y = Axis("estimate", coefficient_unit(run, coefficient))
+        panels.append(Panel(coefficient, Axis("time", "s"), y, marks))
+    says = (
+        f"At the end {_in_band(run)} of {len(panels)} estimates are in the band of the true value."
+    )
+    return Chart("estimates", name, says, tuple(panels), columns=2 if len(panels) > 1 else 1)
+
+
+def _in_band(run: Run) -> int:
+    """How many estimates end within the band of their true values."""
+    true = run.loop.coefficients
+    errors = run.final_errors()
+    return sum(abs(error) <= SETTLED * abs(true[name]) for name, error in errors.items())
+
+
+def _colour(place: int) -> Colour:
+    return _COLOURS[place % len(_COLOURS)]
+
+
+def _frame(values: FloatArray) -> tuple[tuple[float, float] | None, str]:
+    """Limits in which a few samples do not hide all the rest, and what is said of them."""
+    size = np.abs(values)
+    largest, usual = float(size.max()), 1.3 * float(np.quantile(size, _USUAL))
+    if 0.0 < _BEYOND * usual < largest:
+        return (-usual, usual), f"; beyond the frame: up to {largest:.3g}"
+    return None, ""
+
+
+def save_series(
+    _experiment: Experiment, run: Run, _measures: Measures, directory: Path, csv: bool
+) -> None:
+    """Write run.parquet and log.parquet, and the same as CSV if wanted."""
+    for name, columns in {"run": run_columns(run), "log": log_columns(run)}.items():
+        table = pl.DataFrame(columns)
+        write_parquet(table, directory / f"{name}.parquet")
+        if csv:
+            table.write_csv(directory / f"{name}.csv")
+
+
+def page(
+    experiment: Experiment,
+    run: Run,
+    measures: Measures,
+    charts: Sequence[Chart],
+    command: str = "",
+    out: str = "",
+) -> Page:
+    """What there is to say of a run."""
+    answers = [_settles(measures)]
+    if out and is_joint(run):
+        said = Text("The log of its sensors is one like any other:")
+        asked = Command(f"flexid identify {shlex.quote(str(Path(out) / 'log.parquet'))}")
+        answers.append(Answer("What do I do next?", "Identify it", "", [said, asked]))
+    facts = Facts(
+        [
+            ("flexid", flexid.__version__),
+            ("experiment", experiment.path or "in memory"),
+            ("digest of the experiment", experiment.digest),
+        ]
+    )
+    origin: list[Item] = [Command(command), facts] if command else [facts]
+    return Page(
+        "simulation",
+        experiment.name,
+        f"{run.time[-1]:g} s, {experiment.mode}",
+        estimates_table(experiment, run, measures),
+        answers,
+        (
+            Section("figures", "Motion and estimates", charts),
+            Section("numbers", "The run in numbers", [Bullets([*run_lines(run, measures)])]),
+            Section("origin", "How to repeat it", origin),
+        ),
+    )
+
+
+def _settles(measures: Measures) -> Answer:
+    """Whether the observer finds the coefficients."""
+    times = measures.settling_times
+    settled = {name: time for name, time in times.items() if isfinite(time)}
+    word = "All of them" if len(settled) == len(times) else f"{len(settled)} of {len(times)}"
+    tone = "good" if len(settled) == len(times) else "fair" if settled else "bad"
+    content = [Text(f"Settled: within {100 * SETTLED:g} % of the true value until the end.")]
+    if settled:
+        last = max(settled, key=lambda name: settled[name])
+        content.append(Text(f"The last is {last}, from {settled[last]:.3g} s on."))
+    if lost := [name for name in times if name not in settled]:
+        content.append(Text(f"Not settled: {', '.join(lost)}."))
+    return Answer("Do the estimates settle?", word, tone, content)
+
+
+def document(experiment: Experiment, run: Run, measures: Measures) -> dict[str, Any]:
+    """The run in numbers, for JSON."""
+    true = experiment.loop.coefficients
+    return {
+        "name": experiment.name,
+        "status": "finished",
+        "reached": float(run.time[-1]),
+        "coefficients": {
+            name: {
+                "true": true[name],
+                "initial": experiment.loop.initial_estimates.get(name, 0.0),
+                "final": float(run.estimates[-1, place]),
+                "final_error": measures.final_errors[name],
+                "settling_time": measures.settling_times[name],
+            }
+            for place, name in enumerate(experiment.loop.system.coefficients)
+        },
+        "final_states": measures.final_states,
+        "tracking_rms": measures.tracking_rms,
+        "tracking_peak": measures.tracking_peak,
+        "peak_inputs": measures.peak_inputs,
+        "excitation": {row: excitation_summary(e) for row, e in measures.excitation.items()},
+        "statistics": run.statistics,
+        "provenance": {
+            "flexid_version": flexid.__version__,
+            "experiment": experiment.path,
+            "experiment_digest": experiment.digest,
+            "mode": experiment.mode,
+            "settings": experiment.settings.model_dump(),
+            "tables": experiment.tables.model_dump(),
+        },
+    }
+
+
+PRESENTER = Presenter(parts, document, charts, page, write_data=save_series)

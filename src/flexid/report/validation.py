@@ -1,0 +1,171 @@
+"""A validation as tables, JSON, figures and a page."""
+
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from math import inf, isfinite, isinf, isnan
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
+
+from flexid.identification.judgement.compliance import WEAK_FIT
+from flexid.report.charts.description import Chart
+from flexid.report.documents import plain
+from flexid.report.free_run_chart import free_run_chart
+from flexid.report.page.layout import (
+    Answer,
+    Command,
+    Facts,
+    Item,
+    Page,
+    Section,
+    Warned,
+    drawn,
+)
+from flexid.report.page.origin import input_facts
+from flexid.report.presenter import Presenter
+from flexid.report.residual_chart import residual_chart
+from flexid.report.terminal import Cell, Column, Part, Table, number, numbers
+from flexid.stored_estimates.validate_estimate import EstimateValidation
+
+
+def parts(result: EstimateValidation) -> Iterator[Part]:
+    """Tables and sentences of the answer."""
+    yield fits_table(result)
+    yield from errors_parts(result)
+
+
+def fits_table(result: EstimateValidation) -> Table:
+    """How much of each channel is predicted, by horizon."""
+    fits = {**result.horizons, inf: result.fit_percent}
+    columns = (Column("channel"), *numbers(*map(_horizon, fits)))
+    table = Table("Fit of predictions over so long a time (%)", columns)
+    for channel in result.fit_percent:
+        table.add(channel, *(_fit(found[channel]) for found in fits.values()))
+    return table
+
+
+def errors_parts(result: EstimateValidation) -> Iterator[Part]:
+    """What the predictions are off, and what they begin with."""
+    columns = (Column("channel"), *numbers("sensor's noise", *map(_horizon, result.residuals)))
+    table = Table("What they are off (rad, root mean square)", columns)
+    for channel, noise in result.noise.items():
+        off = (found[channel] for found in result.residuals.values())
+        table.add(channel, number(noise, 3), *map(_residual, off))
+    yield table
+    moving = {c: fit for c, fit in result.fit_percent.items() if not isnan(fit)}
+    worst = min(moving, key=lambda channel: moving[channel], default="")
+    if worst and not moving[worst] >= WEAK_FIT:
+        yield Text(
+            f"The estimate does not describe this drive: the free run explains {moving[worst]:.3g} "
+            f"% of {worst}. Identify these logs, and compare both estimates."
+        )
+    count = len(result.runs)
+    yield Text(
+        f"{count} recording{'s' if count > 1 else ''} of {result.model} joint; the first state of "
+        f"each prediction is taken from the half second before it."
+    )
+
+
+def _horizon(horizon: float) -> str:
+    return "free run" if isinf(horizon) else f"{horizon:g} s"
+
+
+def _fit(fit: float) -> str | Cell:
+    if isnan(fit):
+        return "at rest"
+    if not isfinite(fit):
+        return "diverges"
+    return f"{fit:.2f}" if fit > -1000.0 else number(fit, 3)
+
+
+def _residual(residual: float) -> str | Cell:
+    return number(residual, 3) if isfinite(residual) else "–"
+
+
+def page(
+    result: EstimateValidation, charts: Sequence[Chart], command: str = "", _out: str = ""
+) -> Page:
+    """What there is to say of a validation."""
+    logs = [Path(log["file"]).name for log in result.provenance["inputs"] if log.get("file")]
+    origin: list[Item] = [Facts([*input_facts(result.provenance)])]
+    sections = (
+        Section("warnings", "Warnings", [*map(Warned, result.warnings)]),
+        Section("fit", "Measured and predicted", drawn(charts, "validation")),
+        Section(
+            "residuals",
+            "Residuals",
+            [*drawn(charts, "residuals"), *errors_parts(result)],
+        ),
+        Section("origin", "How to repeat it", [Command(command), *origin] if command else origin),
+    )
+    return Page(
+        "validation",
+        f"Estimate of a {result.model} joint on other logs",
+        ", ".join(logs) or "data in memory",
+        fits_table(result),
+        (_predicts(result), _next(result)),
+        [section for section in sections if section.content],
+    )
+
+
+def _worst(result: EstimateValidation) -> tuple[str, float]:
+    """The channel that a free run repeats least, and how much of it, in per cent."""
+    moving = {c: fit for c, fit in result.fit_percent.items() if not isnan(fit)}
+    if not moving:
+        return "", float("nan")
+    worst = min(moving, key=lambda channel: moving[channel])
+    return worst, moving[worst]
+
+
+def _predicts(result: EstimateValidation) -> Answer:
+    channel, fit = _worst(result)
+    question = "How much of these logs does it predict?"
+    if not channel:
+        return Answer(question, "Nothing moves", "bad", [Text("Every channel is at rest.")])
+    tone = "bad" if not fit >= WEAK_FIT else "fair" if result.warnings else "good"
+    word = f"{fit:.2f} %" if isfinite(fit) and fit > 0.0 else "Nothing"
+    rest = ", and more of the rest" if len(result.fit_percent) > 1 else ""
+    content = [Text(f"Of the {channel.replace('_', ' ')} in a free run{rest}.")]
+    noise = {
+        c: off / result.noise[c]
+        for c, off in result.residuals[float("inf")].items()
+        if result.noise.get(c) and isfinite(off)
+    }
+    if noise:
+        most = max(noise.values())
+        content.append(Text(f"The error is at most {most:.3g} times the sensor noise."))
+    return Answer(question, word, tone, content)
+
+
+def _next(result: EstimateValidation) -> Answer:
+    question, (_, fit) = "What do I do next?", _worst(result)
+    if fit >= WEAK_FIT:
+        said = Text("For motions like those of these logs, as far ahead as the table says.")
+        return Answer(question, "Use the estimate", "", [said])
+    said = Text("Over short horizons it may still predict. What these logs say of the drive:")
+    files = shlex.join(str(log.get("file") or "LOG") for log in result.provenance["inputs"])
+    asked = Command(f"flexid identify {files}")
+    return Answer(question, "Identify these logs as well", "", [said, asked])
+
+
+def charts(result: EstimateValidation) -> tuple[Chart, Chart]:
+    """Free run over each log, and its residuals."""
+    return fit_chart(result), residual_chart(result)
+
+
+def fit_chart(result: EstimateValidation) -> Chart:
+    """Free run over each log, channel by channel, with the residual below."""
+    title = "Free run of the estimate over other logs"
+    return free_run_chart("validation", title, result, result.noise, "time")
+
+
+def document(result: EstimateValidation) -> dict[str, Any]:
+    """Fits and residuals, for JSON."""
+    made = plain(replace(result, runs=()))
+    del made["runs"]
+    return made
+
+
+PRESENTER = Presenter(parts, document, charts, page)
