@@ -17,6 +17,7 @@ from flexid.identification.estimation.doubts import (
     eccentric_encoders,
     further_modes,
     gauge_scale,
+    lag,
     looks_like_a_term,
 )
 
@@ -70,6 +71,15 @@ def test_a_lag_in_place_of_a_delay(part: float):
     assert 1.0 - inertia == pytest.approx(part * DELAY * viscous, rel=1e-9)
     assert 1.0 - inertia <= 1.96 * apart < 1.2 * DELAY * viscous
     assert deviation(coil_lag, "theta2", doubted("V")) == 0.0
+
+
+def test_a_lag_passes_less_than_a_delay():
+    """Assert that the gain is doubted by what a lag takes away at the resonance, and no more."""
+    resonance = np.sqrt(VALUES["theta2"] + VALUES["alpha1"])  # rad/s
+    lost = 1.0 - 1.0 / np.hypot(1.0, resonance * DELAY)
+    apart = deviation(lag, "beta1", doubted()) / VALUES["beta1"]
+    assert lost < 1.96 * apart * 1.2 < 1.3 * lost
+    assert deviation(lag, "alpha1", doubted()) == 0.0
 
 
 @pytest.mark.parametrize("of", [coil_lag, dead_zone])

@@ -23,7 +23,7 @@ _CABLE = 0.01  # of the spring's torque, that a cable adds: it pulls the link ba
 _ECCENTRICITY = 5e-4  # rad: 0.03 degrees, once per turn, of encoders in good joints
 _GAUGE = 0.02  # of the scale of a deflection's sensor: strain gauges are calibrated to 3 or 4 %
 _DEAD_ZONE = 0.02  # of the gain of an amplifier, which a dead zone of 1 % of its range takes away
-_COIL = 2e-3  # s: time constants of motors' coils are hardly longer, whatever the delay
+_LAG = 2e-3  # s: time constants of coils and current loops are hardly longer, whatever the delay
 # Of what a balance leaves unexplained, the part that may look like any one of its terms, for each
 # unit of the share that it is: the more there is, the less of it is chance.
 _UNEXPLAINED = 0.8
@@ -44,6 +44,13 @@ class Doubted:
     input_unit: str
     # (k,): by how much the values change where the deflection's sensor shows 1 % more, if any
     by_gauge: FloatArray | None
+
+    @property
+    def longest_lag(self) -> float:
+        """Time constant in s of a lag in place of the input's whole delay."""
+        timing = self.fitted.structure.timing
+        delay = self.fitted.by_name.get(INPUT, timing.delays.get(INPUT, 0.0))
+        return float(np.clip(delay, 0.0, _LAG))
 
     def diagonal(self, of: Callable[[str, float], float]) -> FloatArray:
         """Directions of errors that are independent, from name and value of each."""
@@ -104,14 +111,23 @@ def coil_lag(doubted: Doubted) -> FloatArray:
     With a time constant τ in place of a delay, viscous friction α over inertia makes the inertia
     look smaller by the share α τ.
     """
-    values, structure = doubted.fitted.by_name, doubted.fitted.structure
-    delay = values.get(INPUT, structure.timing.delays.get(INPUT, 0.0))
+    values = doubted.fitted.by_name
     viscous = sum(value for name, value in values.items() if name in _VISCOUS)
     if doubted.input_unit != "V":
         return np.zeros((len(doubted.fitted.names), 0))
     # Anything between none and all of the delay: a uniform distribution about half of it.
-    lag = float(np.clip(delay, 0.0, _COIL))
-    return doubted.common(abs(viscous) * lag / np.sqrt(3.0), "motor")
+    return doubted.common(abs(viscous) * doubted.longest_lag / np.sqrt(3.0), "motor")
+
+
+def lag(doubted: Doubted) -> FloatArray:
+    """A delay may be a lag, behind which an input has lost some of its size.
+
+    At the resonance ω a lag τ passes 1 / sqrt(1 + (ω τ)²), a delay all.
+    """
+    values = doubted.fitted.by_name
+    resonance_square = sum(abs(values.get(name, 0.0)) for name in _SPRINGS)
+    lost = min(0.5 * resonance_square * doubted.longest_lag**2 / np.sqrt(5.0), 1.0)
+    return doubted.diagonal(lambda name, value: lost * value * (name == "beta1"))
 
 
 def dead_zone(doubted: Doubted) -> FloatArray:
@@ -142,12 +158,13 @@ DOUBTS: tuple[Doubt, ...] = (
     eccentric_encoders,
     gauge_scale,
     coil_lag,
+    lag,
     dead_zone,
     looks_like_a_term,
 )
 """Of a fit with disturbances."""
 
-OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, dead_zone)
+OF_A_VOLTAGE: tuple[Doubt, ...] = (calibration, further_modes, coil_lag, lag, dead_zone)
 """Of an exact fit of a voltage: an amplifier's errors hide in the noise of two encoders."""
 
 
